@@ -1,0 +1,75 @@
+"""flexlink: arms whose links bend, as chains of rigid segments and springs."""
+
+from flexlink.arm import Arm, Joint, Link, Material, Mount, Payload, Section
+from flexlink.chain import Chain, Coordinate
+from flexlink.dynamics import (
+    Energy,
+    Frames,
+    bias_torque,
+    elastic_torque,
+    energy,
+    forward_dynamics,
+    frames,
+    friction_torque,
+    gravity_torque,
+    inverse_dynamics,
+    mass_matrix,
+    tip_position,
+)
+from flexlink.errors import (
+    ArgumentError,
+    DivergenceError,
+    FlexlinkError,
+    MissingDependencyError,
+    OutputError,
+    SceneError,
+    SingularMassError,
+)
+from flexlink.lumping import lump
+from flexlink.modal import stable_step
+from flexlink.scene import Drive, Initial, Run, Scene, Wrench, load_scene
+from flexlink.simulate import simulate
+from flexlink.trajectory import Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ArgumentError",
+    "Arm",
+    "Chain",
+    "Coordinate",
+    "DivergenceError",
+    "Drive",
+    "Energy",
+    "FlexlinkError",
+    "Frames",
+    "Initial",
+    "Joint",
+    "Link",
+    "Material",
+    "MissingDependencyError",
+    "Mount",
+    "OutputError",
+    "Payload",
+    "Run",
+    "Scene",
+    "SceneError",
+    "Section",
+    "SingularMassError",
+    "Trajectory",
+    "Wrench",
+    "bias_torque",
+    "elastic_torque",
+    "energy",
+    "forward_dynamics",
+    "frames",
+    "friction_torque",
+    "gravity_torque",
+    "inverse_dynamics",
+    "load_scene",
+    "lump",
+    "mass_matrix",
+    "simulate",
+    "stable_step",
+    "tip_position",
+]

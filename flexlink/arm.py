@@ -1,0 +1,160 @@
+"""What the user describes: material, section, links, joints, payload. Frozen, checked, SI units."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from flexlink.errors import SceneError
+from flexlink.rules import lumping_rule
+from flexlink.sections import SHAPES, SectionProperties
+from flexlink.spec import NonNegative, Positive, Spec, Vector3
+
+AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
+"""Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
+
+
+class Material(Spec, frozen=True):
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate)."""
+
+    young: Positive  # Pa
+    density: Positive  # kg/m³
+    poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
+    loss_time: NonNegative = 0.0  # s
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus G = E / (2 (1 + ν)) [Pa]."""
+        return self.young / (2 * (1 + self.poisson))
+
+
+class Section(Spec, frozen=True):
+    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴]."""
+
+    shape: Literal["rectangle", "circle", "tube", "box", "general"]
+    height: Positive | None = None  # along local y
+    width: Positive | None = None  # along local z
+    diameter: Positive | None = None
+    outer: Positive | None = None
+    inner: NonNegative | None = None
+    wall: Positive | None = None
+    area: Positive | None = None
+    i_y: Positive | None = None
+    i_z: Positive | None = None
+    torsion: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = SHAPES[self.shape][1]
+        given = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
+        for name in given:
+            if name not in wanted:
+                allowed = ", ".join(wanted)
+                raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
+        for name in wanted:
+            if name not in given:
+                raise SceneError(f"{name} = None: a {self.shape} needs {', '.join(wanted)}")
+        if self.outer is not None and self.inner is not None and self.inner >= self.outer:
+            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
+        if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
+            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width")
+
+    @property
+    def properties(self) -> SectionProperties:
+        """Area, second moments and St Venant constant of this section."""
+        formula, names = SHAPES[self.shape]
+        return formula(*(getattr(self, name) for name in names))
+
+
+class Joint(Spec, frozen=True):
+    """Active joint at the base of a link, about its local Z.
+
+    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
+    smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
+    """
+
+    locked: bool = False
+    viscous: NonNegative = 0.0  # N m s/rad
+    coulomb: NonNegative = 0.0  # N m
+    coulomb_width: Positive = 0.01  # rad/s
+    armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
+
+
+class Mount(Spec, frozen=True):
+    """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
+
+    `rpy_deg` is roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF.
+    """
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)  # m
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Link(Spec, frozen=True):
+    """One link: an active joint about local Z, then a prism along local X, rigid or cut into segments."""
+
+    name: str
+    length: NonNegative = 0.0  # m
+    flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
+    material: str | None = None
+    section: str | None = None
+    segments: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 1
+    lumping: str = "paper"
+    joint: Joint = Joint()
+    mount: Mount = Mount()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name:
+            raise SceneError("name = '': must not be empty")
+        if (self.material is None) != (self.section is None):
+            raise SceneError(
+                f"material = {self.material!r}, section = {self.section!r}: give both, or neither for a massless link"
+            )
+        if self.flex == "rigid":
+            if self.segments != 1:
+                raise SceneError(f"segments = {self.segments}: a rigid link has 1")
+            return
+        if self.segments < 2:
+            raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
+        if self.length <= 0:
+            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
+        if self.material is None:
+            raise SceneError("material = None: a flexible link needs a material and a section")
+        nodes, _ = lumping_rule(self.lumping).hinges(self.segments - 1)
+        if nodes[0] == 0 and not self.joint.locked:
+            raise SceneError(
+                f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two"
+            )
+        if nodes[-1] == 1:
+            raise SceneError(f"lumping = {self.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
+
+
+class Payload(Spec, frozen=True):
+    """Rigid body at the tip, its centre in the tip frame's origin, principal axes along the tip frame."""
+
+    mass: NonNegative = 0.0  # kg
+    inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
+
+
+class Arm(Spec, frozen=True):
+    """Serial arm: links from the base outward, with the materials and sections they name."""
+
+    links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
+    materials: dict[str, Material] = msgspec.field(name="material", default_factory=dict)
+    sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
+    tip: Payload = Payload()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        seen: set[str] = set()
+        for k, link in enumerate(self.links):
+            if link.name in seen:
+                raise SceneError(f"link[{k}].name = {link.name!r}: names of links must differ")
+            seen.add(link.name)
+            for key, table in (("material", self.materials), ("section", self.sections)):
+                name = getattr(link, key)
+                if name is not None and name not in table:
+                    known = ", ".join(table) or "none"
+                    raise SceneError(f"link[{k}].{key} = {name!r}: not defined; defined are {known}")

@@ -1,0 +1,158 @@
+"""Chain: the arm as rigid bodies and one-axis hinges, read-only arrays, the only input of every algorithm.
+
+A body is a rigid segment. It hangs on the body before it by a fixed placement (`rotation`, `translation`)
+followed by its hinges, all at one point, in the order X, Y, Z. The last body has no hinge and no inertia:
+it is the tip frame, where the tip wrench acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.errors import ArgumentError
+
+Array = NDArray[np.float64]
+
+BODY = np.dtype(
+    [
+        ("first", np.int64),  # its hinges are first … stop − 1
+        ("stop", np.int64),
+        ("turned", np.int64),  # 1 if `rotation` is not the identity
+        ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
+        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
+        ("mass", np.float64),  # [kg]
+        ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
+        ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
+    ],
+    align=True,
+)
+
+HINGE = np.dtype(
+    [
+        ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
+        ("stiffness", np.float64),  # k [N m/rad]
+        ("rest", np.float64),  # θ₀ [rad]
+        ("damping", np.float64),  # d, viscous and structural [N m s/rad]
+        ("coulomb", np.float64),  # dry friction torque [N m]
+        ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
+        ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
+    ],
+    align=True,
+)
+
+
+class ChainArrays(NamedTuple):
+    """What the kernels see of a chain."""
+
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    gravity: Array
+
+
+class Coordinate(NamedTuple):
+    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending."""
+
+    link: int
+    segment: int
+    axis: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Chain:
+    """A serial chain of `n` one-axis hinges.
+
+    Attributes
+    ----------
+    name
+        Name of the arm, for exporters and messages.
+    bodies, hinges
+        Structured arrays of dtype `BODY` and `HINGE`, read-only.
+    gravity
+        Acceleration of gravity in the inertial frame 0 [m/s²], shape (3,).
+    coordinates
+        The three-index coordinate of every hinge, in sequential order.
+    link_names
+        Names of the arm's links; `Coordinate.link` counts them from 1.
+    """
+
+    name: str
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    gravity: Array
+    coordinates: tuple[Coordinate, ...]
+    link_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.bodies, self.hinges, self.gravity):
+            array.flags.writeable = False
+
+    @functools.cached_property
+    def arrays(self) -> ChainArrays:
+        """The kernels' view of this chain."""
+        return ChainArrays(self.bodies, self.hinges, self.gravity)
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.hinges)
+
+    @property
+    def stiffness(self) -> Array:
+        """Spring constants k [N m/rad], shape (n,); 0 on active joints."""
+        return self.hinges["stiffness"]
+
+    @property
+    def damping(self) -> Array:
+        """Viscous coefficients d [N m s/rad], shape (n,), structural damping included."""
+        return self.hinges["damping"]
+
+    @property
+    def rest(self) -> Array:
+        """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
+        return self.hinges["rest"]
+
+    @functools.cached_property
+    def active(self) -> NDArray[np.intp]:
+        """Sequential indices of the driven joints."""
+        return np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
+
+    @functools.cached_property
+    def _sequential(self) -> dict[Coordinate, int]:
+        return {c: k for k, c in enumerate(self.coordinates)}
+
+    def index(self, link: int, segment: int, axis: int) -> int:
+        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such coordinate, or its joint is locked.
+        """
+        wanted = Coordinate(link, segment, axis)
+        if wanted not in self._sequential:
+            known = sorted({tuple(c) for c in self.coordinates if c.link == link})
+            raise ArgumentError(f"(link, segment, axis) = {tuple(wanted)}: not in this chain; link {link} has {known}")
+        return self._sequential[wanted]
+
+    def coordinate(self, k: int) -> Coordinate:
+        """Three-index coordinate of the sequential index `k`, 0 ≤ k < n.
+
+        Raises
+        ------
+        ArgumentError
+            `k` is out of range.
+        """
+        if not 0 <= k < self.n:
+            raise ArgumentError(f"k = {k!r}: must be 0 … {self.n - 1}")
+        return self.coordinates[k]
+
+    def joint_name(self, k: int) -> str:
+        """Unique readable name of coordinate `k`: "upper", or "upper.2.z" for a passive hinge."""
+        c = self.coordinate(k)
+        link = self.link_names[c.link - 1]
+        return link if c.axis == 0 else f"{link}.{c.segment}.{'xyz'[c.axis - 1]}"

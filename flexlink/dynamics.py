@@ -1,0 +1,263 @@
+"""The checked public functions of a chain: shapes and finiteness here, then the kernel.
+
+    M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX                         (paper, equations 2 and 3)
+
+All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order. The tip wrench
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain import Chain
+from flexlink.errors import ArgumentError, SingularMassError
+from flexlink.kernels import forward, mass
+from flexlink.kernels.energy import energies
+from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.rne import rne, rne_workspace
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+MASS_METHODS = {
+    "columns": mass.mass_columns,
+    "lower": mass.mass_lower,
+    "upper": mass.mass_upper,
+    "composite": mass.mass_composite,
+}
+SOLVERS = {"lu": forward.LU, "cholesky": forward.CHOLESKY}
+
+
+class Energy(NamedTuple):
+    """Energies [J]: scalars for one state, arrays over samples in a `Trajectory`."""
+
+    kinetic: Array | float
+    gravity: Array | float  # zero when all mass is at the origin of frame 0
+    elastic: Array | float
+
+    @property
+    def total(self) -> Array | float:
+        """Kinetic + gravity + elastic."""
+        return self.kinetic + self.gravity + self.elastic
+
+
+class Frames(NamedTuple):
+    """Where the bodies are, in frame 0; the last one is the tip frame."""
+
+    rotations: Array  # (bodies + 1, 3, 3), R: v_0 = R v_body
+    points: Array  # (bodies + 1, 3), origins [m]
+
+
+def inverse_dynamics(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+) -> Array:
+    """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
+
+    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3).
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, qdd
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,).
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    Array
+        τ = M(q) q̈ + T_GC(q, q̇), shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite.
+    """
+    n = chain.n
+    q, qd, qdd = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n)
+    tau = np.empty(n)
+    rne(chain.arrays, chain.gravity, _wrench(tip_wrench), q, qd, qdd, tau, rne_workspace(chain.arrays))
+    return tau
+
+
+def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> Array:
+    """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
+
+    Parameters, shapes and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+    """
+    return inverse_dynamics(chain, q, qd, np.zeros(chain.n), tip_wrench)
+
+
+def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
+    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0, shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite.
+    """
+    return inverse_dynamics(chain, q, np.zeros(chain.n), np.zeros(chain.n))
+
+
+def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones, shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite.
+    """
+    return chain.stiffness * (vector("q", q, chain.n) - chain.rest)
+
+
+def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
+    """T_FR = d q̇ + c tanh(q̇ / w), shape (n,) [N m].
+
+    d is viscous friction on active joints and structural damping on passive ones; c is the Coulomb torque and w the
+    `coulomb_width` over which the law turns round smoothly.
+
+    Raises
+    ------
+    ArgumentError
+        `qd` has the wrong shape, is not real or not finite.
+    """
+    qd = vector("qd", qd, chain.n)
+    hinges = chain.hinges
+    return hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+
+
+def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
+    """Joint-space inertia M(q), symmetric positive definite, shape (n, n) [kg m²].
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,).
+    method
+        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
+        "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite, or the method is unknown.
+    """
+    q = vector("q", q, chain.n)
+    M = np.zeros((chain.n, chain.n))
+    choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    return M
+
+
+def forward_dynamics(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    tau: ArrayLike,
+    method: str = "lu",
+    tip_wrench: ArrayLike | None = None,
+) -> Array:
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²].
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, tau
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,).
+    method
+        "lu" (LU decomposition of M, the paper's) or "cholesky".
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or the method is unknown.
+    SingularMassError
+        M is singular at this posture.
+    """
+    n = chain.n
+    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
+    qdd = np.empty(n)
+    solver = choice("method", method, SOLVERS)
+    work = forward.forward_workspace(chain.arrays)
+    forward.forward_dynamics(chain.arrays, solver, _wrench(tip_wrench), q, qd, tau, qdd, work)
+    if not np.isfinite(qdd).all():
+        raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
+    return qdd
+
+
+def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
+    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy [J].
+
+    Raises
+    ------
+    ArgumentError
+        `q` or `qd` has the wrong shape, is not real or not finite.
+    """
+    return Energy(*energies(chain.arrays, vector("q", q, chain.n), vector("qd", qd, chain.n)))
+
+
+def frames(chain: Chain, q: ArrayLike) -> Frames:
+    """Rotation and origin of every body frame in frame 0; the last one is the tip frame.
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite.
+    """
+    bodies = len(chain.bodies)
+    placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
+    kinematics(chain.arrays, vector("q", q, chain.n), placed.rotations, placed.points, np.empty((chain.n, 3)))
+    return placed
+
+
+def tip_position(chain: Chain, q: ArrayLike) -> Array:
+    """Origin of the tip frame in frame 0, shape (3,) [m]; errors as in `frames`."""
+    return frames(chain, q).points[-1]
+
+
+def vector(name: str, value: ArrayLike, size: int) -> Array:
+    """`value` as a finite float64 array of shape (size,).
+
+    Raises
+    ------
+    ArgumentError
+        The message names the argument, the shape got and the shape expected.
+    """
+    try:
+        array = np.ascontiguousarray(value)
+    except ValueError as error:
+        raise ArgumentError(f"{name}: not an array: {error}; expected shape ({size},)") from None
+    if array.dtype.kind not in "fiu":
+        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape ({size},)")
+    if array.shape != (size,):
+        raise ArgumentError(f"{name} has shape {array.shape}; expected ({size},)")
+    array = array.astype(np.float64, copy=False)
+    if not np.isfinite(array).all():
+        raise ArgumentError(f"{name}[{int(np.argmin(np.isfinite(array)))}] is not finite; expected finite ({size},)")
+    return array
+
+
+def choice(name: str, value: str, allowed: dict[str, T]) -> T:
+    """The entry of `allowed` that `value` names.
+
+    Raises
+    ------
+    ArgumentError
+        There is none; the message lists what is allowed.
+    """
+    if value not in allowed:
+        raise ArgumentError(f"{name} = {value!r}: unknown; allowed are {', '.join(allowed)}")
+    return allowed[value]
+
+
+def _wrench(tip_wrench: ArrayLike | None) -> Array:
+    return np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

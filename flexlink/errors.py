@@ -1,0 +1,40 @@
+"""What can go wrong, one base class: every message names the thing, its value and what is allowed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from flexlink.trajectory import Trajectory
+
+
+class FlexlinkError(Exception):
+    """Base of every error that flexlink raises on purpose; the command line prints it as one line."""
+
+
+class SceneError(FlexlinkError, ValueError):
+    """A description (TOML file or Python object) that is not a valid arm, scene, rule or tableau."""
+
+
+class ArgumentError(FlexlinkError, ValueError):
+    """An argument of a public function with a wrong shape, dtype, value or name."""
+
+
+class SingularMassError(FlexlinkError, ArithmeticError):
+    """The mass matrix is not positive definite at this posture: some joint moves no inertia."""
+
+
+class OutputError(FlexlinkError, OSError):
+    """A result that could not be written; the message says where it was kept instead."""
+
+
+class MissingDependencyError(FlexlinkError, ImportError):
+    """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
+
+
+class DivergenceError(FlexlinkError, ArithmeticError):
+    """A run left the finite numbers; `trajectory` holds every sample up to there."""
+
+    def __init__(self, message: str, trajectory: Trajectory) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory

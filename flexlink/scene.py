@@ -1,0 +1,212 @@
+"""Scene: an arm with gravity, initial state, drive, wrench and run settings; strict TOML in and out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import catalogue
+from flexlink.arm import Arm
+from flexlink.chain import Chain
+from flexlink.errors import SceneError
+from flexlink.lumping import lump
+from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, short
+from flexlink.tableaus import tableau
+
+Array = NDArray[np.float64]
+
+
+class Initial(Spec, frozen=True):
+    """State at t = 0: one joint angle and rate per link (a locked joint stays at its angle), springs slack."""
+
+    joint_deg: tuple[float, ...]
+    rate_deg: tuple[float, ...] | None = None  # default: at rest
+    passive: Literal["zero"] = "zero"
+
+
+class Drive(Spec, frozen=True):
+    """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
+
+    constant: T_EX = torque.  table: `torques`, one row per time, linear in between and held outside.
+    pd: T_EX = kp (target − q) − kd q̇.
+    """
+
+    kind: Literal["none", "constant", "table", "pd"] = "none"
+    torque: tuple[float, ...] | None = None
+    times: tuple[float, ...] | None = None  # s
+    torques: tuple[tuple[float, ...], ...] | None = None
+    kp: tuple[NonNegative, ...] | None = None
+    kd: tuple[NonNegative, ...] | None = None
+    target_deg: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = {
+            "none": (), "constant": ("torque",), "table": ("times", "torques"), "pd": ("kp", "kd", "target_deg"),
+        }[self.kind]  # fmt: skip
+        for name in self.__struct_fields__[1:]:
+            if (getattr(self, name) is not None) != (name in wanted):
+                takes = ", ".join(wanted) or "nothing else"
+                raise SceneError(f"{name} = {getattr(self, name)!r}: drive kind {self.kind!r} takes {takes}")
+        if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
+            raise SceneError(f"times = {self.times}: must increase")
+        if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
+            raise SceneError(f"torques has {len(self.torques)} rows: expected one per time, {len(self.times)}")
+
+
+class Wrench(Spec, frozen=True):
+    """Constant force [N] and moment [N m] on the tip, in frame 0, acting at the tip frame's origin."""
+
+    force: Vector3 = (0.0, 0.0, 0.0)
+    moment: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Run(Spec, frozen=True):
+    """How to integrate: method, fixed step, duration, time between stored samples, and linear solver."""
+
+    method: str = "RK4"
+    step: Positive = 1e-4  # s
+    duration: NonNegative = 5.0  # s
+    sample: Positive = 0.005  # s
+    dynamics: Literal["lu", "cholesky"] = "lu"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tableau(self.method)
+        whole("sample", self.sample, "step", self.step)
+        whole("duration", self.duration, "sample", self.sample)
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of steps between two stored samples."""
+        return round(self.sample / self.step)
+
+    @property
+    def samples(self) -> int:
+        """Number of stored samples, the initial one included."""
+        return round(self.duration / self.sample) + 1
+
+
+def whole(name: str, value: float, unit_name: str, unit: float) -> None:
+    """Check that `value` is a whole number of `unit`s, up to the rounding of decimal input.
+
+    Raises
+    ------
+    SceneError
+        It is not, or the number is beyond the integers of float64.
+    """
+    ratio = value / unit
+    if not ratio < 2**53:
+        raise SceneError(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
+    if abs(ratio - round(ratio)) > 1e-9 * max(1.0, ratio) or (value > 0 and round(ratio) == 0):
+        raise SceneError(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+
+
+class Scene(Spec, frozen=True):
+    """One arm in one situation: what `simulate`, the exporters and `compare` work on."""
+
+    name: str
+    arm: Arm
+    initial: Initial
+    about: str = ""
+    gravity: Vector3 = (0.0, 0.0, 9.81)  # m/s², frame 0
+    drive: Drive = Drive()
+    wrench: Wrench = Wrench()
+    run: Run = Run()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name:
+            raise SceneError("name = '': must not be empty")
+        links = len(self.arm.links)
+        per_link: dict[str, tuple[float, ...] | None] = {
+            "initial.joint_deg": self.initial.joint_deg,
+            "initial.rate_deg": self.initial.rate_deg,
+            "drive.torque": self.drive.torque,
+            "drive.kp": self.drive.kp,
+            "drive.kd": self.drive.kd,
+            "drive.target_deg": self.drive.target_deg,
+            **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
+        }
+        for key, values in per_link.items():
+            if values is not None and len(values) != links:
+                raise SceneError(f"{key} = {values!r}: expected one number per link, {links}")
+
+    def chain(self) -> Chain:
+        """Lump the arm into its chain; locked joints stay at their initial angle."""
+        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name)
+
+    def initial_state(self, chain: Chain) -> tuple[Array, Array]:
+        """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each."""
+        rates = self.initial.rate_deg or (0.0,) * len(self.arm.links)
+        return np.radians(spread(chain, self.initial.joint_deg)), np.radians(spread(chain, rates))
+
+    @property
+    def tip_wrench(self) -> Array:
+        """Force and moment on the tip, frame 0, shape (6,)."""
+        return np.array([*self.wrench.force, *self.wrench.moment])
+
+    def to_toml(self) -> str:
+        """This scene as a TOML document that `load_scene` reads back equal."""
+        plain = msgspec.to_builtins(self)
+        plain |= plain.pop("arm")
+        document: bytes = msgspec.toml.encode(_without_none(plain))
+        return document.decode()
+
+
+def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
+    """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
+    out = np.zeros(chain.n)
+    for k in chain.active:
+        out[k] = per_link[chain.coordinate(int(k)).link - 1]
+    return out
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path
+        A TOML file in the format of the scenes in `models/`.
+
+    Raises
+    ------
+    SceneError
+        The message names the file, the key path, the value and what is allowed.
+    """
+    path = Path(path)
+    raw = catalogue.read_toml(path)
+    try:
+        return _from_builtins(raw)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _from_builtins(raw: dict[str, Any]) -> Scene:
+    """A scene file is flat: the arm's keys stand beside the scene's own."""
+    own = {f.encode_name: f for f in msgspec.structs.fields(Scene) if f.name != "arm"}
+    arm = {f.encode_name: f for f in msgspec.structs.fields(Arm)}
+    fields = own | arm
+    for key in raw:
+        if key not in fields:
+            raise SceneError(f"{key} = {short(raw[key])}: unknown key; allowed are {', '.join(fields)}")
+    for key, field in fields.items():
+        if field.required and key not in raw:
+            raise SceneError(f"{key}: missing; this key is required")
+    values = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
+    parts = {arm[key].name: value for key, value in values.items() if key in arm}
+    return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in own})
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return value
+

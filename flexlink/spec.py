@@ -1,0 +1,130 @@
+"""The base of every description: checked when built in Python, and decoded strictly from parsed TOML."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import msgspec
+
+from flexlink.errors import SceneError
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Vector3 = tuple[float, float, float]
+
+T = TypeVar("T")
+
+
+class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Frozen record whose fields are checked against their annotations, however it is built.
+
+    Raises
+    ------
+    SceneError
+        A field has the wrong type, lies outside its range, or is not finite.
+    """
+
+    def __post_init__(self) -> None:
+        for field in msgspec.structs.fields(type(self)):
+            value = getattr(self, field.name)
+            _check_finite(value, field.encode_name)
+            try:
+                msgspec.convert(value, field.type)
+            except msgspec.ValidationError as error:
+                reason, path = _split(str(error))
+                allowed = _allowed(field.type) or _lower(reason)
+                raise SceneError(f"{field.encode_name}{path} = {value!r}: {allowed}") from None
+
+
+def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
+    """Convert parsed TOML into a `Spec`, naming the key path, the value and what is allowed.
+
+    Parameters
+    ----------
+    raw
+        What the TOML parser returned for this part of the file.
+    kind
+        The type to build.
+    path
+        Key path of `raw` in its file, for messages.
+
+    Raises
+    ------
+    SceneError
+        Unknown key, wrong type, value out of range or not finite.
+    """
+    _check_finite(raw, path)
+    if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
+        return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        reason, tail = _split(str(error))
+        raise SceneError(_explain(raw, kind, path, tail, reason)) from None
+
+
+def _explain(raw: object, kind: Any, path: str, tail: str, reason: str) -> str:
+    value: Any = raw
+    for key in re.findall(r"\w+", tail):
+        value = value[int(key)] if isinstance(value, list) else value[key]
+        kind = _type_below(kind, key)
+    where = (path + tail).lstrip(".")
+    unknown = re.search(r"unknown field `(.*)`", reason)
+    if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        name, allowed = unknown[1], [field.encode_name for field in msgspec.structs.fields(kind)]
+        close = difflib.get_close_matches(name, allowed, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        key = f"{where}.{name}".lstrip(".")
+        return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{hint}"
+    if " = " in reason:  # a Spec below already said which field, with its value
+        return f"{where}.{reason}".lstrip(".")
+    missing = re.search(r"missing required field `(.*)`", reason)
+    if missing:
+        return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
+    return f"{where} = {short(value)}: {_allowed(kind) or _lower(reason)}".removeprefix(" = ")
+
+
+def _allowed(kind: Any) -> str:
+    """What a `Literal` annotation allows; empty for others."""
+    return "allowed are " + ", ".join(map(repr, get_args(kind))) if get_origin(kind) is Literal else ""
+
+
+def _type_below(kind: Any, key: str) -> Any:
+    """The annotation of `key` inside `kind`: one step down a key path."""
+    while get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return next((f.type for f in msgspec.structs.fields(kind) if f.encode_name == key), None)
+    inner = [a for a in get_args(kind) if a is not Ellipsis]
+    return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
+
+
+def _check_finite(value: object, path: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SceneError(f"{path} = {value!r}: must be a finite number")
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _check_finite(item, f"{path}.{key}".lstrip("."))
+    elif isinstance(value, list | tuple):
+        for k, item in enumerate(value):
+            _check_finite(item, f"{path}[{k}]")
+
+
+def _split(message: str) -> tuple[str, str]:
+    """Split msgspec's "reason - at `$.path`" into reason and path."""
+    reason, _, path = message.partition(" - at `$")
+    return reason, path.rstrip("`")
+
+
+def _lower(reason: str) -> str:
+    return (reason[:1].lower() + reason[1:]).replace("`", "")
+
+
+def short(value: object) -> str:
+    """`repr` cut to a length that fits on one line of a message."""
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "…"

@@ -1,0 +1,86 @@
+"""Explicit Runge-Kutta methods as data: exact coefficient strings, stages, order, source."""
+
+from __future__ import annotations
+
+import functools
+from fractions import Fraction
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import catalogue
+from flexlink.errors import SceneError
+from flexlink.spec import Spec, decode
+
+Array = NDArray[np.float64]
+
+
+class Tableau(Spec, frozen=True):
+    """Butcher tableau of an explicit method; coefficients are decimal strings or fractions such as "1/6".
+
+    Raises
+    ------
+    SceneError
+        A coefficient is not a number, or the rows do not form a strictly lower triangle with c_i = Σ_j a_ij.
+    """
+
+    about: str
+    source: str
+    order: Annotated[int, msgspec.Meta(ge=1)]
+    c: tuple[str, ...]
+    b: tuple[str, ...]
+    A: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        stages = len(self.c)
+        if len(self.b) != stages or [len(row) for row in self.A] != list(range(stages)):
+            raise SceneError(f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1}")
+        A, b, c = self.exact
+        if abs(sum(b) - 1) > Fraction(1, 10**15):
+            raise SceneError(f"b = {self.b}: must sum to 1")
+        for i, row in enumerate(A):
+            if abs(sum(row) - c[i]) > Fraction(1, 10**15):
+                raise SceneError(f"A[{i}] = {self.A[i]}: must sum to c[{i}] = {self.c[i]!r}")
+
+    @property
+    def stages(self) -> int:
+        """Number of evaluations of the right-hand side in a step."""
+        return len(self.c)
+
+    @property
+    def exact(self) -> tuple[list[list[Fraction]], list[Fraction], list[Fraction]]:
+        """A (square, strictly lower), b and c as exact fractions of their strings."""
+        try:
+            rows = [[Fraction(x) for x in row] for row in self.A]
+            b, c = [Fraction(x) for x in self.b], [Fraction(x) for x in self.c]
+        except (ValueError, ZeroDivisionError) as error:
+            raise SceneError(f"A, b, c: {error}; coefficients are decimals or fractions") from None
+        return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """A (s, s), b (s,), c (s,), each rounded once to float64."""
+        A, b, c = self.exact
+        return np.array(A, dtype=np.float64), np.array(b, dtype=np.float64), np.array(c, dtype=np.float64)
+
+
+@functools.cache
+def tableau(name: str) -> Tableau:
+    """Load a method that comes with flexlink ("RK2", "RK4", "RK10"), or the user's own TOML file.
+
+    Raises
+    ------
+    SceneError
+        Unknown name, or a file that is not a valid tableau.
+    """
+    try:
+        path = catalogue.find("tableaus", name)
+    except SceneError as error:
+        raise SceneError(f"method = {error}") from None
+    try:
+        return decode(catalogue.read_toml(path), Tableau)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
