@@ -1,0 +1,200 @@
+"""`flexlink info | simulate | export | compare`: one line on errors, exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flexlink import catalogue
+from flexlink.chain import Chain
+from flexlink.compare import compare
+from flexlink.errors import DivergenceError, FlexlinkError
+from flexlink.export import FORMATS
+from flexlink.kernels.compiler import is_warm
+from flexlink.modal import eigenvalues, stable_step
+from flexlink.output import write_somewhere, write_text
+from flexlink.scene import Run, Scene, load_scene
+from flexlink.simulate import simulate
+from flexlink.trajectory import Trajectory, output_format
+
+EXAMPLES = """examples:
+  flexlink info models/paper_fig5.toml
+  flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
+  flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+  flexlink export models/paper_fig5.toml --format urdf --out .
+  flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 interrupted."""
+    options = _parser().parse_args(arguments)
+    try:
+        code: int = options.command(options)
+        return code
+    except FlexlinkError as error:
+        print(f"flexlink: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("flexlink: interrupted", file=sys.stderr)
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="flexlink",
+        description="Robot arms whose links bend: simulate, export, compare.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(required=True, metavar="command")
+
+    def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+        command = commands.add_parser(name, help=text, description=text)
+        command.set_defaults(command=run)
+        return command
+
+    info = add("info", _info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")
+    info.add_argument("scene", type=Path, help="scene file (.toml)")
+
+    run = add("simulate", _simulate, "Simulate a scene with the native solver.")
+    run.add_argument("scene", type=Path, help="scene file (.toml)")
+    run.add_argument("--method", help=f"{', '.join(catalogue.names('tableaus'))}, or a tableau file (.toml)")
+    run.add_argument("--step", type=float, help="integration step [s]")
+    run.add_argument("--duration", type=float, help="simulated time [s]")
+    run.add_argument("--sample", type=float, help="time between stored samples [s], a multiple of the step")
+    run.add_argument("--dynamics", help="forward dynamics: " + ", ".join(SOLVER_NAMES))
+    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
+    run.add_argument("--plot", type=Path, help="draw angles, tip and energy to this .png, .svg or .pdf file")
+
+    export = add("export", _export, "Write the chains of scenes as files that other engines load exactly.")
+    export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
+    export.add_argument("--format", choices=FORMATS, action="append", help="default: all")
+    export.add_argument("--out", type=Path, default=Path(), help="folder to write to (default: here)")
+
+    check = add("compare", _compare, "Compare the native solver with other engines on a scene.")
+    check.add_argument("scene", type=Path, help="scene file (.toml)")
+    check.add_argument("--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco")
+    check.add_argument("--samples", type=int, default=200, help="number of random states (default: 200)")
+    check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
+    return parser
+
+
+SOLVER_NAMES = ("lu", "cholesky")
+
+
+def _info(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    chain = scene.chain()
+    q0, _ = scene.initial_state(chain)
+    print(f"{scene.name}: {scene.about}")
+    print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
+    for k in range(chain.n):
+        c = chain.coordinate(k)
+        spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if c.axis else "driven"
+        print(f"  {k:4d}  (link {c.link}, segment {c.segment}, axis {c.axis})  {chain.joint_name(k):<16} {spring}")
+    hertz = np.unique(np.abs(eigenvalues(chain, q0)).round(9)) / (2 * np.pi)
+    elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
+    print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
+    for method in catalogue.names("tableaus"):
+        print(f"largest stable step, {method:<5} {stable_step(chain, method, q0):.4g} s")
+    return 0
+
+
+def _some(values: np.ndarray) -> str:
+    shown = [f"{value:.4g}" for value in values]
+    return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    overrides = {name: getattr(options, name) for name in Run.__struct_fields__ if getattr(options, name) is not None}
+    if options.out is not None:
+        output_format(options.out)
+        _require_folder(options.out)
+    if options.plot is not None:
+        _require_folder(options.plot)
+    if not is_warm():
+        print("compiling the solver for this machine (once; about half a minute at most) …", file=sys.stderr)
+    bar = _Bar(scene.name)
+    started = time.perf_counter()
+    try:
+        run = simulate(scene, progress=bar, **overrides)
+    except DivergenceError as error:
+        bar.close()
+        _save(error.trajectory, options.out)
+        raise
+    seconds = time.perf_counter() - started
+    bar.close()
+    _summary(scene, run, seconds)
+    _save(run, options.out)
+    if options.plot is not None:
+        figure = run.plot()
+        print(f"plot: {write_somewhere(options.plot, lambda path: figure.savefig(path, dpi=150))}")
+    return 0
+
+
+def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
+    x, y, z = run.tip[-1]
+    total = np.asarray(run.energy.total)
+    print(f"{scene.name}: {run.t[-1]:g} s simulated in {seconds:.2f} s ({run.t[-1] / seconds:.1f} × real time)")
+    print(f"tip at the end: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
+    print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")
+
+
+def _save(run: Trajectory, out: Path | None) -> None:
+    if out is not None:
+        kept = write_somewhere(out, run.writer(out))
+        note = "" if kept == out else f" ({out} could not be written)"
+        print(f"samples: {kept}{note}")
+
+
+def _require_folder(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise FlexlinkError(f"{path}: the folder {str(path.parent)!r} does not exist")
+
+
+class _Bar:
+    """Progress on the terminal, redrawn in place; silent when the output is not a terminal."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.shown = name, sys.stderr.isatty()
+
+    def __call__(self, fraction: float) -> None:
+        if self.shown:
+            filled = round(30 * fraction)
+            print(f"\r{self.name} [{'█' * filled}{'·' * (30 - filled)}] {fraction:4.0%}", end="", file=sys.stderr)
+
+    def close(self) -> None:
+        if self.shown:
+            print(file=sys.stderr)
+
+
+def _export(options: argparse.Namespace) -> int:
+    texts: dict[Path, str] = {}
+    for path in options.scenes:
+        chain: Chain = load_scene(path).chain()
+        for name in options.format or FORMATS:
+            convert, ending = FORMATS[name]
+            texts[options.out / (path.stem + ending)] = convert(chain)
+    for path, text in texts.items():
+        _require_folder(path)
+        write_text(path, text)
+        print(path)
+    return 0
+
+
+def _compare(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    comparison = compare(scene, tuple(options.engines), samples=options.samples, seed=options.seed)
+    print(comparison)
+    return 0 if comparison.passed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,68 @@
+"""Shared fixtures: the scenes of `models/`, and arms built in Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlink import Arm, Chain, Initial, Joint, Link, Material, Mount, Payload, Scene, Section, load_scene
+
+ROOT = Path(__file__).parent.parent
+MODELS = sorted((ROOT / "models").glob("*.toml"))
+ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)
+SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
+
+
+def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) -> Link:
+    """A flexible aluminium link of 1.25 m, as in the paper's figure 5."""
+    defaults = {"length": 1.25, "material": "aluminium", "section": "square"}
+    return Link(name=name, flex=flex, segments=segments, **{**defaults, **fields})
+
+
+def make_scene(*links: Link, tip: Payload | None = None, **fields: object) -> Scene:
+    """A scene of the given links at zero angles."""
+    arm = Arm(
+        links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or Payload()
+    )
+    return Scene(name="test", arm=arm, **{"initial": Initial(joint_deg=(0.0,) * len(links)), **fields})
+
+
+def nasty_scene() -> Scene:
+    """Everything at once: zero-length free waist, skew mounts, mixed flex types, payload, all kinds of friction."""
+    return make_scene(
+        Link(name="waist", mount=Mount(rpy_deg=(10.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))),
+        flexible("upper", "xyz", 4, mount=Mount(rpy_deg=(-75.0, 5.0, 0.0)), joint=Joint(viscous=1.0, armature=0.02)),
+        Link(name="rigid", length=0.4, material="aluminium", section="square", mount=Mount(rpy_deg=(0.0, 40.0, 0.0))),
+        flexible("fore", "yz", 3, lumping="midpoint", mount=Mount(xyz=(0.05, 0.02, 0.0)), joint=Joint(coulomb=0.7)),
+        flexible("hand", "z", 3, lumping="gauss", joint=Joint(locked=True)),
+        tip=Payload(mass=0.8, inertia=(1e-3, 2e-3, 3e-3)),
+        gravity=(1.0, -2.0, 9.0),
+        initial=Initial(joint_deg=(0.0, 10.0, 20.0, 30.0, 25.0)),
+    )
+
+
+@pytest.fixture(params=[*[path.stem for path in MODELS], "nasty"])
+def chain(request: pytest.FixtureRequest) -> Chain:
+    """Every scene of `models/`, and the nasty one, as chains."""
+    if request.param == "nasty":
+        return nasty_scene().chain()
+    return load_scene(ROOT / "models" / f"{request.param}.toml").chain()
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """Random numbers that are the same in every run."""
+    return np.random.default_rng(20260701)
+
+
+def random_state(chain: Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Angles over the full range and rates up to 10 rad/s."""
+    return rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10, 10, chain.n)
+
+
+@pytest.fixture
+def models() -> Path:
+    """Folder of the scenes."""
+    return ROOT / "models"

@@ -1,0 +1,105 @@
+"""The chain has the degrees of freedom, the order and the properties that the paper states."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene
+
+from flexlink import ArgumentError, Chain, Initial, Joint, Link, Mount, Payload, SceneError, Section, load_scene, lump
+from flexlink.arm import AXES
+
+
+@pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
+def test_degrees_of_freedom_follow_equation_1(n: int, nseg: int, flex: str) -> None:
+    tip = len(AXES[flex])
+    scene = make_scene(Link(name="waist"), *[flexible(f"link{i}", flex, nseg) for i in range(n - 1)])
+    assert scene.chain().n == n * (tip * (nseg - 1) + 1) - tip * (nseg - 1)
+
+
+def test_figure_5_has_ten_degrees_of_freedom_in_the_papers_order(models) -> None:
+    scene = load_scene(models / "paper_fig5.toml")
+    chain = scene.chain()
+    q0, qd0 = scene.initial_state(chain)
+    assert chain.n == 10
+    np.testing.assert_array_equal(np.degrees(q0).round(12), [-80, 0, 0, 0, 0, -10, 0, 0, 0, 0])
+    assert not qd0.any()
+    assert chain.active.tolist() == [0, 5]
+    # EI/l with l the segment length
+    np.testing.assert_allclose(chain.stiffness[1], 70e9 * 0.04**4 / 12 / 0.25, rtol=1e-15)
+    assert chain.stiffness[0] == 0
+
+
+def test_sequential_and_three_index_coordinates_are_inverse(chain: Chain) -> None:
+    for k in range(chain.n):
+        assert chain.index(*chain.coordinate(k)) == k
+    assert len({chain.joint_name(k) for k in range(chain.n)}) == chain.n
+    assert list(chain.coordinates) == sorted(chain.coordinates)
+
+
+def test_an_unknown_coordinate_is_refused(chain: Chain) -> None:
+    with pytest.raises(ArgumentError, match="not in this chain"):
+        chain.index(1, 99, 3)
+    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be 0"):
+        chain.coordinate(chain.n)
+
+
+def test_a_chain_is_read_only(chain: Chain) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        chain.stiffness[0] = 1.0
+
+
+def test_mass_of_the_chain_is_the_mass_of_the_arm() -> None:
+    scene = nasty_scene()
+    lengths = [link.length for link in scene.arm.links]
+    expected = sum(lengths) * ALUMINIUM.density * SQUARE.properties.area + scene.arm.tip.mass
+    assert scene.chain().bodies["mass"].sum() == pytest.approx(expected, rel=1e-14)
+
+
+def test_stiffness_is_rigidity_over_weight_times_length() -> None:
+    section = Section(shape="rectangle", height=0.03, width=0.02)
+    scene = make_scene(flexible("a", "xyz", 4))
+    scene.arm.sections["square"] = section
+    chain, p = scene.chain(), section.properties
+    shear = 70e9 / (2 * 1.33)
+    expected = np.array([shear * p.torsion, 70e9 * p.i_y, 70e9 * p.i_z]) / (1.25 / 4)
+    np.testing.assert_allclose(chain.stiffness[1:4], expected, rtol=1e-14)
+    assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12)  # height along y resists bending about z
+
+
+def test_locking_a_joint_equals_a_fixed_rotation() -> None:
+    locked = make_scene(
+        flexible("a"), flexible("b", joint=Joint(locked=True)), initial=Initial(joint_deg=(0.0, 30.0))
+    ).chain()
+    turned = make_scene(flexible("a"), flexible("b", joint=Joint(locked=True), mount=Mount(rpy_deg=(0, 0, 30)))).chain()
+    for field in ("translation", "rotation", "mass", "center", "inertia"):
+        np.testing.assert_allclose(locked.bodies[field], turned.bodies[field], atol=1e-15)
+
+
+def test_a_payload_joins_the_last_segment() -> None:
+    bare, loaded = make_scene(flexible("a")).chain(), make_scene(flexible("a"), tip=Payload(mass=2.0)).chain()
+    m, h = bare.bodies[-2]["mass"], 0.25
+    assert loaded.bodies[-2]["mass"] == pytest.approx(m + 2.0)
+    assert loaded.bodies[-2]["center"][0] == pytest.approx((m * h / 2 + 2.0 * h) / (m + 2.0))
+    moved = m * 2.0 / (m + 2.0) * (h / 2) ** 2
+    assert loaded.bodies[-2]["inertia"][2, 2] == pytest.approx(bare.bodies[-2]["inertia"][2, 2] + moved)
+    assert loaded.bodies[-1]["mass"] == 0  # the tip frame itself is massless
+
+
+def test_kelvin_voigt_damping_is_loss_time_times_stiffness(models) -> None:
+    chain = load_scene(models / "t3_spatial.toml").chain()
+    passive = np.setdiff1d(np.arange(chain.n), chain.active)
+    np.testing.assert_allclose(chain.damping[passive], 1e-4 * chain.stiffness[passive], rtol=1e-15)
+    np.testing.assert_array_equal(chain.damping[chain.active], [2.0, 1.0, 0.5])
+
+
+def test_lump_checks_what_it_is_given() -> None:
+    arm = make_scene(flexible("a")).arm
+    with pytest.raises(ArgumentError, match="gravity"):
+        lump(arm, [0.0, 9.81])
+    with pytest.raises(ArgumentError, match="locked_deg has 2 values"):
+        lump(arm, [0, 0, 9.81], [0.0, 1.0])
+    with pytest.raises(SceneError, match="segments"):
+        flexible("a", segments=1)

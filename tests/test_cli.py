@@ -1,0 +1,124 @@
+"""The command line: results on success, one line and exit code 2 on errors, and no result ever lost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlink.cli import main
+
+
+@pytest.fixture
+def paper(models: Path) -> str:
+    return str(models / "paper_fig5.toml")
+
+
+def error_line(capsys: pytest.CaptureFixture[str]) -> str:
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling")]
+    assert len(lines) == 1
+    assert lines[0].startswith("flexlink: ")
+    return lines[0]
+
+
+def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) -> None:
+    assert main(["info", paper]) == 0
+    out = capsys.readouterr().out
+    assert "10 degrees of freedom, 2 driven" in out
+    assert "upper.1.z" in out
+    assert "largest stable step, RK4   0.0004869 s" in out
+
+
+def test_simulate_writes_samples_and_a_picture(paper: str, tmp_path: Path, capsys) -> None:
+    out, picture = tmp_path / "run.npz", tmp_path / "run.png"
+    assert main(["simulate", paper, "--duration", "0.1", "--out", str(out), "--plot", str(picture)]) == 0
+    assert np.load(out)["q"].shape == (21, 10)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert "real time" in capsys.readouterr().out
+
+
+def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_path: Path, capsys) -> None:
+    bad = tmp_path / "bad.toml"
+    bad.write_text(Path(paper).read_text(encoding="utf-8").replace("segments = 5", "segments = 1"), encoding="utf-8")
+    for command in (["simulate", str(bad), "--out", str(tmp_path / "run.csv")], ["info", str(bad)],
+                    ["export", paper, str(bad), "--out", str(tmp_path)]):  # fmt: skip
+        assert main(command) == 2
+        assert "link[1].segments = 1" in error_line(capsys)
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.toml"]
+
+
+def test_a_diverging_run_keeps_its_samples_and_exits_2(paper: str, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "run.npz"
+    assert main(["simulate", paper, "--step", "1e-3", "--out", str(out)]) == 2
+    assert "no longer finite" in error_line(capsys)
+    assert len(np.load(out)["t"]) >= 2
+
+
+def test_a_missing_output_folder_is_found_before_the_run(paper: str, tmp_path: Path, capsys) -> None:
+    assert main(["simulate", paper, "--out", str(tmp_path / "no" / "run.npz")]) == 2
+    assert "does not exist" in error_line(capsys)
+    assert main(["simulate", paper, "--out", str(tmp_path / "run.xlsx")]) == 2
+    assert "saved as .npz or .csv" in error_line(capsys)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_disk_loses_no_result(paper: str, tmp_path: Path, capsys, monkeypatch) -> None:
+    real = Path.replace
+
+    def full(self: Path, target: Path) -> Path:
+        if Path(target).parent == tmp_path:
+            raise OSError(28, "No space left on device")
+        return real(self, target)
+
+    monkeypatch.setattr(Path, "replace", full)
+    assert main(["simulate", paper, "--duration", "0.05", "--out", str(tmp_path / "run.npz")]) == 0
+    out = capsys.readouterr().out
+    kept = Path(out.split("samples: ")[1].split(" (")[0])
+    assert "No space left" in out or "could not be written" in out
+    assert np.load(kept)["q"].shape == (11, 10)
+    kept.unlink()
+
+
+def test_export_writes_every_format(paper: str, tmp_path: Path, capsys) -> None:
+    assert main(["export", paper, "--out", str(tmp_path)]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["paper_fig5.mjcf.xml", "paper_fig5.urdf"]
+
+
+def test_compare_agrees_and_exits_0(paper: str, capsys) -> None:
+    assert main(["compare", paper, "--samples", "5"]) == 0
+    assert "pinocchio" in capsys.readouterr().out
+
+
+def test_an_unknown_engine_is_listed(paper: str, capsys) -> None:
+    assert main(["compare", paper, "--engines", "bullet"]) == 2
+    assert "'bullet'" in error_line(capsys)
+
+
+def test_help_has_examples(capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    assert "flexlink simulate models/paper_fig5.toml" in capsys.readouterr().out
+
+
+def test_the_library_imports_without_engines_or_plotting() -> None:
+    code = "import sys, flexlink; print({'pinocchio', 'mujoco', 'matplotlib', 'jinja2', 'rich'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
+
+
+def test_an_edit_in_any_kernel_file_changes_the_cache_folder(monkeypatch, tmp_path: Path) -> None:
+    from flexlink.kernels import compiler
+
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    (tmp_path / "kernels").mkdir()
+    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:
+        place = tmp_path / ("kernels" if source.parent == compiler.HERE else "") / source.name
+        place.write_bytes(source.read_bytes())
+    monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
+    before = compiler.cache_folder()
+    (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
+    assert compiler.cache_folder() != before

@@ -1,0 +1,160 @@
+"""Identities that hold whatever the engine: truth before agreement."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import make_scene, random_state
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexlink as fl
+from flexlink.dynamics import MASS_METHODS, SOLVERS
+
+EPS = np.finfo(float).eps
+
+
+def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.Chain, rng) -> None:
+    for _ in range(10):
+        q, _ = random_state(chain, rng)
+        M = fl.mass_matrix(chain, q)
+        for method in MASS_METHODS:
+            np.testing.assert_allclose(fl.mass_matrix(chain, q, method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
+        assert np.array_equal(M, M.T)
+        assert np.linalg.eigvalsh(M).min() > 0
+
+
+def test_kinetic_energy_is_half_qd_m_qd(chain: fl.Chain, rng) -> None:
+    q, qd = random_state(chain, rng)
+    assert fl.energy(chain, q, qd).kinetic == pytest.approx(0.5 * qd @ fl.mass_matrix(chain, q) @ qd, rel=1e-13)
+
+
+@pytest.mark.parametrize("method", SOLVERS)
+def test_inverse_dynamics_undoes_forward_dynamics(chain: fl.Chain, rng, method: str) -> None:
+    q, qd = random_state(chain, rng)
+    tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
+    qdd = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
+    springs = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
+    back = fl.inverse_dynamics(chain, q, qd, qdd, wrench) + springs
+    scale = np.abs(fl.mass_matrix(chain, q)) @ np.abs(qdd) + np.abs(springs)
+    assert np.abs(back - tau).max() <= 100 * EPS * scale.max()  # backward stable: a few roundings of the largest term
+
+
+def test_power_balance(chain: fl.Chain, rng) -> None:
+    """dE/dt = q̇·(T_EX − T_FR): along q(t) with the true q̈, by central differences with Richardson's step."""
+    q, qd = random_state(chain, rng)
+    qd /= 10
+    tau = rng.normal(size=chain.n)
+    qdd = fl.forward_dynamics(chain, q, qd, tau)
+
+    def total(t: float) -> float:
+        return float(fl.energy(chain, q + t * qd + t * t / 2 * qdd, qd + t * qdd).total)
+
+    h = 1e-3 / (1 + np.sqrt(np.abs(qdd).max()))  # the motion changes on the scale 1/√|q̈|
+    coarse, fine = ((total(s) - total(-s)) / (2 * s) for s in (h, h / 2))
+    rate = (4 * fine - coarse) / 3
+    power = qd @ (tau - fl.friction_torque(chain, qd))
+    flows = np.abs(qd) @ np.abs(fl.elastic_torque(chain, q) + fl.bias_torque(chain, q, qd)) + abs(power)
+    assert abs(rate - power) <= 1e-6 * flows
+
+
+def test_coriolis_torques_do_half_the_work_of_the_changing_mass(chain: fl.Chain, rng) -> None:
+    """Ṁ − 2C is skew: q̇ᵀ Ṁ q̇ = 2 q̇ᵀ (T_GC − T_G)."""
+    q, qd = random_state(chain, rng)
+    h = 1e-4
+    coarse, fine = (
+        (fl.mass_matrix(chain, q + s * qd) - fl.mass_matrix(chain, q - s * qd)) / (2 * s) for s in (h, h / 2)
+    )
+    m_dot = (4 * fine - coarse) / 3
+    work = qd @ (fl.bias_torque(chain, q, qd) - fl.gravity_torque(chain, q))
+    scale = np.abs(qd) @ np.abs(m_dot) @ np.abs(qd)
+    assert abs(qd @ m_dot @ qd - 2 * work) <= 1e-7 * scale
+
+
+def test_gravity_torque_is_the_slope_of_gravity_energy(chain: fl.Chain, rng) -> None:
+    q, _ = random_state(chain, rng)
+    h, rest = 1e-3, np.zeros(chain.n)
+    for k in range(chain.n):
+        e = np.eye(chain.n)[k] * h
+        f = [float(fl.energy(chain, q + s * e, rest).gravity) for s in (-2, -1, 1, 2)]
+        slope = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)  # error h⁴/30 of the fifth derivative
+        assert abs(slope - fl.gravity_torque(chain, q)[k]) <= 1e-10 * max(1.0, np.abs(f).max())
+
+
+def test_tip_wrench_does_the_work_of_the_moving_tip(chain: fl.Chain, rng) -> None:
+    """T_GC contains −JᵀF, so the wrench's torque times a small motion is force times displacement of the tip."""
+    q, _ = random_state(chain, rng)
+    force, h = rng.normal(size=3), 1e-3
+    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), [*force, 0, 0, 0])
+    for k in range(chain.n):
+        e = np.eye(chain.n)[k] * h
+        p = [fl.tip_position(chain, q + s * e) for s in (-2, -1, 1, 2)]
+        slope = (p[0] - 8 * p[1] + 8 * p[2] - p[3]) / (12 * h)
+        assert torque[k] == pytest.approx(force @ slope, abs=1e-9)
+
+
+def test_frames_are_rotations_and_the_last_is_the_tip(chain: fl.Chain, rng) -> None:
+    q, _ = random_state(chain, rng)
+    placed = fl.frames(chain, q)
+    np.testing.assert_allclose(placed.rotations @ placed.rotations.transpose(0, 2, 1), np.eye(3) + 0 * placed.rotations,
+                               atol=1e-13)  # fmt: skip
+    np.testing.assert_array_equal(placed.points[-1], fl.tip_position(chain, q))
+
+
+def test_a_straight_arm_reaches_its_length() -> None:
+    links = [fl.Link(name=f"l{i}", length=0.5) for i in range(3)]
+    heavy = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    np.testing.assert_array_equal(fl.tip_position(make_scene(*links, tip=heavy).chain(), np.zeros(3)), [1.5, 0, 0])
+
+
+def test_a_singular_mass_matrix_is_named() -> None:
+    coaxial = make_scene(fl.Link(name="a"), fl.Link(name="b", length=1.0), tip=fl.Payload(mass=1.0)).chain()
+    with pytest.raises(fl.SingularMassError, match="singular at q"):
+        fl.forward_dynamics(coaxial, [0.0, 0.0], [0.0, 0.0], [0.0, 1.0])
+
+
+def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
+    joint = fl.Joint(coulomb=2.0, coulomb_width=0.05, viscous=0.0)
+    chain = make_scene(fl.Link(name="a", length=1.0, joint=joint), tip=fl.Payload(mass=1.0)).chain()
+    assert fl.friction_torque(chain, [0.15])[0] == pytest.approx(2.0, rel=5e-3)
+    assert fl.friction_torque(chain, [-10.0])[0] == pytest.approx(-2.0)
+    assert fl.friction_torque(chain, [0.0])[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("bad", "wanted"),
+    [
+        (np.zeros(9), r"q has shape \(9,\); expected \(10,\)"),
+        (np.zeros((2, 10)), r"q has shape \(2, 10\); expected \(10,\)"),
+        (np.full(10, np.nan), r"q\[0\] is not finite"),
+        (np.zeros(10, complex), r"q has dtype complex128; expected real"),
+        (["a"] * 10, r"q has dtype"),
+        ([[1], [1, 2]], r"q: not an array"),
+        (None, r"q has dtype object"),
+    ],
+)
+def test_bad_arrays_are_named_with_shape_got_and_expected(models, bad, wanted: str) -> None:
+    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    with pytest.raises(ValueError, match=wanted):
+        fl.mass_matrix(chain, bad)
+
+
+def test_unknown_methods_are_listed(models) -> None:
+    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are columns, lower, upper, composite"):
+        fl.mass_matrix(chain, np.zeros(10), "qr")
+    with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are"):
+        fl.forward_dynamics(chain, *np.zeros((3, 10)), method="qr")
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=10, max_size=10), st.integers(0, 9), st.integers(-3, 3))
+def test_dynamics_have_the_period_of_a_turn(angles: list[float], joint: int, turns: int) -> None:
+    chain = make_scene(fl.Link(name="waist"), *[fl.Link(name=f"l{i}", length=0.3) for i in range(9)],
+                       tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))).chain()  # fmt: skip
+    q = np.array(angles)
+    turned = q.copy()
+    turned[joint] += 2 * np.pi * turns
+    M = fl.mass_matrix(chain, q)
+    # 2π is rounded to eps and so is an angle of up to 1000 rad, which M follows with slope ≤ its own size
+    np.testing.assert_allclose(fl.mass_matrix(chain, turned), M, atol=1e4 * EPS * np.abs(M).max())

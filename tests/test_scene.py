@@ -1,0 +1,126 @@
+"""A scene file is strict: whatever is wrong, one line says where, what was found and what is allowed."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
+
+from flexlink import Arm, Joint, Link, SceneError, Section, load_scene
+from flexlink.scene import whole
+
+PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
+
+BAD = {  # what is replaced: (old, new, what the message must contain)
+    "unknown key": ("young   =", "yung =", ["material.aluminium.yung", "unknown key", "did you mean 'young'"]),
+    "unknown table": ("[initial]", "[initil]", ["initil", "unknown key", "initial"]),
+    "nested unknown key": ("locked =", "loked =", ["link[0].joint.loked", "did you mean 'locked'"]),
+    "wrong type": ("length   = 1.25", 'length = "long"', ["link[1].length", "'long'", "float"]),
+    "missing key": ('name    = "paper_fig5"', "", ["name", "missing"]),
+    "missing material": ('"aluminium"\nsection', '"steel"\nsection', ["link[1].material", "'steel'", "aluminium"]),
+    "missing section": ('section  = "square"', 'section = "round"', ["link[1].section", "'round'", "square"]),
+    "negative length": ("length   = 1.25", "length = -1.25", ["link[1].length", "-1.25", ">= 0"]),
+    "zero length": ("length   = 1.25", "length = 0.0", ["link[1].length", "0.0", "> 0"]),
+    "negative young": ("young   = 70e9", "young = -70e9", ["material.aluminium.young", "-70000000000.0", "> 0"]),
+    "zero density": ("density = 2700.0", "density = 0", ["material.aluminium.density", "0", "> 0"]),
+    "zero step": ("step     = 1e-4", "step = 0.0", ["run.step", "0.0", "> 0"]),
+    "negative payload": ("[initial]", "[tip]\nmass = -1.0\n[initial]", ["tip.mass", "-1.0", ">= 0"]),
+    "nan": ("young   = 70e9", "young = nan", ["material.aluminium.young", "nan", "finite"]),
+    "infinity": ("9.81", "inf", ["gravity[2]", "inf", "finite"]),
+    "one segment": ("segments = 5", "segments = 1", ["link[1].segments", "1", "at least 2"]),
+    "fractional segments": ("segments = 5", "segments = 4.5", ["link[1].segments", "4.5", "int"]),
+    "unknown flex": ('flex     = "z"', 'flex = "w"', ["link[1].flex", "'w'", "'xyz'"]),
+    "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',
+                     ["link[1].lumping", "'papr'", "midpoint"]),
+    "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"', 'segments = 4\nflex = "z"\nlumping = "gauss"',
+                          ["link[1].segments", "4", "multiple of 2"]),
+    "sample no multiple": ("sample   = 0.005", "sample = 0.00123", ["run.sample", "0.00123", "multiple of step"]),
+    "step no divisor": ("step     = 1e-4", "step = 3e-4", ["run.sample", "0.005", "multiple of step"]),
+    "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
+    "unknown method": ('"RK4"', '"RK5"', ["run.method", "'RK5'", "RK2"]),
+    "two names": ('name     = "fore"', 'name = "upper"', ["link[2].name", "'upper'", "differ"]),
+    "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "length 3"]),
+    "section incomplete": ("width  = 0.04", "", ["section.square.width", "rectangle"]),
+    "section of another shape": ("width  = 0.04", "diameter = 1.0", ["section.square.diameter", "height, width"]),
+    "poisson": ("poisson = 0.33", "poisson = 0.6", ["material.aluminium.poisson", "0.6", "0.5"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path) -> None:
+    old, new, wanted = BAD[what]
+    assert old in PAPER
+    path = tmp_path / "scene.toml"
+    path.write_text(PAPER.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {wanted[0]}")
+    assert all(part in message for part in wanted)
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("content", "wanted"),
+    [
+        (b"", "empty"),
+        (b"  \n\n", "empty"),
+        (b"name = ", "not TOML"),
+        (b"{ json: true }", "not TOML"),
+        (b"name = '\xff\xfe'", "not UTF-8"),
+        (b"#" * 1_000_001, "1000001 bytes"),
+    ],
+)
+def test_a_file_that_is_no_scene_is_refused(content: bytes, wanted: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_bytes(content)
+    with pytest.raises(SceneError, match=wanted):
+        load_scene(path)
+
+
+def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
+    for path in (tmp_path / "nothing.toml", tmp_path):
+        with pytest.raises(SceneError, match="cannot be read"):
+            load_scene(path)
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) -> None:
+    scene = load_scene(path)
+    copy = tmp_path / "copy.toml"
+    copy.write_text(scene.to_toml(), encoding="utf-8")
+    assert load_scene(copy) == scene
+    assert tomllib.loads(scene.to_toml())["name"] == path.stem
+
+
+def test_python_objects_are_checked_like_files() -> None:
+    with pytest.raises(SceneError, match=r"length = -1.0: expected float >= 0.0"):
+        Link(name="a", length=-1.0)
+    with pytest.raises(SceneError, match=r"armature = nan: must be a finite number"):
+        Joint(armature=float("nan"))
+    with pytest.raises(SceneError, match=r"link\[0\].material = 'steel': not defined; defined are aluminium"):
+        Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
+    with pytest.raises(SceneError, match="every joint is locked"):
+        make_scene(Link(name="a", joint=Joint(locked=True))).chain()
+    with pytest.raises(SceneError, match="inner = 0.2: must be smaller than outer"):
+        Section(shape="tube", outer=0.1, inner=0.2)
+
+
+def test_python_scenes_survive_toml(tmp_path: Path) -> None:
+    scene = nasty_scene()
+    path = tmp_path / "nasty.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert load_scene(path) == scene
+
+
+@pytest.mark.parametrize(("value", "unit"), [(0.005, 1e-4), (5.0, 0.005), (0.3, 0.1), (0.0, 1.0), (1e9, 1e-6)])
+def test_decimal_multiples_count_as_multiples(value: float, unit: float) -> None:
+    whole("a", value, "b", unit)
+
+
+@pytest.mark.parametrize(("value", "unit"), [(1.0, 0.3), (0.1, 0.2), (1e300, 1e-300), (1e-12, 1.0)])
+def test_other_ratios_are_refused(value: float, unit: float) -> None:
+    with pytest.raises(SceneError, match=r"^a = .*(multiple of b|more than 2\*\*53)"):
+        whole("a", value, "b", unit)

@@ -1,0 +1,139 @@
+"""Simulation: overrides, samples, drives, and runs that leave the finite numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import make_scene
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+
+
+@pytest.fixture
+def paper(models) -> fl.Scene:
+    return fl.load_scene(models / "paper_fig5.toml")
+
+
+def test_a_trajectory_has_every_sample_and_the_initial_state(paper: fl.Scene) -> None:
+    run = fl.simulate(paper, duration=0.05)
+    assert run.t.tolist() == [pytest.approx(0.005 * k, rel=1e-15) for k in range(11)]
+    assert run.q.shape == run.qd.shape == (11, 10)
+    assert run.tip.shape == (11, 3)
+    np.testing.assert_array_equal(run.q[0], paper.initial_state(run.chain)[0])
+    np.testing.assert_array_equal(run.tip[-1], fl.tip_position(run.chain, run.q[-1]))
+    assert run.energy.total[3] == fl.energy(run.chain, run.q[3], run.qd[3]).total
+    with pytest.raises(ValueError, match="read-only"):
+        run.q[0, 0] = 1.0
+
+
+def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> None:
+    chain = paper.chain()
+    q0, qd0 = paper.initial_state(chain)
+
+    def slope(_: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[10:], fl.forward_dynamics(chain, y[:10], y[10:], np.zeros(10))])
+
+    other = solve_ivp(slope, (0, 0.1), np.concatenate([q0, qd0]), method="DOP853", rtol=1e-12, atol=1e-13)
+    run = fl.simulate(paper, duration=0.1, step=1e-5)
+    assert np.abs(run.q[-1] - other.y[:10, -1]).max() < 1e-10  # sum of both tolerances over the run
+
+
+@pytest.mark.parametrize("name", ["t2_spatial", "t3_spatial"])
+def test_solvers_give_the_same_motion(models, name: str) -> None:
+    scene = fl.load_scene(models / f"{name}.toml")
+    lu, cholesky = (fl.simulate(scene, duration=0.1, dynamics=solver) for solver in ("lu", "cholesky"))
+    assert np.abs(lu.q - cholesky.q).max() < 1e-11
+
+
+def test_a_pd_drive_holds_its_target() -> None:
+    drive = fl.Drive(kind="pd", kp=(400.0,), kd=(40.0,), target_deg=(30.0,))
+    link = fl.Link(name="a", length=1.0)
+    scene = make_scene(link, tip=fl.Payload(mass=1.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-3, duration=3.0)
+    assert np.degrees(run.q[-1, 0]) == pytest.approx(30.0, abs=1e-6)
+
+
+def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
+    """θ'' = τ(t)/J with τ a ramp to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
+    drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0,), (1.0,)))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.1)
+    assert run.qd[-1, 0] == pytest.approx(1.5 / 2.0, rel=1e-12)
+
+
+def test_constant_torque_and_wrench_act_together() -> None:
+    """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
+    scene = make_scene(
+        fl.Link(name="a"), tip=fl.Payload(mass=1.0, inertia=(1.0, 1.0, 4.0)), gravity=(0, 0, 0),
+        drive=fl.Drive(kind="constant", torque=(3.0,)), wrench=fl.Wrench(moment=(0.0, 0.0, -1.0)),
+    )  # fmt: skip
+    assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13)
+
+
+def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> None:
+    with pytest.raises(fl.DivergenceError) as caught:
+        fl.simulate(paper, step=1e-3)
+    message, kept = str(caught.value), caught.value.trajectory
+    for part in ("t = ", "step ", "joint '", "omega_max * step = 5.76", "largest stable step of RK4 is 0.000491 s"):
+        assert part in message
+    assert len(kept.t) >= 2
+    assert np.isfinite(kept.q).all()
+    assert kept.q.shape == (len(kept.t), 10)
+
+
+def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene) -> None:
+    """Springs only, small motion: 3 % below the limit the energy stays, 3 % above it explodes."""
+    calm = fl.Scene(
+        name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
+    )
+    h = fl.stable_step(calm.chain(), "RK4")
+    below = fl.simulate(calm, step=0.97 * h, sample=0.97 * h * 100, duration=0.97 * h * 4000)
+    assert below.energy.total[-1] <= below.energy.total[0] * (1 + 1e-12)
+    above = fl.simulate(calm, step=1.03 * h, sample=1.03 * h, duration=1.03 * h * 400)
+    assert above.energy.total[-1] > 1e3 * above.energy.total[0]
+
+
+@pytest.mark.parametrize(
+    ("override", "wanted"),
+    [
+        ({"stp": 1.0}, "stp: not a run setting; allowed are method, step"),
+        ({"step": -1.0}, "step = -1.0"),
+        ({"step": float("nan")}, "step = nan"),
+        ({"method": "RK3"}, "method = 'RK3': unknown; allowed are RK10, RK2, RK4"),
+        ({"dynamics": "magic"}, "dynamics = 'magic'"),
+        ({"duration": 1e300}, r"more than 2\*\*53"),
+    ],
+)
+def test_bad_overrides_are_refused(paper: fl.Scene, override: dict, wanted: str) -> None:
+    with pytest.raises(fl.FlexlinkError, match=wanted):
+        fl.simulate(paper, **override)
+
+
+def test_progress_ends_at_one_and_only_grows(paper: fl.Scene) -> None:
+    seen: list[float] = []
+    fl.simulate(paper, progress=seen.append, duration=0.5)
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+def test_a_duration_of_zero_gives_the_initial_sample(paper: fl.Scene) -> None:
+    assert len(fl.simulate(paper, duration=0.0).t) == 1
+
+
+def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
+    run = fl.simulate(paper, duration=0.02)
+    archive = np.load(run.save(tmp_path / "run.npz"))
+    for name in ("t", "q", "qd", "tip"):
+        np.testing.assert_array_equal(archive[name], getattr(run, name))
+    table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", skip_header=1)
+    np.testing.assert_array_equal(table, np.column_stack(list(run.columns.values())))
+    with pytest.raises(fl.ArgumentError, match=r"saved as .npz or .csv"):
+        run.save(tmp_path / "run.xlsx")
+
+
+def test_a_failed_save_leaves_the_old_file_and_says_why(paper: fl.Scene, tmp_path) -> None:
+    run = fl.simulate(paper, duration=0.01)
+    with pytest.raises(fl.OutputError, match="cannot be written"):
+        run.save(tmp_path / "no" / "run.npz")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,45 @@
+"""Stable steps against published stability limits, and coefficients of the stability polynomial."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from conftest import make_scene
+
+import flexlink as fl
+from flexlink.modal import eigenvalues, stability_polynomial
+from flexlink.tableaus import tableau
+
+IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
+    "RK2": 0.05318296562,
+    "RK4": 2.828427522,
+    "RK10": 1.188515114,
+}
+
+
+@pytest.mark.parametrize(("method", "limit"), IMAGINARY_LIMIT.items())
+def test_the_stable_step_of_an_undamped_chain_is_the_published_limit(models, method: str, limit: float) -> None:
+    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    fastest = np.abs(eigenvalues(chain, np.zeros(10))).max()
+    assert fl.stable_step(chain, method) * fastest == pytest.approx(limit, rel=1e-7)
+
+
+@pytest.mark.parametrize(("method", "limit"), {"RK2": 2.0, "RK4": 2.785293563, "RK10": 2.704679068}.items())
+def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, limit: float) -> None:
+    joint = fl.Joint(viscous=8.0)
+    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
+    assert fl.stable_step(scene.chain(), method) == pytest.approx(limit / 4.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
+def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str) -> None:
+    table = tableau(method)
+    r = stability_polynomial(table)
+    np.testing.assert_allclose(r[: table.order + 1], [1 / math.factorial(k) for k in range(table.order + 1)], atol=1e-15)
+
+
+def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
+    assert fl.stable_step(scene.chain(), "RK4") == np.inf
