@@ -112,7 +112,8 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
     """
-    return chain.stiffness * (vector("q", q, chain.n) - chain.rest)
+    torque: Array = chain.stiffness * (vector("q", q, chain.n) - chain.rest)
+    return torque
 
 
 def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
@@ -128,7 +129,8 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     """
     qd = vector("qd", qd, chain.n)
     hinges = chain.hinges
-    return hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    return torque
 
 
 def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
@@ -221,7 +223,8 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
 
 def tip_position(chain: Chain, q: ArrayLike) -> Array:
     """Origin of the tip frame in frame 0, shape (3,) [m]; errors as in `frames`."""
-    return frames(chain, q).points[-1]
+    tip: Array = frames(chain, q).points[-1]
+    return tip
 
 
 def vector(name: str, value: ArrayLike, size: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -84,16 +85,22 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
         builder.move(np.array([link.length, 0, 0]))
         return
     material, section = arm.materials[link.material], arm.sections[link.section].properties
-    nodes, weights = lumping_rule(link.lumping).hinges(link.segments - 1) if link.flex != "rigid" else ([], [])
+    nodes, weights = _hinges(link)
     rigidity = {1: material.shear * section.torsion, 2: material.young * section.i_y, 3: material.young * section.i_z}
     cuts = [0.0, *nodes, 1.0]
-    for segment, (start, stop) in enumerate(zip(cuts, cuts[1:], strict=False)):
+    for segment, (start, stop) in enumerate(itertools.pairwise(cuts)):
         if segment:
             builder.start_body()
             for axis in AXES[link.flex]:
                 k = float(rigidity[axis] / (weights[segment - 1] * link.length))
                 builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, material.loss_time * k)
         builder.add_prism(material, section, (stop - start) * link.length)
+
+
+def _hinges(link: Link) -> tuple[Array, Array]:
+    if link.flex == "rigid":
+        return np.empty(0), np.empty(0)
+    return lumping_rule(link.lumping).hinges(link.segments - 1)
 
 
 @dataclasses.dataclass

@@ -16,7 +16,8 @@ def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
     Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
     Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
     Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-    return Rz @ Ry @ Rx
+    R: Array = Rz @ Ry @ Rx
+    return R
 
 
 def cos_sin_deg(angle: float) -> tuple[float, float]:

@@ -192,9 +192,9 @@ def _from_builtins(raw: dict[str, Any]) -> Scene:
     own = {f.encode_name: f for f in msgspec.structs.fields(Scene) if f.name != "arm"}
     arm = {f.encode_name: f for f in msgspec.structs.fields(Arm)}
     fields = own | arm
-    for key in raw:
+    for key, value in raw.items():
         if key not in fields:
-            raise SceneError(f"{key} = {short(raw[key])}: unknown key; allowed are {', '.join(fields)}")
+            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {', '.join(fields)}")
     for key, field in fields.items():
         if field.required and key not in raw:
             raise SceneError(f"{key}: missing; this key is required")
@@ -209,4 +209,3 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_without_none(item) for item in value]
     return value
-

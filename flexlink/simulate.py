@@ -76,7 +76,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     """
     run = _override(scene.run, overrides)
     chain = scene.chain()
-    q, qd = np.empty((2, run.samples, chain.n))
+    q, qd = np.empty((run.samples, chain.n)), np.empty((run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
     method, drive, wrench = tableau(run.method).arrays, drive_arrays(scene, chain), scene.tip_wrench
     piece = max(1, (run.samples - 1) // PIECES)
@@ -96,7 +96,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
 
 
 def _trajectory(chain: Chain, run: Run, q: Array, qd: Array) -> Trajectory:
-    t = np.arange(len(q)) * run.steps_per_sample * run.step
+    t = np.arange(len(q), dtype=np.float64) * (run.steps_per_sample * run.step)
     return Trajectory.from_states(chain, t, q, qd)
 
 

@@ -39,10 +39,10 @@ class Tableau(Spec, frozen=True):
         if len(self.b) != stages or [len(row) for row in self.A] != list(range(stages)):
             raise SceneError(f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1}")
         A, b, c = self.exact
-        if abs(sum(b) - 1) > Fraction(1, 10**15):
+        if abs(sum(b, Fraction(0)) - 1) > Fraction(1, 10**15):
             raise SceneError(f"b = {self.b}: must sum to 1")
         for i, row in enumerate(A):
-            if abs(sum(row) - c[i]) > Fraction(1, 10**15):
+            if abs(sum(row, Fraction(0)) - c[i]) > Fraction(1, 10**15):
                 raise SceneError(f"A[{i}] = {self.A[i]}: must sum to c[{i}] = {self.c[i]!r}")
 
     @property

@@ -126,10 +126,13 @@ class _Writer:
     def __call__(self, path: Path) -> None:
         run = self.trajectory
         if self.format == ".npz":
-            parts = {name: np.asarray(getattr(run.energy, name)) for name in ("kinetic", "gravity", "elastic")}
+            kinetic, gravity, elastic = run.energy
             joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
             with path.open("wb") as file:
-                np.savez_compressed(file, t=run.t, q=run.q, qd=run.qd, tip=run.tip, joints=joints, **parts)
+                np.savez_compressed(
+                    file, t=run.t, q=run.q, qd=run.qd, tip=run.tip, joints=joints,
+                    kinetic=kinetic, gravity=gravity, elastic=elastic,
+                )  # fmt: skip
             return
         rows = zip(*(column.tolist() for column in run.columns.values()), strict=True)
         header = ",".join(f'"{name}"' for name in run.columns)
@@ -139,7 +142,7 @@ class _Writer:
 
 
 def output_format(path: Path) -> str:
-    """".npz" or ".csv", from the ending of `path`.
+    """Format of a trajectory file, ".npz" or ".csv", from the ending of `path`.
 
     Raises
     ------

@@ -23,9 +23,7 @@ def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) ->
 
 def make_scene(*links: Link, tip: Payload | None = None, **fields: object) -> Scene:
     """A scene of the given links at zero angles."""
-    arm = Arm(
-        links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or Payload()
-    )
+    arm = Arm(links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or Payload())
     return Scene(name="test", arm=arm, **{"initial": Initial(joint_deg=(0.0,) * len(links)), **fields})
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from flexlink.cli import main
+from flexlink.kernels import compiler
 
 
 @pytest.fixture
@@ -111,8 +112,6 @@ def test_the_library_imports_without_engines_or_plotting() -> None:
 
 
 def test_an_edit_in_any_kernel_file_changes_the_cache_folder(monkeypatch, tmp_path: Path) -> None:
-    from flexlink.kernels import compiler
-
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     (tmp_path / "kernels").mkdir()
     for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:

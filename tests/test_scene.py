@@ -34,7 +34,8 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "unknown flex": ('flex     = "z"', 'flex = "w"', ["link[1].flex", "'w'", "'xyz'"]),
     "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',
                      ["link[1].lumping", "'papr'", "midpoint"]),
-    "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"', 'segments = 4\nflex = "z"\nlumping = "gauss"',
+    "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
+                          'segments = 4\nflex = "z"\nlumping = "gauss"',
                           ["link[1].segments", "4", "multiple of 2"]),
     "sample no multiple": ("sample   = 0.005", "sample = 0.00123", ["run.sample", "0.00123", "multiple of step"]),
     "step no divisor": ("step     = 1e-4", "step = 3e-4", ["run.sample", "0.005", "multiple of step"]),
@@ -104,7 +105,7 @@ def test_python_objects_are_checked_like_files() -> None:
         Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
     with pytest.raises(SceneError, match="every joint is locked"):
         make_scene(Link(name="a", joint=Joint(locked=True))).chain()
-    with pytest.raises(SceneError, match="inner = 0.2: must be smaller than outer"):
+    with pytest.raises(SceneError, match=r"inner = 0\.2: must be smaller than outer"):
         Section(shape="tube", outer=0.1, inner=0.2)
 
 

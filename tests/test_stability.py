@@ -37,7 +37,9 @@ def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, lim
 def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str) -> None:
     table = tableau(method)
     r = stability_polynomial(table)
-    np.testing.assert_allclose(r[: table.order + 1], [1 / math.factorial(k) for k in range(table.order + 1)], atol=1e-15)
+    np.testing.assert_allclose(
+        r[: table.order + 1], [1 / math.factorial(k) for k in range(table.order + 1)], atol=1e-15
+    )
 
 
 def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:

@@ -25,9 +25,7 @@ def cache_folder() -> Path:
     digest = hashlib.sha256()
     for source in [*sorted(HERE.glob("*.py")), HERE.parent / "chain.py"]:
         digest.update(source.read_bytes())
-    root = os.environ.get("XDG_CACHE_HOME") or (
-        os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else None
-    )
+    root = os.environ.get("XDG_CACHE_HOME") or (os.environ.get("LOCALAPPDATA") if sys.platform == "win32" else None)
     return Path(root or Path.home() / ".cache") / "flexlink" / digest.hexdigest()[:16]
 
 
@@ -39,10 +37,22 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     `error_model="numpy"` makes a division by zero inf or nan instead of a branch to raise: no check in kernels.
     """
+    return _compile(function)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """A kernel that is always expanded where it is called: loops over it can become vector instructions.
+
+    `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
+    """
+    return _compile(function, forceinline=True, fastmath={"contract"})
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Any:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, error_model="numpy", **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

@@ -1,6 +1,6 @@
 """Forward kinematics: where every body and hinge axis is, in frame 0.
 
-    p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k)
+p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k)
 """
 
 import numpy as np

@@ -3,7 +3,7 @@
 columns     every column is a full inverse dynamics with one unit acceleration, no gravity, no rates
 lower       the same, but outward from the moving joint only: the part of the column on and below the diagonal
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
-composite   the same bodies in inertial axes, where a row needs only the joints' axes and points (Featherstone 2008, 6.2)
+composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 """
 
 import numpy as np
