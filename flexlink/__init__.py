@@ -25,6 +25,7 @@ from flexlink.errors import (
     SceneError,
     SingularMassError,
 )
+from flexlink.export import to_mjcf, to_urdf
 from flexlink.lumping import lump
 from flexlink.modal import stable_step
 from flexlink.scene import Drive, Initial, Run, Scene, Wrench, load_scene
@@ -72,4 +73,6 @@ __all__ = [
     "simulate",
     "stable_step",
     "tip_position",
+    "to_mjcf",
+    "to_urdf",
 ]

@@ -28,12 +28,15 @@ def cos_sin_deg(angle: float) -> tuple[float, float]:
 
 
 def rpy_from_matrix(R: Array) -> tuple[float, float, float]:
-    """Roll, pitch, yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll); at pitch = ±90° the roll is taken as 0."""
-    cos_pitch = math.hypot(R[2, 1], R[2, 2])
-    pitch = math.atan2(-R[2, 0], cos_pitch)
-    if cos_pitch < 1e-12:
-        return 0.0, pitch, math.atan2(-R[0, 1], R[1, 1])
-    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+    """Roll, pitch, yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll).
+
+    The yaw is what is left of R after the roll is undone, so that a roll that is badly determined (pitch near ±90°)
+    is made up for.
+    """
+    roll = math.atan2(R[2, 1], R[2, 2])
+    pitch = math.atan2(-R[2, 0], math.hypot(R[0, 0], R[1, 0]))
+    c, s = math.cos(roll), math.sin(roll)
+    return roll, pitch, math.atan2(s * R[0, 2] - c * R[0, 1], c * R[1, 1] - s * R[1, 2])
 
 
 def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:

@@ -1,0 +1,95 @@
+"""What an engine must answer, and what the adapters share.
+
+    M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
+
+Units, signs and order of the joints are those of `flexlink.dynamics`; arrays are float64 of shape (n,). The tip wrench
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain import Chain
+from flexlink.errors import DivergenceError
+from flexlink.kernels.runge_kutta import drive_torque
+from flexlink.scene import Scene
+from flexlink.simulate import drive_arrays
+from flexlink.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Samples = tuple[Array, Array, Array]
+"""t (samples,), q and q̇ (samples, n)."""
+DriveTorque = Callable[[float, Array, Array], Array]
+"""T_EX(t, q, q̇), shape (n,)."""
+
+
+class Engine(Protocol):
+    """A chain loaded in one engine; made by `flexlink.engines.load`."""
+
+    name: str
+    version: str
+    n: int
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q), full and symmetric, armature on the diagonal, shape (n, n)."""
+
+    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+        """T_GC = RNE(q, q̇, 0) − Jᵀ F."""
+
+    def gravity_torque(self, q: Array) -> Array:
+        """T_G, T_GC with q̇ = 0 and no wrench."""
+
+    def elastic_torque(self, q: Array) -> Array:
+        """T_FL = k (θ − θ₀)."""
+
+    def friction_torque(self, qd: Array) -> Array:
+        """T_FR = d q̇ + c tanh(q̇ / w)."""
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+        """q̈ from the equation of motion."""
+
+    def integrate(self, scene: Scene) -> Samples:
+        """Run the scene with this engine's dynamics and its method at its fixed step.
+
+        Raises
+        ------
+        DivergenceError
+            The state left the finite numbers; the error holds the samples up to there.
+        ArgumentError
+            The engine does not have the scene's method.
+        """
+
+
+def drive_function(scene: Scene) -> DriveTorque | None:
+    """The scene's drive as a function, or None if it never pushes."""
+    drive = drive_arrays(scene, scene.chain())
+    if not (drive.torques.any() or drive.kp.any() or drive.kd.any()):
+        return None
+    tau = np.empty_like(drive.kp)
+
+    def torque(t: float, q: Array, qd: Array) -> Array:
+        drive_torque(drive, t, q, qd, tau)
+        return tau
+
+    return torque
+
+
+def start(scene: Scene) -> Samples:
+    """Times of all samples, and states of which only the first is filled."""
+    run, chain = scene.run, scene.chain()
+    t = np.array([k * run.steps_per_sample * run.step for k in range(run.samples)])
+    q, qd = np.empty((2, run.samples, chain.n))
+    q[0], qd[0] = scene.initial_state(chain)
+    return t, q, qd
+
+
+def diverged(engine: str, chain: Chain, samples: Samples, row: int) -> DivergenceError:
+    """The error of a run whose sample `row` is the first that is not finite."""
+    t, q, qd = (array[:row].copy() for array in samples)
+    message = f"{chain.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
+    return DivergenceError(message, Trajectory.from_states(chain, t, q, qd))

@@ -1,0 +1,159 @@
+"""MuJoCo, from the exported MJCF.
+
+Springs and dampers are MuJoCo's own, in `qfrc_passive`. A callback adds the smooth Coulomb law c tanh(q̇/w), another
+the drive, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the massless body
+`tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from flexlink.chain import Chain
+from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.errors import ArgumentError
+from flexlink.export import to_mjcf
+from flexlink.scene import Scene
+
+Callback = Callable[[Any, Any], None] | None
+NO_WRENCH = np.zeros(6)
+PROCESS = threading.Lock()  # MuJoCo's callbacks belong to the process
+
+
+class MujocoEngine:
+    """A chain in MuJoCo.
+
+    Attributes
+    ----------
+    model, data
+        MuJoCo's own.
+    tip
+        Number of the tip's body.
+    coulomb, coulomb_width
+        As read back from the file, shape (n,).
+    """
+
+    name = "mujoco"
+    version: str = mujoco.__version__
+
+    def __init__(self, chain: Chain) -> None:
+        try:
+            self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
+        except ValueError as error:
+            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}") from error
+        self.data, self.n = mujoco.MjData(self.model), self.model.nv
+        self.tip = self.model.nbody - 1
+        self.coulomb, self.coulomb_width = self.model.dof_frictionloss.copy(), self.model.jnt_user[:, 0].copy()
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""
+        self._place(q, np.zeros(self.n))
+        M = np.zeros((self.n, self.n))
+        mujoco.mj_fullM(self.model, self.data, M)
+        return M
+
+    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+        """T_GC: `qfrc_bias`, less the joint torques of the wrench by `mj_applyFT`."""
+        self._place(q, qd)
+        torque, origin = np.zeros(self.n), self.data.xpos[self.tip]
+        if tip_wrench is not None:
+            force, moment = np.split(tip_wrench, 2)
+            mujoco.mj_applyFT(self.model, self.data, force, moment, origin, self.tip, torque)
+        return np.array(self.data.qfrc_bias - torque)
+
+    def gravity_torque(self, q: Array) -> Array:
+        """T_G: `qfrc_bias` at rest."""
+        return self.bias_torque(q, np.zeros(self.n))
+
+    def elastic_torque(self, q: Array) -> Array:
+        """T_FL: `qfrc_spring`, which has the opposite sign."""
+        self._place(q, np.zeros(self.n))
+        return np.array(-self.data.qfrc_spring)
+
+    def friction_torque(self, qd: Array) -> Array:
+        """T_FR: `qfrc_damper`, which has the opposite sign, and the Coulomb law with the file's numbers."""
+        self._place(np.zeros(self.n), qd)
+        return np.array(self._coulomb(qd) - self.data.qfrc_damper)
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+        """q̈ by `mj_forward`."""
+        data = self.data
+        data.qpos[:], data.qvel[:] = q, qd
+        data.qfrc_applied[:] = tau - self._coulomb(qd)
+        data.xfrc_applied[self.tip] = NO_WRENCH if tip_wrench is None else tip_wrench
+        mujoco.mj_forward(self.model, data)
+        return np.array(data.qacc)
+
+    def integrate(self, scene: Scene) -> Samples:
+        """`mj_step` with MuJoCo's RK4."""
+        run, model = scene.run, self.model
+        if run.method != "RK4":
+            raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
+        samples = t, q, qd = start(scene)
+        data = self.data
+        mujoco.mj_resetData(model, data)
+        model.opt.timestep = run.step
+        data.qpos[:], data.qvel[:], data.xfrc_applied[self.tip] = q[0], qd[0], scene.tip_wrench
+        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": _drive_callback(scene)}
+        with _installed(hooks | {"mju_user_warning": _ignore}):
+            for row in range(1, len(t)):
+                mujoco.mj_step(model, data, run.steps_per_sample)
+                restarted = abs(data.time - t[row]) > run.step / 2
+                if restarted or data.warning.number.any():
+                    raise diverged(self.name, scene.chain(), samples, row)
+                q[row], qd[row] = data.qpos, data.qvel
+        return samples
+
+    def _place(self, q: Array, qd: Array) -> None:
+        """All that depends on position and rate: frames, M, bias and passive torques."""
+        self.data.qpos[:], self.data.qvel[:] = q, qd
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+
+    def _coulomb(self, qd: Array) -> Array:
+        torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
+        return torque
+
+    def _coulomb_callback(self) -> Callback:
+        if not self.coulomb.any():
+            return None
+
+        def passive(_: Any, data: Any) -> None:
+            data.qfrc_passive -= self._coulomb(data.qvel)
+
+        return passive
+
+
+def _drive_callback(scene: Scene) -> Callback:
+    drive = drive_function(scene)
+    if drive is None:
+        return None
+
+    def control(_: Any, data: Any) -> None:
+        data.qfrc_applied[:] = drive(data.time, data.qpos, data.qvel)
+
+    return control
+
+
+def _ignore(_: str) -> None:
+    """MuJoCo would write its warnings into a file in the working folder; `integrate` raises an error instead."""
+
+
+@contextlib.contextmanager
+def _installed(hooks: dict[str, Callable[..., None] | None]) -> Iterator[None]:
+    """Set MuJoCo's callbacks, one thread at a time, and put the old ones back whatever happens."""
+    with PROCESS:
+        old = {name: getattr(mujoco, f"get_{name}")() for name in hooks}
+        try:
+            for name, function in hooks.items():
+                getattr(mujoco, f"set_{name}")(function)
+            yield
+        finally:
+            for name, function in old.items():
+                getattr(mujoco, f"set_{name}")(function)

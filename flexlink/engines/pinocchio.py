@@ -1,0 +1,114 @@
+"""Pinocchio, from the exported URDF.
+
+Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR join the joint torques. The
+armature is in its M, its recursive Newton-Euler and its `aba` alike, but not in URDF, so it is read from our element.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
+
+from flexlink.chain import Chain
+from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.export import to_urdf
+from flexlink.scene import Scene
+from flexlink.tableaus import tableau
+
+
+class PinocchioEngine:
+    """A chain in Pinocchio.
+
+    Attributes
+    ----------
+    model, data
+        Pinocchio's own, gravity and armature set.
+    tip
+        Number of the tip's frame.
+    stiffness, rest, damping, coulomb, coulomb_width
+        As read back from the file, shape (n,).
+    """
+
+    name = "pinocchio"
+    version: str = pin.__version__
+
+    def __init__(self, chain: Chain) -> None:
+        text = to_urdf(chain)
+        robot = ET.fromstring(text)
+        joints = robot.findall("joint[@type='revolute']")
+        model = pin.buildModelFromXML(text)
+        order = [model.getJointId(joint.attrib["name"]) for joint in joints]
+        assert order == list(range(1, model.njoints)), "a serial chain has one order of joints"
+        self.stiffness, self.rest = _own(robot, "stiffness"), _own(robot, "rest")
+        self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
+        self.coulomb_width = _own(robot, "coulomb_width")
+        model.armature = _own(robot, "armature")
+        model.gravity.linear = np.array(robot.findall("flexlink")[0].attrib["gravity"].split(), float)
+        self.model, self.data, self.n = model, model.createData(), model.nv
+        self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q) by composite rigid bodies (`crba`)."""
+        return np.array(pin.crba(self.model, self.data, q))
+
+    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+        """T_GC by `nle`, less Jᵀ F."""
+        return np.array(pin.nle(self.model, self.data, q, qd) - self._wrench_torque(q, tip_wrench))
+
+    def gravity_torque(self, q: Array) -> Array:
+        """T_G by `computeGeneralizedGravity`."""
+        return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
+
+    def elastic_torque(self, q: Array) -> Array:
+        """T_FL, from the springs in the file."""
+        return self.stiffness * (q - self.rest)
+
+    def friction_torque(self, qd: Array) -> Array:
+        """T_FR, from the damping and dry friction in the file."""
+        torque: Array = self.damping * qd
+        if self.coulomb.any():
+            torque += self.coulomb * np.tanh(qd / self.coulomb_width)
+        return torque
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+        """q̈ by the articulated-body algorithm (`aba`)."""
+        total = tau - self.elastic_torque(q) - self.friction_torque(qd)
+        if tip_wrench is not None:
+            total += self._wrench_torque(q, tip_wrench)
+        return np.array(pin.aba(self.model, self.data, q, qd, total))
+
+    def integrate(self, scene: Scene) -> Samples:
+        """The scene's Runge-Kutta method, as a plain loop over `aba`."""
+        run, n = scene.run, self.n
+        drive, wrench = drive_function(scene), scene.tip_wrench if scene.tip_wrench.any() else None
+        A, b, c = tableau(run.method).arrays
+        hA, hb, hc = run.step * A, run.step * b, run.step * c
+        samples = t, q, qd = start(scene)
+        y, F, tau = np.concatenate([q[0], qd[0]]), np.empty((len(c), 2 * n)), np.zeros(n)
+        for row in range(1, len(t)):
+            for step in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
+                for i in range(len(c)):
+                    x = y + hA[i, :i] @ F[:i]
+                    if drive is not None:
+                        tau = drive(step * run.step + hc[i], x[:n], x[n:])
+                    F[i, :n] = x[n:]
+                    F[i, n:] = self.forward_dynamics(x[:n], x[n:], tau, wrench)
+                y = y + hb @ F
+            if not np.isfinite(y).all():
+                raise diverged(self.name, scene.chain(), samples, row)
+            q[row], qd[row] = y[:n], y[n:]
+        return samples
+
+    def _wrench_torque(self, q: Array, wrench: Array | None) -> Array:
+        """Jᵀ F with the Jacobian of the tip's origin in axes of frame 0, linear part first."""
+        if wrench is None:
+            return np.zeros(self.n)
+        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return np.array(pin.computeFrameJacobian(self.model, self.data, q, self.tip, frame).T @ wrench)
+
+
+def _own(robot: ET.Element, key: str) -> Array:
+    """One number of our own per revolute joint."""
+    return np.array([float(element.attrib[key]) for element in robot.findall("joint/flexlink")])

@@ -1,0 +1,134 @@
+"""Chain → MJCF: one body per rigid segment with its hinges, the first listed nearest the base.
+
+MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) hang in the
+next body that has mass, with position and axis as they stand there at zero angles: every hinge turns all that
+follows it, so the motion is the same.
+
+MuJoCo's own dry friction is a constraint. It is switched off; `frictionloss` only carries the Coulomb torque c, and
+the joint's `user` number the width w of c tanh(q̇/w), which whoever runs the file adds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain import Chain
+from flexlink.errors import ArgumentError
+from flexlink.export.document import joint_names, link_names, numbers, text, valid
+from flexlink.rotation import quaternion_from_matrix
+
+Array = NDArray[np.float64]
+
+MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
+
+COMPILER = {
+    "angle": "radian", "autolimits": "false", "inertiafromgeom": "false", "balanceinertia": "false",
+    "boundmass": "0", "boundinertia": "0", "fusestatic": "false",
+}  # fmt: skip
+# Nothing may act but gravity, springs and dampers; and a run that diverges must not restart by itself.
+DISABLED = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
+
+
+def to_mjcf(chain: Chain) -> str:
+    """Write a chain as MJCF.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+
+    Returns
+    -------
+    str
+        The document; joints in sequential order, named as `Chain.joint_name` does. Body and site `tip` are the tip
+        frame. Numbers read back exactly, except that rotations are quaternions, which MuJoCo normalizes.
+
+    Raises
+    ------
+    ArgumentError
+        The chain is longer than MuJoCo's parser can nest, or its last joints move no mass.
+    """
+    if len(chain.bodies) > MAX_BODIES:
+        raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
+    root = ET.Element("mujoco", model=valid(chain.name))
+    ET.SubElement(root, "compiler", COMPILER)
+    option = ET.SubElement(root, "option", integrator="RK4", gravity=numbers(chain.gravity))
+    ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
+    ET.SubElement(root, "size", nuser_jnt="1")
+    joints, links = joint_names(chain), link_names(chain)
+    parent, frame, waiting = ET.SubElement(root, "worldbody"), _Frame(), list[_Hinge]()
+    for body in chain.bodies[:-1]:
+        place = _Frame(body["rotation"], body["translation"])
+        frame = frame.then(place)
+        waiting = [hinge.seen_from(place) for hinge in waiting]
+        waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
+        if body["mass"] or body["inertia"].any():
+            parent = _body(parent, links[body["stop"]], frame)
+            _inertial(parent, body)
+            for hinge in waiting:
+                hinge.write(parent, joints[hinge.k], chain.hinges[hinge.k])
+            frame, waiting = _Frame(), []
+    if waiting:
+        raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
+    end = chain.bodies[-1]
+    tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
+    _inertial(tip, end)  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
+    ET.SubElement(tip, "site", name=links[-1])
+    return text(root)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Frame:
+    """Placement of a frame in another one: v_outer = R v + r."""
+
+    R: Array = dataclasses.field(default_factory=lambda: np.eye(3))
+    r: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+
+    def then(self, inner: _Frame) -> _Frame:
+        """Placement of a frame that `inner` places in this one."""
+        return _Frame(self.R @ inner.R, self.r + self.R @ inner.r)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Hinge:
+    """Hinge `k` with its axis and position in the frame of the running body, at zero angles."""
+
+    k: int
+    axis: Array
+    pos: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+
+    def seen_from(self, frame: _Frame) -> _Hinge:
+        """The same hinge in the axes of the next body."""
+        return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.r))
+
+    def write(self, body: ET.Element, name: str, hinge: np.void) -> None:
+        values: dict[str, Iterable[float]] = {
+            "axis": self.axis, "pos": self.pos, "stiffness": [hinge["stiffness"]], "springref": [hinge["rest"]],
+            "damping": [hinge["damping"]], "armature": [hinge["armature"]], "frictionloss": [hinge["coulomb"]],
+            "user": [hinge["coulomb_width"]],
+        }  # fmt: skip
+        written = {key: numbers(value) for key, value in values.items()}
+        ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | written)
+
+
+def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
+    quaternion = numbers(quaternion_from_matrix(frame.R))
+    return ET.SubElement(parent, "body", name=name, pos=numbers(frame.r), quat=quaternion)
+
+
+def _inertial(parent: ET.Element, body: np.void) -> None:
+    """Mass and principal moments; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
+    I = body["inertia"]
+    moments, axes = np.diag(I), np.eye(3)
+    if not np.array_equal(I, np.diag(moments)):
+        moments, axes = np.linalg.eigh(I)
+        axes = axes * np.sign(np.linalg.det(axes))  # right-handed
+    ET.SubElement(
+        parent, "inertial", mass=numbers([body["mass"]]), pos=numbers(body["center"]),
+        quat=numbers(quaternion_from_matrix(axes)), diaginertia=numbers(moments),
+    )  # fmt: skip
