@@ -18,10 +18,13 @@ from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.kinematics import kinematics
-from flexlink.kernels.rne import rne, rne_workspace
+from flexlink.kernels.finite import is_finite
+from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+FLOAT64 = np.dtype(np.float64)
+NO_WRENCH = np.zeros(6)
 
 MASS_METHODS = {
     "columns": mass.mass_columns,
@@ -80,8 +83,7 @@ def inverse_dynamics(
     """
     n = chain.n
     q, qd, qdd = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n)
-    tau = np.empty(n)
-    rne(chain.arrays, chain.gravity, _wrench(tip_wrench), q, qd, qdd, tau, rne_workspace(chain.arrays))
+    tau: Array = inverse_dynamics_kernel(chain.arrays, _wrench(tip_wrench), q, qd, qdd)
     return tau
 
 
@@ -187,11 +189,9 @@ def forward_dynamics(
     """
     n = chain.n
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
-    qdd = np.empty(n)
     solver = choice("method", method, SOLVERS)
-    work = forward.forward_workspace(chain.arrays)
-    forward.forward_dynamics(chain.arrays, solver, _wrench(tip_wrench), q, qd, tau, qdd, work)
-    if not np.isfinite(qdd).all():
+    qdd: Array = forward.accelerations(chain.arrays, solver, _wrench(tip_wrench), q, qd, tau)
+    if not is_finite(qdd):
         raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
     return qdd
 
@@ -235,18 +235,25 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     ArgumentError
         The message names the argument, the shape got and the shape expected.
     """
+    if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
+        value = _as_array(name, value, size)
+    if value.shape != (size,):
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
+    if not is_finite(value):
+        k = int(np.argmin(np.isfinite(value)))
+        raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
+    return value
+
+
+def _as_array(name: str, value: ArrayLike, size: int) -> Array:
+    """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
     try:
-        array = np.ascontiguousarray(value)
+        array = np.array(value)
     except ValueError as error:
         raise ArgumentError(f"{name}: not an array: {error}; expected shape ({size},)") from None
     if array.dtype.kind not in "fiu":
         raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape ({size},)")
-    if array.shape != (size,):
-        raise ArgumentError(f"{name} has shape {array.shape}; expected ({size},)")
-    array = array.astype(np.float64, copy=False)
-    if not np.isfinite(array).all():
-        raise ArgumentError(f"{name}[{int(np.argmin(np.isfinite(array)))}] is not finite; expected finite ({size},)")
-    return array
+    return np.ascontiguousarray(array, np.float64)
 
 
 def choice(name: str, value: str, allowed: dict[str, T]) -> T:
@@ -263,4 +270,4 @@ def choice(name: str, value: str, allowed: dict[str, T]) -> T:
 
 
 def _wrench(tip_wrench: ArrayLike | None) -> Array:
-    return np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)
+    return NO_WRENCH if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

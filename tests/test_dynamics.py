@@ -126,7 +126,7 @@ def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
     [
         (np.zeros(9), r"q has shape \(9,\); expected \(10,\)"),
         (np.zeros((2, 10)), r"q has shape \(2, 10\); expected \(10,\)"),
-        (np.full(10, np.nan), r"q\[0\] is not finite"),
+        (np.full(10, np.nan), r"q\[0\] = nan is not finite"),
         (np.zeros(10, complex), r"q has dtype complex128; expected real"),
         (["a"] * 10, r"q has dtype"),
         ([[1], [1, 2]], r"q: not an array"),

@@ -7,6 +7,7 @@ from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.mass import mass_composite
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.solve import solve_cholesky, solve_lu
+from flexlink.kernels.vec3 import vector
 
 LU, CHOLESKY = 0, 1
 
@@ -19,10 +20,18 @@ def forward_workspace(chain):
 
 
 @kernel
+def accelerations(chain, solver, wrench, q, qd, tau):
+    """q̈ in a new array (n,)."""
+    qdd = np.empty(len(q))
+    forward_dynamics(chain, solver, wrench, q, qd, tau, qdd, forward_workspace(chain))
+    return qdd
+
+
+@kernel
 def forward_dynamics(chain, solver, wrench, q, qd, tau, qdd, work):
     """Write q̈ (n,) for drive torques `tau` (n,) and tip wrench (6,)."""
     rne_work, M, rest = work
-    rne(chain, chain.gravity, wrench, q, qd, rest, qdd, rne_work)
+    rne(chain, vector(chain.gravity), wrench, q, qd, rest, qdd, rne_work)
     for k in range(len(qdd)):
         qdd[k] = tau[k] - qdd[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
     mass_composite(chain, q, M)

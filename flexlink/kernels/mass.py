@@ -46,7 +46,7 @@ def mass_columns(chain, q, M):
     rest, unit_acceleration, wrench, column = np.zeros(n), np.zeros(n), np.zeros(6), np.empty(n)
     for k in range(n):
         unit_acceleration[k] = 1.0
-        rne(chain, np.zeros(3), wrench, q, rest, unit_acceleration, column, work)
+        rne(chain, ZERO, wrench, q, rest, unit_acceleration, column, work)
         M[:, k] = column
         unit_acceleration[k] = 0.0
 

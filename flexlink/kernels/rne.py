@@ -32,13 +32,21 @@ def rne_workspace(chain):
 
 
 @kernel
+def inverse_dynamics(chain, wrench, q, qd, qdd):
+    """τ = M q̈ + T_GC in a new array (n,), under the chain's gravity."""
+    tau = np.empty(len(q))
+    rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, rne_workspace(chain))
+    return tau
+
+
+@kernel
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
-    """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` (3,), `wrench` (6,) in frame 0."""
+    """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0."""
     bodies, hinges = chain.bodies, chain.hinges
     turns, loads = work
 
     ω = α = ZERO
-    a = scale(-1.0, vector(gravity))
+    a = scale(-1.0, gravity)
     f_tip, n_tip = vector(wrench), (wrench[3], wrench[4], wrench[5])
     for i in range(len(bodies)):
         b = bodies[i]
