@@ -82,7 +82,7 @@ def drive_function(scene: Scene) -> DriveTorque | None:
 def start(scene: Scene) -> Samples:
     """Times of all samples, and states of which only the first is filled."""
     run, chain = scene.run, scene.chain()
-    t = np.array([k * run.steps_per_sample * run.step for k in range(run.samples)])
+    t = np.arange(run.samples, dtype=np.float64) * (run.steps_per_sample * run.step)
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
     return t, q, qd

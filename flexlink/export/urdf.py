@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.export.document import joint_names, link_names, numbers, text, valid
+from flexlink.export.document import joint_names, link_names, numbers, text, unique, valid
 from flexlink.rotation import rpy_from_matrix
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ def to_urdf(chain: Chain) -> str:
         if body["mass"] or body["inertia"].any():
             _inertial(link, body)
     tip = chain.bodies[-1]
-    fixed = f"{links[-1]}_joint"
+    fixed = unique([*joints, "tip_joint"])[-1]
     _joint(robot, fixed, "fixed", links[-2], links[-1], tip["translation"], tip["rotation"])
     ET.SubElement(robot, "link", name=links[-1])
     return text(robot)

@@ -1,0 +1,232 @@
+"""The exported files say what the chain says: read back by the engines themselves, number by number."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from conftest import MODELS, ROOT, flexible, make_scene, nasty_scene
+from numpy.testing import assert_allclose, assert_array_equal
+
+from flexlink import ArgumentError, Chain, Link, Mount, Payload, load_scene
+from flexlink.engines import load
+from flexlink.engines.mujoco import MujocoEngine
+from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.export import FORMATS
+from flexlink.kernels.kinematics import kinematics
+from flexlink.rotation import matrix_from_rpy_deg, rpy_from_matrix
+
+EPS = np.finfo(float).eps
+
+# A rotation matrix is quadratic in its quaternion: rounding in the root, the division and the normalization (together
+# 4 eps/2 per component) becomes 4 eps, evaluation adds 2.
+QUATERNION = 6 * EPS
+# The same, after three angles of up to pi that are rounded (eps) and come out of atan2 to one ulp (eps).
+ROLL_PITCH_YAW = QUATERNION + 6 * EPS
+# Principal moments and axes are backward stable (3 eps), the axes then pass through a quaternion from both sides.
+PRINCIPAL = 3 * EPS + 2 * QUATERNION
+# Whatever Pinocchio hangs on a joint, even without mass, it fuses as c = (m · (1/m)) c: eps/2 in the factor, eps/2 in
+# the product. That happens twice behind each joint (link, its frame), behind the last also for the tip's two frames.
+FUSION = EPS
+
+STRANGE_NAMES = ['a<b>&"c"', "it's", "Gelenk-äöü", "関節"]
+HOSTILE_NAMES = [*STRANGE_NAMES, "tab\tand\nline", "control\x01\x00", "]]>", "<!--", "\ud800"]
+
+
+def scrambled(chain: Chain, rng: np.random.Generator) -> Chain:
+    """The chain with all hinge numbers different, so that none can be taken for another."""
+    hinges = chain.hinges.copy()
+    for field in ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature"):
+        hinges[field] = rng.uniform(0.1, 1.0, chain.n)
+    return dataclasses.replace(chain, hinges=hinges)
+
+
+@pytest.fixture
+def odd(chain: Chain, rng: np.random.Generator) -> Chain:
+    """Every scene's chain with scrambled hinge numbers."""
+    return scrambled(chain, rng)
+
+
+def test_pinocchio_reads_back_every_mass_centre_and_inertia(odd: Chain) -> None:
+    model = PinocchioEngine(odd).model
+    heavy = odd.bodies[:-1]["stop"].tolist()  # the last joint at each point; joints count from 1
+    for j, body in zip(heavy, odd.bodies[:-1], strict=True):
+        inertia, fusions = model.inertias[j], 4 if j == odd.n else 2
+        assert inertia.mass == body["mass"]
+        assert_allclose(inertia.lever, body["center"], rtol=fusions * FUSION, atol=0)
+        assert_allclose(inertia.inertia, body["inertia"], rtol=0, atol=EPS * body["inertia"].max())
+    assert all(model.inertias[j].mass == 0 for j in range(1, model.njoints) if j not in heavy)
+
+
+def test_pinocchio_reads_back_every_axis_and_placement(odd: Chain) -> None:
+    engine = PinocchioEngine(odd)
+    model, tip = engine.model, engine.model.frames[engine.tip]
+    for body in odd.bodies[:-1]:
+        for k in range(body["first"], body["stop"]):
+            placement, first = model.jointPlacements[k + 1], k == body["first"]
+            assert model.joints[k + 1].shortname() == "JointModelR" + "XYZ"[odd.hinges["axis"][k]]
+            assert_array_equal(placement.translation, body["translation"] if first else np.zeros(3))
+            wanted = body["rotation"] if first else np.eye(3)
+            assert_allclose(placement.rotation, wanted, rtol=0, atol=ROLL_PITCH_YAW)
+    assert tip.parentJoint == odd.n
+    assert_array_equal(tip.placement.translation, odd.bodies["translation"][-1])
+    assert_allclose(tip.placement.rotation, odd.bodies["rotation"][-1], rtol=0, atol=ROLL_PITCH_YAW)
+
+
+def test_pinocchio_reads_back_every_joint_number_exactly(odd: Chain) -> None:
+    engine = PinocchioEngine(odd)
+    for field in ("stiffness", "rest", "damping", "coulomb", "coulomb_width"):
+        assert_array_equal(getattr(engine, field), odd.hinges[field], field)
+    assert_array_equal(engine.model.armature, odd.hinges["armature"])
+    assert_array_equal(engine.model.gravity.linear, odd.gravity)
+
+
+def test_mujoco_reads_back_every_mass_centre_and_inertia(odd: Chain) -> None:
+    model = MujocoEngine(odd).model
+    heavy = odd.bodies[odd.bodies["mass"] > 0]
+    assert model.nbody == 1 + len(heavy) + 1  # world, bodies with mass, tip
+    for i, body in enumerate(heavy, start=1):
+        I, axes = body["inertia"], rotation(model.body_iquat[i])
+        diagonal = np.array_equal(I, np.diag(np.diag(I)))
+        assert model.body_mass[i] == body["mass"]
+        assert_array_equal(model.body_ipos[i], body["center"])
+        bound = 0.0 if diagonal else PRINCIPAL * I.max()
+        assert_allclose(axes @ np.diag(model.body_inertia[i]) @ axes.T, I, rtol=0, atol=bound)
+
+
+def test_mujoco_reads_back_every_axis_and_placement(chain: Chain) -> None:
+    engine = MujocoEngine(chain)
+    engine.mass_matrix(np.zeros(chain.n))  # places all bodies at zero angles
+    nb = len(chain.bodies)
+    rotations, points, axes = np.empty((nb, 3, 3)), np.empty((nb, 3)), np.empty((chain.n, 3))
+    kinematics(chain.arrays, np.zeros(chain.n), rotations, points, axes)
+    turn = nb * QUATERNION  # rotations are multiplied along the chain
+    reach = np.linalg.norm(chain.bodies["translation"], axis=1).sum()
+    anchors = np.repeat(points, chain.bodies["stop"] - chain.bodies["first"], axis=0)
+    assert_allclose(engine.data.xaxis, axes, rtol=0, atol=turn)
+    assert_allclose(engine.data.xanchor, anchors, rtol=0, atol=turn * reach)
+    assert_allclose(engine.data.site_xpos[0], points[-1], rtol=0, atol=turn * reach)
+    assert_allclose(engine.data.site_xmat[0].reshape(3, 3), rotations[-1], rtol=0, atol=turn)
+
+
+def test_mujoco_places_bodies_behind_bodies_with_mass_exactly(chain: Chain) -> None:
+    model, bodies = MujocoEngine(chain).model, chain.bodies
+    heavy = bodies["mass"] > 0
+    for i, b in enumerate(np.flatnonzero(heavy), start=1):
+        if b > 0 and heavy[b - 1]:
+            hinges = range(model.body_jntadr[i], model.body_jntadr[i] + model.body_jntnum[i])
+            assert list(hinges) == list(range(bodies["first"][b], bodies["stop"][b]))
+            assert_array_equal(model.body_pos[i], bodies["translation"][b])
+            assert_allclose(rotation(model.body_quat[i]), bodies["rotation"][b], rtol=0, atol=QUATERNION)
+            assert_array_equal(model.jnt_axis[hinges], np.eye(3)[chain.hinges["axis"][hinges]])
+            assert not model.jnt_pos[hinges].any()
+
+
+def test_mujoco_reads_back_every_joint_number_exactly(odd: Chain) -> None:
+    engine = MujocoEngine(odd)
+    model = engine.model
+    read = {
+        "stiffness": model.jnt_stiffness, "rest": model.qpos_spring, "damping": model.dof_damping,
+        "coulomb": engine.coulomb, "coulomb_width": engine.coulomb_width, "armature": model.dof_armature,
+    }  # fmt: skip
+    for field, values in read.items():
+        assert_array_equal(values, odd.hinges[field], field)
+    assert_array_equal(model.opt.gravity, odd.gravity)
+
+
+def test_joints_keep_their_names_and_order_in_both_engines(chain: Chain) -> None:
+    names = [chain.joint_name(k) for k in range(chain.n)]
+    assert list(PinocchioEngine(chain).model.names)[1:] == names
+    assert mujoco_joint_names(chain) == names
+
+
+@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("name", HOSTILE_NAMES, ids=ascii)
+def test_any_name_comes_out_as_valid_xml(name: str, format: str) -> None:
+    chain = dataclasses.replace(make_scene(flexible(name, "yz", 3), flexible("fore")).chain(), name=name)
+    root = ET.fromstring(FORMATS[format][0](chain))
+    readable = "".join("\ufffd" if c in "\x00\x01\ud800" else c for c in name)
+    assert root.get("name", root.get("model")) == readable
+    assert any(joint.get("name", "").startswith(readable) for joint in root.iter("joint"))
+
+
+@pytest.mark.parametrize("name", STRANGE_NAMES, ids=ascii)
+def test_names_survive_the_engines(name: str) -> None:
+    chain = make_scene(flexible(name, "yz", 3)).chain()
+    names = [name, f"{name}.1.y", f"{name}.1.z", f"{name}.2.y", f"{name}.2.z"]
+    assert list(PinocchioEngine(chain).model.names)[1:] == names
+    assert mujoco_joint_names(chain) == names
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_names_that_collide_are_told_apart(engine: str) -> None:
+    names = ("upper", "upper.1.z", "universe", "world", "tip", "base", "tip_joint")
+    chain = make_scene(*(flexible(name, segments=2) for name in names)).chain()
+    assert load(engine, chain).n == chain.n == 2 * len(names)
+
+
+def test_roll_pitch_yaw_are_exact_near_and_at_a_pitch_of_90_degrees(rng: np.random.Generator) -> None:
+    for exponent in range(-16, 2):
+        roll, yaw = rng.uniform(-180, 180, 2)
+        R = matrix_from_rpy_deg((roll, 90 - 10.0**exponent, yaw))
+        back = matrix_from_rpy_deg(tuple(np.degrees(rpy_from_matrix(R))))
+        assert_allclose(back, R, rtol=0, atol=ROLL_PITCH_YAW)
+
+
+@pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("format", FORMATS)
+def test_generated_models_are_up_to_date(path: Path, format: str) -> None:
+    convert, ending = FORMATS[format]
+    file = ROOT / "models" / "generated" / (path.stem + ending)
+    fresh = convert(load_scene(path).chain())
+    assert file.exists() and file.read_text("utf-8") == fresh, (
+        f"{file.name} is stale; run: flexlink export models/*.toml --out models/generated"
+    )
+
+
+def test_every_generated_model_has_a_scene() -> None:
+    wanted = {path.stem + ending for path in MODELS for _, ending in FORMATS.values()}
+    assert {path.name for path in (ROOT / "models" / "generated").iterdir()} == wanted
+
+
+def test_export_is_the_same_every_time() -> None:
+    for convert, _ in FORMATS.values():
+        assert convert(nasty_scene().chain()) == convert(nasty_scene().chain())
+
+
+def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
+    with pytest.raises(ArgumentError, match="491 bodies: MuJoCo reads at most 490"):
+        MujocoEngine(make_scene(flexible("long", segments=490)).chain())
+    assert MujocoEngine(make_scene(flexible("long", segments=489)).chain()).n == 489
+
+
+def test_mujoco_refuses_last_joints_without_mass() -> None:
+    chain = make_scene(flexible("upper"), Link(name="wrist")).chain()
+    with pytest.raises(ArgumentError, match="'wrist' moves no mass"):
+        MujocoEngine(chain)
+
+
+def test_what_mujoco_refuses_is_an_error_of_ours() -> None:
+    point_mass = make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=Payload(mass=1.0)).chain()
+    with pytest.raises(ArgumentError, match="MuJoCo cannot load 'test'"):
+        MujocoEngine(point_mass)
+
+
+def rotation(quaternion: np.ndarray) -> np.ndarray:
+    """Rotation matrix of a quaternion (w, x, y, z)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def mujoco_joint_names(chain: Chain) -> list[str]:
+    model = MujocoEngine(chain).model
+    return [model.joint(k).name for k in range(model.njnt)]
