@@ -14,7 +14,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -155,6 +155,11 @@ class Store:
     def finish(self, case: str, key: str) -> None:
         """Note that every row and series of `case` is stored."""
         write_text(self.path / "finished.json", _json(self.finished() | {case: key}))
+
+
+def table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, NDArray[Any]]:
+    """The columns of a `Series` from its rows."""
+    return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
 
 
 def finite(value: float) -> float | None:

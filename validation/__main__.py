@@ -1,0 +1,128 @@
+"""python -m validation: run the study, store it, write the report, say the verdict."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from flexlink.errors import FlexlinkError
+from validation.case import Case, load_cases
+from validation.runner import environment, run_cases
+from validation.store import Row, Store
+
+HERE = Path(__file__).parent
+REPORT = HERE.parent / "reports" / "latest"
+
+EXAMPLES = """examples:
+  python -m validation                      everything that is not stored yet, then the report
+  python -m validation --case 'pointwise*'  some cases
+  python -m validation --force --no-report  measure again, keep the old report
+  python -m validation --list               what there is
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the study; 0 if every bar is met, 1 if one is not, 2 if it could not be run."""
+    options = _parser().parse_args(arguments)
+    console = Console()
+    try:
+        cases = load_cases(options.case)
+        if options.list:
+            _print_cases(console, cases)
+            return 0
+        store = Store(options.results)
+        store.prepare(environment(), {case.name for case in load_cases()})
+        _run(console, cases, store, options.force)
+        rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
+        page = None if options.no_report else _report(store.path)
+    except FlexlinkError as error:
+        print(f"validation: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("validation: stopped; what is finished is stored and will be skipped next time", file=sys.stderr)
+        return 130
+    _print_verdict(console, rows)
+    if page is not None:
+        console.print(f"report: {page}", soft_wrap=True)
+    return 1 if any(row.passed is False for row in rows) else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m validation",
+        description="Prove the library: identities, other engines, 50-digit arithmetic, convergence, speed.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--case", default="*", metavar="GLOB", help="only cases whose name matches")
+    parser.add_argument("--force", action="store_true", help="measure again what is stored")
+    parser.add_argument("--list", action="store_true", help="list the cases and stop")
+    parser.add_argument("--no-report", action="store_true", help="do not write the report")
+    parser.add_argument(
+        "--results", type=Path, default=HERE / "results", metavar="DIR", help="store of the results (%(default)s)"
+    )
+    return parser
+
+
+def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> None:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    titles = {case.name: case.title for case in cases}
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("reading what is stored", total=len(cases))
+
+        def report(case: str, row: Row | None) -> None:
+            if row is None:
+                order = [c.name for c in cases]
+                progress.update(task, description=titles[case], completed=order.index(case))
+            elif row.passed is False:
+                progress.console.print(f"[red]FAILED[/red] {_describe(row)}", highlight=False)
+
+        run_cases(cases, store, force, report)
+        progress.update(task, description="all cases stored", completed=len(cases))
+
+
+def _report(results: Path) -> Path | None:
+    """Write the report with the package `reports`, if it is there."""
+    if importlib.util.find_spec("reports") is None or importlib.util.find_spec("reports.build") is None:
+        return None
+    page: Path = importlib.import_module("reports").build(results, REPORT)
+    return page
+
+
+def _print_cases(console: Console, cases: Sequence[Case]) -> None:
+    table = Table("case", "kind", "title", box=None)
+    for case in cases:
+        table.add_row(case.name, case.kind, case.title)
+    console.print(table)
+
+
+def _print_verdict(console: Console, rows: Sequence[Row]) -> None:
+    table = Table("case", "passed", "failed", "information", box=None)
+    for case in dict.fromkeys(row.case for row in rows):
+        verdicts = [row.passed for row in rows if row.case == case]
+        failed = verdicts.count(False)
+        colour = "red" if failed else "green"
+        table.add_row(case, str(verdicts.count(True)), f"[{colour}]{failed}[/]", str(verdicts.count(None)))
+    console.print(table)
+    for row in rows:
+        if row.passed is False:
+            console.print(f"[red]FAILED[/red] {_describe(row)}", highlight=False, soft_wrap=True)
+    judged = [row.passed for row in rows if row.passed is not None]
+    console.print(f"{judged.count(True)} of {len(judged)} bars met")
+
+
+def _describe(row: Row) -> str:
+    where = ", ".join(part for part in (row.scene, row.engine, row.setting) if part)
+    return f"{row.case}: {row.quantity} ({where}) = {row.value} {row.unit}, tolerance {row.tolerance}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

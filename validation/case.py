@@ -1,0 +1,95 @@
+"""A case of the study: scenes, a kind of measurement, its settings, and for each quantity the bar and its reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+from flexlink import catalogue
+from flexlink.errors import SceneError
+from flexlink.scene import Scene, load_scene
+from flexlink.spec import Spec, decode
+
+HERE = Path(__file__).parent
+CASES = HERE / "cases"
+MODELS = HERE.parent / "models"
+
+
+class Quantity(Spec, frozen=True):
+    """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict."""
+
+    metric: str
+    reason: str
+    unit: str = "1"
+    tolerance: float | None = None
+    bound: Literal["at most", "at least"] = "at most"
+
+
+class Case(Spec, frozen=True):
+    """One TOML file in `cases/`; its name is the file's."""
+
+    name: str
+    kind: str
+    title: str
+    about: str
+    quantity: dict[str, Quantity]
+    scenes: tuple[str, ...] = ()  # names of files in models/
+    settings: dict[str, Any] = {}  # decoded by the kind
+
+    def load_scenes(self) -> list[Scene]:
+        """The scenes, in order."""
+        return [load_scene(path) for path in self.scene_files]
+
+    @property
+    def path(self) -> Path:
+        """The case's file."""
+        return CASES / f"{self.name}.toml"
+
+    @property
+    def scene_files(self) -> list[Path]:
+        """The scenes' files."""
+        return [MODELS / f"{name}.toml" for name in self.scenes]
+
+
+class Measured(NamedTuple):
+    """What a kind yields for every number: a row without verdict."""
+
+    quantity: str
+    value: float
+    scene: str = ""
+    engine: str = "native"
+    setting: str = ""
+    scale: float = 1.0  # the case's tolerance is in units of this, where the bar follows from the physics of the run
+    note: str = ""  # computed words, put after the reason
+
+
+def load_case(path: Path) -> Case:
+    """Read one case file.
+
+    Raises
+    ------
+    SceneError
+        The message names the file, the key path, the value and what is allowed.
+    """
+    raw = catalogue.read_toml(path)
+    if "name" in raw:
+        raise SceneError(f"{path}: name = {raw['name']!r}: unknown key; the name of a case is its file's")
+    try:
+        return decode(raw | {"name": path.stem}, Case)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def load_cases(pattern: str = "*") -> list[Case]:
+    """All cases whose name matches a glob pattern, by name.
+
+    Raises
+    ------
+    SceneError
+        A file is not a valid case, or no name matches.
+    """
+    paths = sorted(CASES.glob(f"{pattern}.toml"))
+    if not paths:
+        known = ", ".join(sorted(path.stem for path in CASES.glob("*.toml")))
+        raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
+    return [load_case(path) for path in paths]

@@ -1,0 +1,50 @@
+"""Kinds of measurement: one file each, with its `Settings` and a generator `run(case, settings)`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Protocol
+
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+from validation.kinds import (
+    convergence,
+    energy_drift,
+    identities,
+    integrators,
+    judge,
+    order_conditions,
+    pointwise,
+    rounding_growth,
+    speed,
+    trajectory,
+)
+from validation.store import Series
+
+
+class Kind(Protocol):
+    """What a file in this folder provides."""
+
+    @property
+    def Settings(self) -> type[Spec]:
+        """The case's table `settings`, decoded strictly."""
+
+    @property
+    def run(self) -> Any:
+        """(case, settings) → iterator of `Measured` and `Series`, in the order in which they are known."""
+
+
+Results = Iterator[Measured | Series]
+
+KINDS: dict[str, Kind] = {
+    "convergence": convergence,
+    "energy_drift": energy_drift,
+    "identities": identities,
+    "integrators": integrators,
+    "judge": judge,
+    "order_conditions": order_conditions,
+    "pointwise": pointwise,
+    "rounding_growth": rounding_growth,
+    "speed": speed,
+    "trajectory": trajectory,
+}

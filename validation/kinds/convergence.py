@@ -1,0 +1,87 @@
+"""Measured order of the integrators: slope of log error against log step, in float64 or in 50 digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import msgspec
+import numpy as np
+from mpmath import mp, mpf
+from numpy.typing import NDArray
+
+from flexlink.scene import Scene
+from flexlink.simulate import simulate
+from flexlink.spec import Positive, Spec
+from flexlink.tableaus import tableau
+from validation.case import Case, Measured
+from validation.kinds.motion import with_run
+from validation.oracles import runge_kutta
+from validation.oracles.planar_chain import DIGITS, PlanarChain
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+
+
+class Reference(Spec, frozen=True):
+    """The run whose end counts as exact."""
+
+    method: str
+    steps: int
+
+
+class Settings(Spec, frozen=True):
+    """Segments of every flexible link, duration [s], arithmetic, reference, and for each method numbers of steps."""
+
+    segments: int
+    duration: Positive
+    arithmetic: Literal["float64", "extended"]
+    reference: Reference
+    steps: dict[str, tuple[int, ...]]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Fitted slope, its distance from the order, and how far it stays below it."""
+    for full in case.load_scenes():
+        scene = _with_segments(full, settings.segments)
+        end = _extended if settings.arithmetic == "extended" else _float64
+        exact = end(scene, settings.reference.method, settings.duration, settings.reference.steps)
+        curves: list[tuple[str, float, float]] = []
+        for method, counts in settings.steps.items():
+            h = settings.duration / np.array(counts)
+            errors = [_distance(end(scene, method, settings.duration, count), exact) for count in counts]
+            slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
+            order = tableau(method).order
+            setting = f"{method}, {settings.arithmetic}, h={h.max():.3g} … {h.min():.3g} s"
+            yield Measured("slope", slope, scene.name, setting=setting)
+            yield Measured("|slope − order|", abs(slope - order), scene.name, setting=setting)
+            yield Measured("order − slope", order - slope, scene.name, setting=setting)
+            curves += [(method, float(step), error) for step, error in zip(h, errors, strict=True)]
+        columns = table(("method", "step [s]", "error [rad]"), curves)
+        title = f"{scene.name}, {settings.segments} segments: error after {settings.duration:g} s"
+        yield Series("error", title, columns, "step [s]", "step [s]", "max |Δq| [rad]", "log", "log", group="method")
+
+
+def _with_segments(scene: Scene, segments: int) -> Scene:
+    links = tuple(
+        link if link.flex == "rigid" else msgspec.structs.replace(link, segments=segments) for link in scene.arm.links
+    )
+    return msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=links))
+
+
+def _float64(scene: Scene, method: str, duration: float, steps: int) -> list[float]:
+    step = duration / steps
+    run = simulate(with_run(scene, method=method, step=step, sample=duration, duration=duration))
+    return [float(x) for x in run.q[-1]]
+
+
+def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mpf]:
+    chain = scene.chain()
+    oracle = PlanarChain(chain)
+    q, qd = (part.tolist() for part in scene.initial_state(chain))
+    with mp.workdps(DIGITS):
+        return runge_kutta.integrate(oracle.forward_dynamics, tableau(method), (q, qd), duration, steps)[0]
+
+
+def _distance(a: list[float], b: list[float]) -> float:
+    return max(float(abs(x - y)) for x, y in zip(a, b, strict=True))

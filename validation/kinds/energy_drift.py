@@ -1,0 +1,74 @@
+"""Energy drift of runs without friction, against what the method's damping of the excited modes predicts.
+
+A straight arm let go under gravity starts away from its static bend: each elastic mode m takes the energy
+E_m = ½ (φ_m·T_G)² / ω_m². A Runge-Kutta method multiplies the mode's amplitude by |R(iω_m h)| in every step, so that
+N steps lose Σ_m E_m (1 − |R(iω_m h)|^2N). Rounding adds at most eps · kinetic energy in every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from flexlink.compare import EPS
+from flexlink.dynamics import gravity_torque, mass_matrix
+from flexlink.modal import stability_polynomial
+from flexlink.scene import Scene
+from flexlink.simulate import simulate
+from flexlink.spec import Spec
+from flexlink.tableaus import tableau
+from validation.case import Case, Measured
+from validation.kinds.motion import with_run
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+
+
+class Settings(Spec, frozen=True):
+    """Method: steps [s]."""
+
+    steps: dict[str, tuple[float, ...]]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Measured and predicted drift of every method and step."""
+    for scene in case.load_scenes():
+        ω, E = released_modes(scene)
+        points = []
+        for method, step in ((m, h) for m, steps in settings.steps.items() for h in steps):
+            energy = simulate(with_run(scene, method=method, step=step)).energy
+            drift = float(np.abs(energy.total - np.asarray(energy.total)[0]).max())
+            exchanged = float(np.abs(np.diff(energy.gravity)).sum())
+            steps = round(scene.run.duration / step)
+            loss = modal_loss(method, ω * step, E, steps)
+            rounding = steps * EPS * float(np.max(energy.kinetic))
+            setting = f"{method} h={step:g} s"
+            note = f"Predicted {loss:.2g} J, rounding at most {rounding:.2g} J."
+            yield Measured("drift", drift, scene.name, setting=setting, scale=loss + rounding, note=note)
+            yield Measured("drift / energy exchanged", drift / exchanged, scene.name, setting=setting)
+            points.append((method, step, drift, loss + rounding))
+        columns = table(("method", "step [s]", "measured", "predicted"), points)
+        yield Series(
+            f"{scene.name}.drift", f"{scene.name}: energy drift in {scene.run.duration:g} s", columns, "step [s]",
+            "step [s]", "energy drift [J]", "log", "log", group="method",
+        )  # fmt: skip
+
+
+def released_modes(scene: Scene) -> tuple[Array, Array]:
+    """Frequencies ω [rad/s] of the elastic modes at the initial posture, and the energy E [J] that the release gives."""
+    chain = scene.chain()
+    q, _ = scene.initial_state(chain)
+    squares, Φ = linalg.eigh(np.diag(chain.stiffness), mass_matrix(chain, q))  # Φᵀ M Φ = 1
+    force = Φ.T @ (gravity_torque(chain, q) + chain.stiffness * (q - chain.rest))
+    elastic = squares > 1e-9 * squares.max()
+    ω: Array = np.sqrt(squares[elastic])
+    return ω, 0.5 * force[elastic] ** 2 / ω**2
+
+
+def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
+    """|energy| that `method` takes from or gives to the modes in so many steps [J]."""
+    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(tableau(method))))
+    return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

@@ -1,0 +1,135 @@
+"""Identities of the equation of motion at random states: what must hold whatever other engines say.
+
+Derivatives are exact, not finite differences of a small step. In one angle, kinetic and gravity energy are
+trigonometric polynomials of degree 2 at most, so that five points spread over the full turn give the derivative:
+
+    f'(0) = Σ_j=1,2 w_j (f(jΔ) − f(−jΔ)),    Δ = 2π/5,    w_j = ½ (−1)^(j+1) / sin(jΔ/2)
+
+In one rate, or one angle of the elastic energy, they are quadratic, and f'(0) = (f(1) − f(−1))/2.
+
+Every error is taken relative to the sum of the sizes of all terms that were added up, so that its floor is eps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.chain import Chain
+from flexlink.compare import State, random_states
+from flexlink.dynamics import MASS_METHODS
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+
+Array = NDArray[np.float64]
+
+TURN = {
+    j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)
+    for j in (1, 2)
+    for sign in (1, -1)
+}
+"""Angle: weight, for the derivative of a trigonometric polynomial of degree 2."""
+UNIT = {1.0: 0.5, -1.0: -0.5}
+"""Step: weight, for the derivative of a quadratic."""
+
+
+class Settings(Spec, frozen=True):
+    """Number of states and seed."""
+
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest violation of each identity over the states of each scene."""
+    for scene in case.load_scenes():
+        chain = scene.chain()
+        states = random_states(chain, settings.samples, settings.seed)
+        for quantity, (violation, worst) in IDENTITIES.items():
+            found = worst([violation(chain, state) for state in states])
+            yield Measured(quantity, found, scene.name, setting=f"{settings.samples} random states")
+
+
+def _asymmetry(chain: Chain, s: State) -> float:
+    M = fl.mass_matrix(chain, s.q, "columns")  # the one method that does not copy one half to the other
+    return float(np.abs(M - M.T).max() / np.abs(M).max())
+
+
+def _smallest_eigenvalue(chain: Chain, s: State) -> float:
+    values = np.linalg.eigvalsh(fl.mass_matrix(chain, s.q))
+    return float(values[0] / values[-1])
+
+
+def _methods(chain: Chain, s: State) -> float:
+    M = np.array([fl.mass_matrix(chain, s.q, method) for method in MASS_METHODS])
+    return float(np.ptp(M, axis=0).max() / np.abs(M).max())
+
+
+def _kinetic(chain: Chain, s: State) -> float:
+    terms = 0.5 * np.outer(s.qd, s.qd) * fl.mass_matrix(chain, s.q)
+    return float(abs(fl.energy(chain, s.q, s.qd).kinetic - terms.sum()) / np.abs(terms).sum())
+
+
+def _power(chain: Chain, s: State) -> float:
+    """q̇·(T_EX − T_FR) = dE/dt along the motion, with q̈ from forward dynamics."""
+    qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau)
+    supplied = s.qd * (s.tau - fl.friction_torque(chain, s.qd))
+    rate, size = (
+        _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TURN)
+        + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, UNIT)
+        + _rates(lambda qd: fl.energy(chain, s.q, qd).kinetic, s.qd, qdd, UNIT)
+    )
+    return _relative(supplied - rate, np.abs(supplied) + size)
+
+
+def _skew(chain: Chain, s: State) -> float:
+    """q̇ᵀ Ṁ q̇ = 2 q̇ᵀ C q̇, with C q̇ = T_GC − T_G and ½ q̇ᵀ Ṁ q̇ = Σ q̇_k ∂T/∂q_k at fixed q̇."""
+    slope, size = _rates(lambda q: fl.energy(chain, q, s.qd).kinetic, s.q, s.qd, TURN)
+    coriolis = s.qd * (fl.bias_torque(chain, s.q, s.qd) - fl.gravity_torque(chain, s.q))
+    return _relative(slope - coriolis, size + np.abs(coriolis))
+
+
+def _inverse(chain: Chain, s: State) -> float:
+    """Inverse dynamics of forward dynamics gives the drive torque back."""
+    qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
+    own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd)
+    back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, s.wrench) + own
+    size = np.abs(fl.mass_matrix(chain, s.q)) @ np.abs(qdd) + np.abs(own)
+    return float(np.abs(back - s.tau).max() / size.max())
+
+
+def _rigid_energy(chain: Chain, q: Array, qd: Array) -> Any:
+    parts = fl.energy(chain, q, qd)
+    return parts.kinetic + parts.gravity
+
+
+def _rates(f: Callable[[Array], Any], x: Array, xd: Array, stencil: dict[float, float]) -> Array:
+    """ẋ_k ∂f/∂x_k, and the sum of the sizes of the terms each was added up from; shape (2, n)."""
+    out = np.zeros((2, len(x)))
+    for k in range(len(x)):
+        for step, weight in stencil.items():
+            moved = x.copy()
+            moved[k] += step
+            term = xd[k] * weight * f(moved)
+            out[:, k] += term, abs(term)
+    return out
+
+
+def _relative(terms: Array, sizes: Array) -> float:
+    return float(abs(terms.sum()) / sizes.sum())
+
+
+IDENTITIES: dict[str, tuple[Callable[[Chain, State], float], Callable[[list[float]], float]]] = {
+    "M symmetric": (_asymmetry, max),
+    "M positive definite": (_smallest_eigenvalue, min),
+    "four methods for M": (_methods, max),
+    "½ q̇ᵀMq̇ = kinetic energy": (_kinetic, max),
+    "power balance": (_power, max),
+    "Ṁ − 2C skew": (_skew, max),
+    "ID∘FD = identity": (_inverse, max),
+}

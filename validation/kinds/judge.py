@@ -1,0 +1,63 @@
+"""Native and other engines against 50-digit arithmetic on planar chains: the judge where engines differ."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from mpmath import mp, mpf
+from numpy.typing import NDArray
+
+from flexlink import engines
+from flexlink.compare import EPS, QUANTITIES, State, random_states
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+from validation.oracles.planar_chain import DIGITS, PlanarChain
+
+Array = NDArray[np.float64]
+
+
+class Settings(Spec, frozen=True):
+    """Engines, number of states and seed."""
+
+    engines: tuple[str, ...]
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest error of M, T_GC and q̈ of every engine over the states of each scene."""
+    for scene in case.load_scenes():
+        chain = scene.chain()
+        oracle = PlanarChain(chain)
+        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, settings.seed)]
+        with mp.workdps(DIGITS):
+            exact = [_exact(oracle, s) for s in states]
+        for name in settings.engines:
+            engine = engines.load(name, chain)
+            for quantity in exact[0]:
+                errors = [_error(engine, quantity, s, truth) for s, truth in zip(states, exact, strict=True)]
+                setting = f"{settings.samples} random states"
+                yield Measured(quantity, float(max(errors)), scene.name, name, setting)
+
+
+def _exact(oracle: PlanarChain, state: State) -> dict[str, Array]:
+    q, qd, tau = ([mpf(float(x)) for x in part] for part in (state.q, state.qd, state.tau))
+    return {
+        "M": _array(oracle.mass_matrix(q).tolist()),
+        "T_GC": _array(oracle.bias_torque(q, qd)),
+        "q̈": _array(oracle.forward_dynamics(q, qd, tau)),
+    }
+
+
+def _array(values: Any) -> Array:
+    return np.array(values, dtype=np.float64)  # rounds once
+
+
+def _error(engine: engines.Engine, quantity: str, state: State, exact: dict[str, Array]) -> float:
+    """Relative to the largest element; of q̈ in units of 10 · eps · cond(M)."""
+    truth = exact[quantity]
+    unit = 10 * EPS * np.linalg.cond(exact["M"]) if quantity == "q̈" else 1.0
+    delta = QUANTITIES[quantity].evaluate(engine, state) - truth
+    return float(np.abs(delta).max() / np.abs(truth).max() / unit)

@@ -1,0 +1,55 @@
+"""What the kinds share about runs: a scene with other run settings, and the panels of figure 5 for any arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+import numpy as np
+
+import flexlink as fl
+from flexlink.scene import Scene
+from flexlink.trajectory import Trajectory
+from validation.store import Series
+
+
+def with_run(scene: Scene, **settings: Any) -> Scene:
+    """The scene with other run settings."""
+    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **settings))
+
+
+def panels(scene: Scene, run: Trajectory) -> Iterator[Series]:
+    """Figure 5 of the paper: active joints; passive joints by link; coordinates of later active joints; hand; energy."""
+    chain, time = run.chain, {"time [s]": run.t}
+    names = [chain.joint_name(k) for k in range(chain.n)]
+    degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
+    links = [chain.coordinate(k).link for k in range(chain.n)]
+
+    def series(name: str, title: str, columns: dict[str, Any], y_label: str) -> Series:
+        return Series(f"{scene.name}.{name}", title, time | columns, "time [s]", "time [s]", y_label)
+
+    active = {names[k]: degrees[names[k]] for k in chain.active}
+    yield series("active", "Active joints", active, "angle [deg]")
+    for link in dict.fromkeys(links):
+        passive = {names[k]: degrees[names[k]] for k in range(chain.n) if links[k] == link and k not in chain.active}
+        if passive:
+            title = f"Passive joints of link {link} ({chain.link_names[link - 1]})"
+            yield series(f"passive-{link}", title, passive, "angle [deg]")
+    places = _joint_places(run)
+    for link, place in places.items():
+        title = f"Coordinates of active joint {link} ({chain.link_names[link - 1]})"
+        yield series(f"joint-{link}", title, dict(zip("xyz", place.T, strict=True)), "coordinate in frame 0 [m]")
+    hand = dict(zip("xyz", run.tip.T, strict=True))
+    yield series("hand", "Coordinates of the hand", hand, "coordinate in frame 0 [m]")
+    energy = {name: np.asarray(getattr(run.energy, name)) for name in ("kinetic", "gravity", "elastic", "total")}
+    yield series("energy", "Energy", energy, "energy [J]")
+
+
+def _joint_places(run: Trajectory) -> dict[int, Any]:
+    """Positions [m] of the active joints that move, by number of the link; shape (samples, 3)."""
+    chain = run.chain
+    bodies = {int(first): i for i, first in enumerate(chain.bodies["first"][:-1])}
+    places = np.array([fl.frames(chain, q).points for q in run.q])
+    found = {chain.coordinate(int(k)).link: places[:, bodies[int(k)]] for k in chain.active}
+    return {link: place for link, place in found.items() if np.ptp(place, axis=0).any()}

@@ -1,0 +1,27 @@
+"""Order of the Runge-Kutta methods, proved: every order condition up to the order, and the first one that fails."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flexlink.spec import Spec
+from flexlink.tableaus import tableau
+from validation.case import Case, Measured
+from validation.oracles.rooted_trees import residuals
+
+
+class Settings(Spec, frozen=True):
+    """Names of the methods."""
+
+    methods: tuple[str, ...]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest residual of all conditions through the order, their number, and the largest one order above."""
+    for name in settings.methods:
+        method = tableau(name)
+        found = [r for order in range(1, method.order + 1) for r in residuals(method, order)]
+        setting = f"{name}, order {method.order}"
+        yield Measured("residual", float(max(found)), setting=setting)
+        yield Measured("conditions", len(found), setting=setting)
+        yield Measured("residual one order above", float(max(residuals(method, method.order + 1))), setting=setting)

@@ -1,0 +1,27 @@
+"""Every term of the equation of motion against other engines, at random states."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flexlink.compare import compare
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+
+
+class Settings(Spec, frozen=True):
+    """Engines, number of states and seed, as in `flexlink.compare.compare`."""
+
+    engines: tuple[str, ...]
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest error of each quantity, engine and scene; where it is too large, what differs."""
+    for scene in case.load_scenes():
+        for row in compare(scene, settings.engines, settings.samples, settings.seed).rows:
+            note = row.hint if row.hint else f"Largest at joint {row.joint!r}."
+            yield Measured(
+                row.quantity, row.error, scene.name, row.engine, f"{settings.samples} random states", note=note
+            )

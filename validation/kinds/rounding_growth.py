@@ -1,0 +1,79 @@
+"""A chaotic motion: how rounding grows, and for how long it explains the difference between engines.
+
+The yardstick is the library against itself: the initial angles moved by one unit in the last place, either way, and
+another linear solver. The largest of these differences up to time t is what rounding alone does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import engines
+from flexlink.scene import Scene
+from flexlink.simulate import simulate
+from flexlink.spec import Positive, Spec
+from validation.case import Case, Measured
+from validation.kinds.motion import panels, with_run
+from validation.store import Series
+
+Array = NDArray[np.float64]
+
+
+class Settings(Spec, frozen=True):
+    """Engines, duration and step of the runs [s], and the difference [rad] at which two motions count as parted."""
+
+    engines: tuple[str, ...]
+    duration: Positive
+    step: Positive
+    parted: Positive = 1e-3
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon."""
+    for short in case.load_scenes():
+        yield from panels(short, simulate(short))
+        scene = with_run(short, duration=settings.duration, step=settings.step)
+        ours = simulate(scene)
+        own = np.max([_running_max(other, ours.q) for other in _own_differences(scene)], axis=0)
+        parted = own >= settings.parted
+        end = int(np.argmax(parted)) if parted.any() else len(own)
+        within = slice(1, end)
+        rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
+        ulps = 0.5 * math.sqrt(1 / (rate * settings.step))  # half an ulp in each step of one e-folding time
+        setting = f"{scene.run.method} h={scene.run.step:g} s"
+        yield Measured("growth rate", rate, scene.name, setting=setting)
+        yield Measured("horizon", float(ours.t[end - 1]), scene.name, setting=setting)
+        curves = {"time [s]": ours.t, "native, one ulp or another solver": own}
+        for name in settings.engines:
+            _, q, _ = engines.load(name, ours.chain).integrate(scene)
+            curves[name] = _running_max(q, ours.q)
+            ratio = float((curves[name][within] / own[within]).max())
+            upto = f"{setting}, to {ours.t[end - 1]:g} s"
+            yield Measured("difference / rounding growth", ratio, scene.name, name, upto, scale=ulps)
+            at_end = float(curves[name][short.run.samples - 1])
+            yield Measured("max |Δq|", at_end, scene.name, name, f"{setting}, {short.run.duration:g} s")
+        title = f"{scene.name}: difference up to time t"
+        yield Series(
+            f"{scene.name}.growth", title, curves, "time [s]", "time [s]", "max |Δq| up to t [rad]", y_scale="log"
+        )
+
+
+def _own_differences(scene: Scene) -> Iterator[Array]:
+    yield simulate(scene, dynamics="cholesky").q
+    angles = scene.initial.joint_deg
+    for k, angle in enumerate(angles):
+        for way in (-np.inf, np.inf):
+            if angle and not scene.arm.links[k].joint.locked:
+                moved = (*angles[:k], float(np.nextafter(angle, way)), *angles[k + 1 :])
+                initial = msgspec.structs.replace(scene.initial, joint_deg=moved)
+                yield simulate(msgspec.structs.replace(scene, initial=initial)).q
+
+
+def _running_max(q: Array, reference: Array) -> Array:
+    differences: Array = np.maximum.accumulate(np.abs(q - reference).max(axis=1))
+    return differences

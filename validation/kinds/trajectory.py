@@ -1,0 +1,38 @@
+"""The whole motion against other engines with the same method and step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink import engines
+from flexlink.simulate import simulate
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+from validation.kinds.motion import panels
+from validation.store import Series
+
+
+class Settings(Spec, frozen=True):
+    """Engines to compare with."""
+
+    engines: tuple[str, ...]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Largest difference of joint angles, rates and tip over the run; the panels of figure 5."""
+    for scene in case.load_scenes():
+        ours = simulate(scene)
+        yield from panels(scene, ours)
+        differences = {"time [s]": ours.t}
+        for name in settings.engines:
+            _, q, qd = engines.load(name, ours.chain).integrate(scene)
+            setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
+            differences[name] = np.abs(q - ours.q).max(axis=1)
+            yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, setting)
+            yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, setting)
+        title = f"{scene.name}: difference from flexlink, same method and step"
+        yield Series(
+            f"{scene.name}.difference", title, differences, "time [s]", "time [s]", "max |Δq| [rad]", y_scale="log"
+        )

@@ -1,0 +1,84 @@
+"""Order conditions of Runge-Kutta methods by rooted trees (Butcher; Hairer, Nørsett & Wanner, I, section II.2).
+
+A tree is the tuple of its subtrees. A method has order p if b·u(t) = 1/γ(t) for all trees t of up to p nodes, with
+
+    u(t)_i = Π_children (A u(child))_i        γ(t) = |t| Π_children γ(child)        |t| = 1 + Σ |child|
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+from typing import Any, TypeAlias
+
+from mpmath import mp, mpf
+
+from flexlink.tableaus import Tableau
+
+Tree: TypeAlias = "tuple[Tree, ...]"
+DIGITS = 80
+
+
+@functools.cache
+def trees(order: int) -> tuple[Tree, ...]:
+    """All rooted trees with `order` nodes: 1, 1, 2, 4, 9, 20, 48, 115, 286, 719, …"""
+    return tuple(_forests(order - 1, order - 1))
+
+
+@functools.cache
+def _forests(nodes: int, largest: int) -> tuple[Tree, ...]:
+    """All multisets of trees with `nodes` nodes together, each of at most `largest` nodes."""
+    if nodes == 0:
+        return ((),)
+    return tuple(forest for size in range(1, min(nodes, largest) + 1) for forest in _starting_with(size, nodes))
+
+
+def _starting_with(size: int, nodes: int) -> Iterator[Tree]:
+    """Multisets whose largest member has `size` nodes; equal sizes stand in the order of `trees`."""
+    same = trees(size)
+    rank = {tree: k for k, tree in enumerate(same)}
+    for first in same:
+        for rest in _forests(nodes - size, size):
+            if not rest or _nodes(rest[0]) < size or rank[rest[0]] >= rank[first]:
+                yield (first, *rest)
+
+
+@functools.cache
+def _nodes(tree: Tree) -> int:
+    return 1 + sum(map(_nodes, tree))
+
+
+@functools.cache
+def density(tree: Tree) -> int:
+    """γ(t): the node count of the tree times the densities of its subtrees."""
+    product = _nodes(tree)
+    for child in tree:
+        product *= density(child)
+    return product
+
+
+def residuals(method: Tableau, order: int) -> list[Any]:
+    """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits from the exact coefficients.
+
+    The elementary weights of smaller trees are shared, so that a condition costs one product per stage.
+    """
+    with mp.workdps(DIGITS):
+        exact = method.exact
+        A = [[mpf(a.numerator) / a.denominator for a in row] for row in exact[0]]
+        b = [mpf(x.numerator) / x.denominator for x in exact[1]]
+        stages = range(len(b))
+
+        @functools.cache
+        def weight(tree: Tree) -> tuple[Any, ...]:
+            u = [mpf(1)] * len(b)
+            for child in tree:
+                v = below(child)
+                u = [x * y for x, y in zip(u, v, strict=True)]
+            return tuple(u)
+
+        @functools.cache
+        def below(tree: Tree) -> tuple[Any, ...]:
+            u = weight(tree)
+            return tuple(mp.fsum(A[i][j] * u[j] for j in range(i) if A[i][j]) for i in stages)
+
+        return [abs(mp.fdot(b, weight(t)) - mpf(1) / density(t)) for t in trees(order)]

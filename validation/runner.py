@@ -1,0 +1,145 @@
+"""Run cases: skip what is stored for the same sources and versions, judge each number, store it at once."""
+
+from __future__ import annotations
+
+import datetime
+import hashlib
+import importlib.metadata
+import os
+import platform
+import subprocess
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from flexlink.errors import SceneError
+from flexlink.spec import decode
+from validation.case import Case, Measured
+from validation.kinds import KINDS
+from validation.store import Row, Series, Store, finite
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath")
+
+Report = Callable[[str, Row | None], None]
+"""Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
+
+
+def run_cases(cases: Iterable[Case], store: Store, force: bool, report: Report) -> None:
+    """Run every case that is not stored yet.
+
+    Raises
+    ------
+    FlexlinkError
+        A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
+    """
+    shared = _hash_of_sources()
+    for case in cases:
+        key = _key(case, shared)
+        if not force and store.finished().get(case.name) == key:
+            continue
+        report(case.name, None)
+        store.forget(case.name)
+        _run_case(case, key, store, report)
+        store.finish(case.name, key)
+
+
+def _run_case(case: Case, key: str, store: Store, report: Report) -> None:
+    kind = KINDS.get(case.kind)
+    if kind is None:
+        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+    try:
+        settings: Any = decode(case.settings, kind.Settings, "settings")
+    except SceneError as error:
+        raise SceneError(f"{case.path}: {error}") from None
+    missing = set(case.quantity)
+    start = time.perf_counter()
+    for result in kind.run(case, settings):
+        if isinstance(result, Series):
+            store.add_series(case.name, result)
+            continue
+        if result.quantity not in case.quantity:  # a case takes of what its kind measures
+            continue
+        row = judge(case, result, time.perf_counter() - start, key)
+        store.append(row)
+        report(case.name, row)
+        missing.discard(result.quantity)
+        start = time.perf_counter()
+    if missing:  # a bar that nobody measured must not look like a bar that was met
+        raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
+
+
+def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
+    """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
+    quantity = case.quantity[measured.quantity]
+    tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale
+    passed = None
+    if tolerance is not None:
+        passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
+    at_least = ", at least" if tolerance is not None and quantity.bound == "at least" else ""
+    return Row(
+        case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
+        setting=measured.setting, quantity=measured.quantity, metric=quantity.metric + at_least,
+        value=finite(measured.value), unit=quantity.unit, tolerance=tolerance,
+        passed=None if passed is None else bool(passed), reason=f"{quantity.reason} {measured.note}".strip(),
+        seconds=round(seconds, 3), key=key,
+    )  # fmt: skip
+
+
+def _key(case: Case, shared: bytes) -> str:
+    digest = hashlib.sha256(shared)
+    for path in (case.path, *case.scene_files):
+        digest.update(path.read_bytes() if path.exists() else b"")
+    return digest.hexdigest()[:16]
+
+
+def _hash_of_sources() -> bytes:
+    """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
+    digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
+    for folder in (ROOT / "flexlink", ROOT / "validation"):
+        for path in sorted([*folder.rglob("*.py"), *folder.glob("data/**/*.toml")]):
+            digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return digest.digest()
+
+
+def versions() -> dict[str, str]:
+    """Installed versions; "" for what is absent."""
+    found = {}
+    for name in PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = ""
+    return found
+
+
+def environment() -> dict[str, Any]:
+    """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
+    return {
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        "versions": versions(),
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def _commit() -> str:
+    """The commit of the sources, with "+" if they were changed since; "" outside a repository."""
+    try:
+        git = ["git", "-C", str(ROOT)]
+        head = subprocess.run([*git, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True, check=True)
+        status = subprocess.run([*git, "status", "--porcelain"], capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return head.stdout.strip() + ("+" if status.stdout.strip() else "")
