@@ -122,6 +122,22 @@ class Chain:
         return np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
 
     @functools.cached_property
+    def is_planar(self) -> bool:
+        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
+
+        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Axes
+        count as parallel within 16 ulp per mount rotation, the rounding of the rotations themselves.
+        """
+        rotation, turns = np.eye(3), 1
+        axes = np.empty((self.n, 3))
+        for body in self.bodies:
+            if body["turned"]:
+                rotation, turns = rotation @ body["rotation"], turns + 1
+            for k in range(body["first"], body["stop"]):
+                axes[k] = rotation[:, self.hinges["axis"][k]]
+        return bool(np.abs(np.cross(axes, axes[0])).max() <= 16 * turns * np.finfo(float).eps)
+
+    @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:
         return {c: k for k, c in enumerate(self.coordinates)}
 

@@ -85,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SOLVER_NAMES = ("lu", "cholesky")
+SOLVER_NAMES = ("articulated", "lu", "cholesky")
 
 
 def _info(options: argparse.Namespace) -> int:

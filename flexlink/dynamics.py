@@ -32,7 +32,7 @@ MASS_METHODS = {
     "upper": mass.mass_upper,
     "composite": mass.mass_composite,
 }
-SOLVERS = {"lu": forward.LU, "cholesky": forward.CHOLESKY}
+SOLVERS = {"articulated": forward.ARTICULATED, "lu": forward.LU, "cholesky": forward.CHOLESKY}
 
 
 class Energy(NamedTuple):
@@ -164,7 +164,7 @@ def forward_dynamics(
     q: ArrayLike,
     qd: ArrayLike,
     tau: ArrayLike,
-    method: str = "lu",
+    method: str = "articulated",
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²].
@@ -176,7 +176,8 @@ def forward_dynamics(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,).
     method
-        "lu" (LU decomposition of M, the paper's) or "cholesky".
+        "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
+        "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
 
@@ -189,11 +190,23 @@ def forward_dynamics(
     """
     n = chain.n
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
-    solver = choice("method", method, SOLVERS)
+    solver = solver_number(chain, method)
     qdd: Array = forward.accelerations(chain.arrays, solver, _wrench(tip_wrench), q, qd, tau)
     if not is_finite(qdd):
         raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
     return qdd
+
+
+def solver_number(chain: Chain, method: str) -> int:
+    """Number of the solver that `method` means for this chain.
+
+    Raises
+    ------
+    ArgumentError
+        The method is unknown.
+    """
+    number = choice("method", method, SOLVERS)
+    return forward.PLANAR if number == forward.ARTICULATED and chain.is_planar else number
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:

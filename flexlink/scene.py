@@ -66,13 +66,13 @@ class Wrench(Spec, frozen=True):
 
 
 class Run(Spec, frozen=True):
-    """How to integrate: method, fixed step, duration, time between stored samples, and linear solver."""
+    """How to integrate: method, fixed step, duration, time between stored samples, and solver of forward dynamics."""
 
     method: str = "RK4"
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
-    dynamics: Literal["lu", "cholesky"] = "lu"
+    dynamics: Literal["articulated", "lu", "cholesky"] = "articulated"
 
     def __post_init__(self) -> None:
         super().__post_init__()

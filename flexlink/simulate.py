@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import SOLVERS
+from flexlink.dynamics import solver_number
 from flexlink.errors import ArgumentError, DivergenceError
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.modal import largest_frequency, stable_step
@@ -79,13 +79,14 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     q, qd = np.empty((run.samples, chain.n)), np.empty((run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
     method, drive, wrench = tableau(run.method).arrays, drive_arrays(scene, chain), scene.tip_wrench
+    solver = solver_number(chain, run.dynamics)
     piece = max(1, (run.samples - 1) // PIECES)
     for start in range(0, run.samples - 1, piece):
         rows = slice(start, min(start + piece + 1, run.samples))
         wanted = (rows.stop - 1 - start) * run.steps_per_sample
         first = start * run.steps_per_sample
         done = integrate(
-            chain.arrays, SOLVERS[run.dynamics], method, drive, wrench, run.step, first, run.steps_per_sample,
+            chain.arrays, solver, method, drive, wrench, run.step, first, run.steps_per_sample,
             q[rows], qd[rows],
         )  # fmt: skip
         if done < wanted:

@@ -45,14 +45,14 @@ def inlined(function: Callable[..., Any]) -> Any:
 
     `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
     """
-    return _compile(function, forceinline=True, fastmath={"contract"})
+    return _compile(function, forceinline=True)
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_FOLDER)
     try:
-        return numba.njit(cache=True, error_model="numpy", **options)(function)
+        return numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

@@ -39,7 +39,7 @@ def integrate(chain, solver, tableau, drive, wrench, h, first_step, steps_per_sa
     q, qd = qs[0].copy(), qds[0].copy()
     q_stage, tau = np.empty(n), np.empty(n)
     K, L = np.empty((stages, n)), np.empty((stages, n))
-    work = forward_workspace(chain)
+    work = forward_workspace(chain, solver)
     done = 0
     for row in range(1, len(qs)):
         for _ in range(steps_per_sample):

@@ -1,23 +1,23 @@
 """Symmetric 3×3 tensors as tuples (xx, yy, zz, yz, xz, xy)."""
 
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.vec3 import dot
+from flexlink.kernels.compiler import inlined
+from flexlink.kernels.vec3 import combine, dot
 
 ZERO6 = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@kernel
+@inlined
 def symmetric(J):
     """From an array of shape (3, 3)."""
     return (J[0, 0], J[1, 1], J[2, 2], J[1, 2], J[0, 2], J[0, 1])
 
 
-@kernel
+@inlined
 def sym_add(A, B):
     return (A[0] + B[0], A[1] + B[1], A[2] + B[2], A[3] + B[3], A[4] + B[4], A[5] + B[5])
 
 
-@kernel
+@inlined
 def sym_apply(A, v):
     """A v."""
     return (
@@ -27,7 +27,7 @@ def sym_apply(A, v):
     )
 
 
-@kernel
+@inlined
 def sym_rotate(R, A):
     """R A Rᵀ, for an array R of shape (3, 3)."""
     x, y, z = (R[0, 0], R[0, 1], R[0, 2]), (R[1, 0], R[1, 1], R[1, 2]), (R[2, 0], R[2, 1], R[2, 2])
@@ -35,7 +35,32 @@ def sym_rotate(R, A):
     return (dot(x, Ax), dot(y, Ay), dot(z, Az), dot(y, Az), dot(x, Az), dot(x, Ay))
 
 
-@kernel
+@inlined
+def sym_from_axes(x, y, z, A):
+    """R A Rᵀ, for the columns x, y, z of R."""
+    p = combine(A[0], x, A[5], y, A[4], z)
+    q = combine(A[5], x, A[1], y, A[3], z)
+    r = combine(A[4], x, A[3], y, A[2], z)
+    return (
+        x[0] * p[0] + y[0] * q[0] + z[0] * r[0],
+        x[1] * p[1] + y[1] * q[1] + z[1] * r[1],
+        x[2] * p[2] + y[2] * q[2] + z[2] * r[2],
+        x[1] * p[2] + y[1] * q[2] + z[1] * r[2],
+        x[0] * p[2] + y[0] * q[2] + z[0] * r[2],
+        x[0] * p[1] + y[0] * q[1] + z[0] * r[1],
+    )
+
+
+@inlined
+def sym_add_dyad(A, s, u):
+    """A + s u uᵀ."""
+    x, y, z = s * u[0], s * u[1], s * u[2]
+    return (
+        A[0] + x * u[0], A[1] + y * u[1], A[2] + z * u[2], A[3] + y * u[2], A[4] + x * u[2], A[5] + x * u[1],
+    )  # fmt: skip
+
+
+@inlined
 def sym_turn(axis, c, s, A):
     """R A Rᵀ for the rotation about a coordinate axis with c = cos θ, s = sin θ."""
     xx, yy, zz, yz, xz, xy = A
@@ -59,7 +84,7 @@ def sym_turn(axis, c, s, A):
     )  # fmt: skip
 
 
-@kernel
+@inlined
 def point_inertia(m, d):
     """m (d·d 1 − d dᵀ): inertia of a mass at d."""
     x, y, z = d
@@ -68,7 +93,7 @@ def point_inertia(m, d):
     )  # fmt: skip
 
 
-@kernel
+@inlined
 def product_inertia(h, r):
     """2 h·r 1 − h rᵀ − r hᵀ: what a shift by r adds to the inertia of a body with first moment h."""
     x, y, z = h[0] * r[0], h[1] * r[1], h[2] * r[2]

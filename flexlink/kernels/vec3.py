@@ -2,42 +2,67 @@
 
 import math
 
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.compiler import inlined
 
 ZERO = (0.0, 0.0, 0.0)
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-@kernel
+@inlined
 def vector(a):
     return (a[0], a[1], a[2])
 
 
-@kernel
+@inlined
 def add(a, b):
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@kernel
+@inlined
 def sub(a, b):
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
-@kernel
+@inlined
+def add_scaled(a, s, b):
+    """a + s b."""
+    return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
+
+
+@inlined
+def combine(x, a, y, b, z, c):
+    """x a + y b + z c."""
+    return (x * a[0] + y * b[0] + z * c[0], x * a[1] + y * b[1] + z * c[1], x * a[2] + y * b[2] + z * c[2])
+
+
+@inlined
+def combine2(x, a, y, b):
+    """x a + y b."""
+    return (x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2])
+
+
+@inlined
+def put(field, a):
+    """Write a vector into an array of shape (3,)."""
+    field[0], field[1], field[2] = a
+
+
+@inlined
 def scale(s, a):
     return (s * a[0], s * a[1], s * a[2])
 
 
-@kernel
+@inlined
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inlined
 def cross(a, b):
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel
+@inlined
 def apply(R, a):
     """R a, for an array R of shape (3, 3)."""
     return (
@@ -47,7 +72,7 @@ def apply(R, a):
     )
 
 
-@kernel
+@inlined
 def apply_transposed(R, a):
     """Rᵀ a, for an array R of shape (3, 3)."""
     return (
@@ -57,7 +82,7 @@ def apply_transposed(R, a):
     )
 
 
-@kernel
+@inlined
 def unit(axis):
     """Unit vector of a coordinate axis 0, 1, 2."""
     if axis == 2:
@@ -67,7 +92,7 @@ def unit(axis):
     return (1.0, 0.0, 0.0)
 
 
-@kernel
+@inlined
 def turn(axis, c, s, a):
     """R_axis(θ) a with c = cos θ, s = sin θ: components in the frame before the hinge. No product with 0 or 1."""
     if axis == 2:
@@ -77,7 +102,7 @@ def turn(axis, c, s, a):
     return (a[0], c * a[1] - s * a[2], s * a[1] + c * a[2])
 
 
-@kernel
+@inlined
 def add_along(axis, x, a):
     """a + x e_axis."""
     if axis == 2:
@@ -87,7 +112,7 @@ def add_along(axis, x, a):
     return (a[0] + x, a[1], a[2])
 
 
-@kernel
+@inlined
 def cross_unit(a, axis):
     """a × e_axis."""
     if axis == 2:
@@ -97,6 +122,38 @@ def cross_unit(a, axis):
     return (0.0, a[2], -a[1])
 
 
-@kernel
+@inlined
 def cos_sin(angle):
     return (math.cos(angle), math.sin(angle))
+
+
+@inlined
+def turn_axes(axis, c, s, x, y, z):
+    """The columns x, y, z of R after R ← R R_axis(θ)."""
+    if axis == 2:
+        return combine2(c, x, s, y), combine2(c, y, -s, x), z
+    if axis == 1:
+        return combine2(c, x, -s, z), y, combine2(c, z, s, x)
+    return x, combine2(c, y, s, z), combine2(c, z, -s, y)
+
+
+@inlined
+def place(a, x, y, z):
+    """R a, for the columns x, y, z of R."""
+    return combine(a[0], x, a[1], y, a[2], z)
+
+
+@inlined
+def place_axes(R, x, y, z):
+    """The columns x, y, z after a fixed rotation, an array R of shape (3, 3): (x y z) ← (x y z) R."""
+    return (
+        combine(R[0, 0], x, R[1, 0], y, R[2, 0], z),
+        combine(R[0, 1], x, R[1, 1], y, R[2, 1], z),
+        combine(R[0, 2], x, R[1, 2], y, R[2, 2], z),
+    )
+
+
+@inlined
+def pick(axis, x, y, z):
+    """The one of x, y, z that `axis` = 0, 1, 2 names."""
+    return z if axis == 2 else (y if axis == 1 else x)

@@ -1,0 +1,187 @@
+"""O(n) forward dynamics: equal to the LU road within the rounding that M allows, on every kind of chain."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import mpmath
+import msgspec
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, nasty_scene, random_state
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from flexlink import (
+    Chain,
+    Initial,
+    Joint,
+    Link,
+    Mount,
+    Payload,
+    elastic_torque,
+    forward_dynamics,
+    friction_torque,
+    inverse_dynamics,
+    mass_matrix,
+    simulate,
+)
+from flexlink.kernels import forward
+from flexlink.kernels.sincos import LIMIT, cos_sin_all
+
+EPS = np.finfo(float).eps
+SKEW = Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
+ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
+
+
+def spatial(chain: Chain, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """The spatial recursion, also where the plane one would be chosen."""
+    return forward.accelerations(chain.arrays, forward.ARTICULATED, wrench, q, qd, tau)
+
+
+def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> None:
+    """|Δq̈| ≤ 10 ε cond(M) |q̈|: the bound of two backward stable solutions of M q̈ = b."""
+    for _ in range(states):
+        q, qd = random_state(chain, rng)
+        tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
+        lu = forward_dynamics(chain, q, qd, tau, "lu", wrench)
+        allowed = 10 * EPS * np.linalg.cond(mass_matrix(chain, q)) * np.abs(lu).max()
+        assert allowed < 1e-3 * np.abs(lu).max()
+        assert np.abs(spatial(chain, q, qd, tau, wrench) - lu).max() <= allowed
+        assert np.abs(forward_dynamics(chain, q, qd, tau, "articulated", wrench) - lu).max() <= allowed
+
+
+def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Generator) -> None:
+    assert_as_lu(chain, rng)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("segments", [2, 3, 10])
+@pytest.mark.parametrize("mount", [Mount(rpy_deg=(-90.0, 0.0, 0.0)), SKEW])
+@pytest.mark.parametrize("joint", [Joint(), ROTOR])
+def test_two_flexible_links(flex: str, segments: int, mount: Mount, joint: Joint, rng: np.random.Generator) -> None:
+    links = flexible("upper", flex, segments, mount=mount, joint=joint), flexible("fore", flex, segments, joint=joint)
+    assert_as_lu(make_scene(*links, gravity=(3.0, -4.0, 8.0)).chain(), rng)
+
+
+def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) -> None:
+    links = (
+        Link(name="waist", joint=ROTOR),
+        Link(name="shoulder", mount=Mount(rpy_deg=(90.0, 0.0, 0.0))),
+        flexible("upper", "xyz", 4, joint=Joint(locked=True), mount=SKEW),
+        flexible("fore", "yz", 3, lumping="midpoint"),
+    )
+    tip = Payload(mass=2.0, inertia=(0.1, 0.2, 0.3))
+    assert_as_lu(make_scene(*links, tip=tip, initial=Initial(joint_deg=(0.0, 0.0, 40.0, 0.0))).chain(), rng)
+
+
+def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None:
+    chain = make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)).chain()
+    hinges = chain.hinges.copy()
+    hinges["armature"] = rng.uniform(0.0, 1e-3, chain.n) * (rng.uniform(size=chain.n) < 0.4)
+    hinges["coulomb"], hinges["coulomb_width"], hinges["rest"] = 0.3, 0.1, rng.normal(size=chain.n)
+    assert_as_lu(dataclasses.replace(chain, hinges=hinges), rng)
+
+
+def test_bodies_without_hinges_within_the_chain(rng: np.random.Generator) -> None:
+    chain = make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)).chain()
+    fixed = chain.bodies[3:4].copy()
+    fixed["first"], fixed["stop"] = chain.bodies["first"][4], chain.bodies["first"][4]
+    bodies = np.concatenate([chain.bodies[:4], fixed, chain.bodies[4:]])
+    assert_as_lu(dataclasses.replace(chain, bodies=bodies), rng)
+
+
+ANGLES = st.tuples(*[st.sampled_from([0.0, 90.0, -90.0, 180.0]) | st.floats(-180, 180)] * 3)
+LINKS = st.builds(
+    lambda flex, segments, angles, offset, armature, length: (flex, segments, angles, offset, armature, length),
+    st.sampled_from(["rigid", "z", "yz", "xyz"]),
+    st.integers(2, 5),
+    ANGLES,
+    st.tuples(*[st.floats(-0.5, 0.5)] * 3),
+    st.sampled_from([0.0, 0.05]),
+    st.floats(0.3, 2.0),
+)
+
+
+@given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+def test_any_arm(specs: list[tuple], seed: int) -> None:
+    links = [
+        flexible(
+            f"link{k}",
+            flex,
+            segments if flex != "rigid" else 1,
+            length=length,
+            mount=Mount(rpy_deg=angles, xyz=offset),
+            joint=Joint(armature=armature, viscous=0.1),
+        )
+        for k, (flex, segments, angles, offset, armature, length) in enumerate(specs)
+    ]
+    assert_as_lu(make_scene(*links).chain(), np.random.default_rng(seed), states=2)
+
+
+PLANAR = {
+    "one link": ((flexible("a", "z", 6),), True),
+    "skew base": ((flexible("a", "z", 6, mount=SKEW), flexible("b", "z", 3)), True),
+    "opposite axes": ((flexible("a", "z", 4), flexible("b", "z", 4, mount=Mount(rpy_deg=(180.0, 0.0, 25.0)))), True),
+    "offset along the axes": ((flexible("a", "z", 3), flexible("b", "z", 3, mount=Mount(xyz=(0.1, 0.2, 0.7)))), True),
+    "rigid links": ((flexible("a", "rigid", 1), flexible("b", "rigid", 1)), True),
+    "locked cross joint": (
+        (Link(name="waist", joint=Joint(locked=True)), flexible("a", "z", 4, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0)))),
+        True,
+    ),
+    "free cross joint": ((Link(name="waist"), flexible("a", "z", 4, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0)))), False),
+    "slightly skew": ((flexible("a", "z", 4), flexible("b", "z", 4, mount=Mount(rpy_deg=(1e-9, 0.0, 0.0)))), False),
+    "two bending planes": ((flexible("a", "yz", 4),), False),
+    "twist": ((flexible("a", "xyz", 4),), False),
+}
+
+
+@pytest.mark.parametrize("name", PLANAR)
+def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursion(
+    name: str, rng: np.random.Generator
+) -> None:
+    links, planar = PLANAR[name]
+    for joint in (Joint(), ROTOR):
+        free = [link if link.joint.locked else msgspec.structs.replace(link, joint=joint) for link in links]
+        tip = Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
+        chain = make_scene(*free, tip=tip, gravity=(3.0, -4.0, 8.0)).chain()
+        assert chain.is_planar is planar
+        assert_as_lu(chain, rng)
+
+
+def test_a_stretched_arm_stays_straight() -> None:
+    """Hanging at rest, springs slack: every acceleration is zero, without a rounding residue of 10,000 bodies."""
+    chain = make_scene(flexible("a", "xyz", 3334), gravity=(9.81, 0.0, 0.0)).chain()
+    zero = np.zeros(chain.n)
+    assert chain.n == 10_000
+    np.testing.assert_array_equal(forward_dynamics(chain, zero, zero, zero), zero)
+
+
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
+    """n = 10,000: inverse dynamics of q̈ gives back the torques, to one rounding of |M| |q̈| ≤ m L² Σ |q̈|."""
+    chain = make_scene(flexible("a", flex, 3334 if flex == "xyz" else 10_000, mount=SKEW)).chain()
+    q, qd, tau = rng.uniform(-0.01, 0.01, chain.n), rng.uniform(-0.1, 0.1, chain.n), rng.normal(size=chain.n)
+    qdd = forward_dynamics(chain, q, qd, tau)
+    residual = inverse_dynamics(chain, q, qd, qdd) + elastic_torque(chain, q) + friction_torque(chain, qd) - tau
+    inertia = chain.bodies["mass"].sum() * 1.25**2
+    assert np.abs(residual).max() <= EPS * inertia * np.abs(qdd).sum()
+
+
+def test_simulation_by_articulated_bodies_is_the_one_by_lu() -> None:
+    scene = nasty_scene()
+    runs = [simulate(scene, duration=0.05, sample=0.05, dynamics=method) for method in ("articulated", "lu")]
+    np.testing.assert_allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 100.0, LIMIT, 1e9])
+def test_cosine_and_sine_are_right_to_one_ulp(scale: float, rng: np.random.Generator) -> None:
+    """Against 60 digits, close to the multiples of π/2 too, where all digits of π/2 count."""
+    x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi / 2])
+    cosines, sines = np.empty_like(x), np.empty_like(x)
+    cos_sin_all(x, cosines, sines)
+    with mpmath.workdps(60):
+        for computed, exact in ((cosines, mpmath.cos), (sines, mpmath.sin)):
+            for angle, value in zip(x.tolist(), computed.tolist(), strict=True):
+                assert abs(value - exact(mpmath.mpf(angle))) <= np.spacing(abs(value))
