@@ -1,0 +1,47 @@
+"""`python -m reports`: the report from stored results, without any engine."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from flexlink.errors import FlexlinkError
+from reports.build import build, readme_figure
+
+ROOT = Path(__file__).parent.parent
+RESULTS, OUT = ROOT / "validation" / "results", ROOT / "reports" / "latest"
+
+EXAMPLES = """examples:
+  python -m reports
+  python -m reports --results old/results --out old/report
+  python -m reports --readme-figure docs/paper_fig5.png
+"""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; returns the exit code: 0 written, 2 no results or nowhere to write."""
+    parser = argparse.ArgumentParser(
+        prog="python -m reports",
+        description="Make the validation report (index.html, a CSV a table, a PNG and SVG a figure) "
+        "from stored results. Runs no simulation and needs no engine.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="default: validation/results")
+    parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="default: reports/latest")
+    parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="make only the README's figure, as this file")
+    wanted = parser.parse_args(arguments)
+    try:
+        if wanted.readme_figure:
+            print(readme_figure(wanted.results, wanted.readme_figure))
+        else:
+            print(build(wanted.results, wanted.out))
+    except FlexlinkError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,29 @@
+"""Measured order: error against step, with the fitted slope."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.curves import curves
+from reports.numbers import number
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+
+SECTION = "integrators"
+TAKES = ("error",)
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture a case."""
+    for case, rows in results.of_kind("convergence"):
+        slopes = {row.setting.partition(",")[0]: row.value for row in rows if row.quantity == "slope"}
+        for name, series in results.series[case].items():
+            figure, (axes,) = panels(1, 3.2)
+            for place, curve in enumerate(curves(series)):
+                label = f"{curve.label}, slope {number(slopes.get(curve.label))}"
+                axes.plot(curve.x, curve.y, MARKERS[place] + "-", color=CYCLE[place], label=label)
+            axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
+            tidy_logs(axes)
+            legend_above(figure, axes, 1)
+            yield Picture(f"{case}.{name}", figure, f"{rows[0].title}. {series.title}; slopes by least squares.")

@@ -1,0 +1,35 @@
+"""Cost of a step: median over the runs of each method."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from statistics import median
+
+from reports.numbers import number
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import CYCLE, panels
+
+SECTION = "integrators"
+TAKES: tuple[str, ...] = ()
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One bar a method."""
+    for case, rows in results.of_kind("integrators"):
+        costs: dict[str, list[float]] = {}
+        for row in rows:
+            if row.quantity == "cost per step" and row.value is not None:
+                costs.setdefault(row.setting.partition(" ")[0], []).append(row.value)
+        if not costs:
+            continue
+        unit = next(row.unit for row in rows if row.quantity == "cost per step")
+        figure, (axes,) = panels(1, 0.9 + 0.4 * len(costs))
+        values = [median(found) for found in costs.values()]
+        bars = axes.barh(list(costs), values, color=CYCLE[: len(costs)], height=0.6)
+        axes.bar_label(bars, [f"{number(value)} {unit}" for value in values], padding=3)
+        axes.set(xlabel=f"cost of a step [{unit}]", xlim=(0.0, 1.3 * max(values)))
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        yield Picture(f"{case}.cost", figure, "Time of one core for one step, median over all runs of a method, with "
+                      "what a run takes besides (sampling, energies).")  # fmt: skip

@@ -1,0 +1,30 @@
+"""Where the energy goes: each part's change since the start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.curves import curves
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import CYCLE, INK, legend_above, panels
+
+SECTION = "trajectory"
+TAKES = ("*.energy", "*.energy.*")
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture a scene of which a case stored the motion."""
+    for case, found in results.series.items():
+        for name, series in found.items():
+            if not name.endswith(".energy"):
+                continue
+            figure, (axes,) = panels(1, 3.0)
+            for place, curve in enumerate(curves(series)):
+                total = curve.label == "total"
+                colour, line = (INK, "--") if total else (CYCLE[place % len(CYCLE)], "-")
+                axes.plot(curve.x, curve.y - curve.y[0], color=colour, linestyle=line, label=curve.label)
+            axes.set(xlabel=series.x_label, ylabel="change of energy [J]")
+            legend_above(figure, axes, 2)
+            scene = name.removesuffix(".energy")
+            yield Picture(f"{case}.{name}", figure, f"{scene}: change of each part of the energy since the start.")

@@ -1,0 +1,49 @@
+"""Chaos: how fast rounding errors grow, in flexlink against itself and against the engines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from reports.curves import curves
+from reports.numbers import number
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import CYCLE, GREY, INK, legend_above, panels, tidy_logs
+
+SECTION = "trajectory"
+TAKES = ("*.growth",)
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """Difference up to time t on a log axis, with the fitted growth and the horizon."""
+    for case, rows in results.of_kind("rounding_growth"):
+        value = {(row.scene, row.quantity): row.value for row in rows if row.engine == "native"}
+        for name, series in results.series[case].items():
+            if not name.endswith(".growth"):
+                continue
+            scene = name.removesuffix(".growth")
+            figure, (axes,) = panels(1, 3.6)
+            for place, curve in enumerate(curves(series)):
+                seen = curve.y > 0.0
+                axes.plot(curve.x[seen], curve.y[seen], color=CYCLE[place % len(CYCLE)], label=curve.label)
+            rate, horizon = value.get((scene, "growth rate")), value.get((scene, "horizon"))
+            if rate is not None and horizon is not None:
+                first = next(curves(series))
+                within = (first.x > 0.0) & (first.x <= horizon) & (first.y > 0.0)
+                offset = np.mean(np.log(first.y[within]) - rate * first.x[within])
+                axes.plot(first.x[within], np.exp(offset + rate * first.x[within]), "--", color=INK,
+                          label=f"exp({number(rate)} t / s)")  # fmt: skip
+                axes.axvline(horizon, color=GREY, linestyle=":", label=f"horizon {number(horizon)} s")
+            axes.set(yscale="log", xlabel=series.x_label, ylabel=series.y_label)
+            tidy_logs(axes)
+            legend_above(figure, axes, 1)
+            yield Picture(f"{case}.{name}", figure, CAPTION.format(scene=scene))
+
+
+CAPTION = (
+    "{scene}: largest difference of any joint angle up to time t. The first curve is flexlink against itself, started "
+    "one unit in the last place away or with another linear solver: all that rounding alone can do. An engine that "
+    "computes the same motion grows along with it."
+)

@@ -1,0 +1,21 @@
+"""The motion of all scenes but the paper's, in the panels of its figure 5."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.figures import paper_fig5
+from reports.panels import TAKES, caption, draw_tall, motions
+from reports.picture import Picture
+from reports.results import Results
+
+__all__ = ["SECTION", "TAKES", "draw"]
+
+SECTION = "trajectory"
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """Up to five panels a scene."""
+    for motion in motions(results):
+        if motion.scene not in paper_fig5.SCENES:
+            yield Picture(f"{motion.case}.{motion.scene}", draw_tall(motion), caption(motion))

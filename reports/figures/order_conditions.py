@@ -1,0 +1,40 @@
+"""Order conditions: how well the coefficients of each method meet all of them, and how badly the next order's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import BLUE, INK, VERMILION, legend_above, panels
+
+SECTION = "integrators"
+TAKES: tuple[str, ...] = ()
+CURVES = (("residual", "through the order", BLUE, "o"), ("residual one order above", "next order", VERMILION, "s"))
+CAPTION = (
+    "Largest residual of all order conditions through each method's order, in many-digit arithmetic from the exact "
+    "coefficients (at the left edge: exactly zero), and of the conditions one order above, which must not vanish."
+)
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture a case: residual through the order, and one order above."""
+    for case, rows in results.of_kind("order_conditions"):
+        methods = list(dict.fromkeys(row.setting for row in rows))
+        bars = [row.tolerance for row in rows if row.tolerance]
+        shown = [row.value for row in rows if row.value and row.quantity in {name for name, *_ in CURVES}] + bars
+        if not shown:
+            continue
+        left = min(shown) * 1e-5
+        figure, (axes,) = panels(1, 1.5 + 0.5 * len(methods))
+        for name, label, colour, marker in CURVES:
+            found = [row for row in rows if row.quantity == name and row.value is not None]
+            values = [max(row.value or 0.0, left) for row in found]
+            axes.plot(values, [methods.index(row.setting) for row in found], marker, color=colour, label=label)
+        for bar in bars[:1]:
+            axes.axvline(bar, color=INK, label="bar")
+        axes.set(xscale="log", yticks=range(len(methods)), xlabel="largest residual [1]")
+        axes.set_yticklabels([method.split(",")[0] for method in methods])
+        axes.set_ylim(len(methods) - 0.5, -0.5)
+        legend_above(figure, axes, 3)
+        yield Picture(case, figure, CAPTION)

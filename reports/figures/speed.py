@@ -1,0 +1,39 @@
+"""Speed of a whole simulation beside the engines, same method and step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.numbers import number
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import BLUE, GREY, INK, panels, tidy_logs
+
+SECTION = "speed"
+TAKES: tuple[str, ...] = ()
+QUANTITIES = ("real-time factor", "real-time factor of another engine")
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One bar an engine and scene, on a log axis."""
+    for case, rows in results.of_kind("speed"):
+        found = [row for row in rows if row.quantity in QUANTITIES and row.value]
+        if not found:
+            continue
+        labels = [f"{row.engine}\n{row.scene}" for row in found]
+        values = [row.value or 0.0 for row in found]
+        figure, (axes,) = panels(1, 0.9 + 0.5 * len(found))
+        colours = [BLUE if row.engine == "native" else GREY for row in found]
+        bars = axes.barh(labels, values, color=colours, height=0.6)
+        axes.bar_label(bars, [f"{number(value)}×" for value in values], padding=3)
+        for row in found:
+            if row.tolerance is not None:
+                axes.axvline(row.tolerance, color=INK)
+        axes.set(xscale="log", xlabel="simulated seconds per second [1]")
+        tidy_logs(axes)
+        axes.set_xlim(min(0.3, *values), 4.0 * max(values))
+        axes.invert_yaxis()
+        axes.grid(visible=False, axis="y")
+        yield Picture(
+            case, figure, "Simulated seconds in a second of one core, engines called from Python; the line is the bar."
+        )

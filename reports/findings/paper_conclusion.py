@@ -1,0 +1,99 @@
+"""The paper's conclusion, "RK4 suffices, RK10 is not justified", on its own arm, whichever way it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reports.curves import groups, numbers
+from reports.finding import Finding
+from reports.numbers import number
+from reports.results import Results
+
+SECTION = "integrators"
+ERROR, WORK = "error [rad]", "evaluations per simulated second"
+TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy a decade
+
+Array = NDArray[np.float64]
+Costs = Mapping[str, float]  # method → evaluations per simulated second, of those that reach an accuracy
+
+
+def find(results: Results) -> Iterator[Finding]:
+    """One finding a scene of every comparison of methods."""
+    for case, _ in results.of_kind("integrators"):
+        for name, series in results.series[case].items():
+            works = {
+                method: (numbers(series.columns[WORK][rows]), numbers(series.columns[ERROR][rows]))
+                for method, rows in groups(series)
+            }
+            yield judge(f"{case}.{name}.conclusion", name.removesuffix(".error"), works)
+
+
+def judge(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Finding:
+    """The cheapest method at every accuracy that any method reaches, and what that makes of the paper's conclusion."""
+    table = {}
+    for target in TARGETS:
+        needed = {method: evaluations(work, error, target) for method, (work, error) in works.items()}
+        costs = {method: cost for method, cost in needed.items() if cost is not None}
+        if costs:
+            table[target] = costs
+    best = {target: min(costs, key=costs.__getitem__) for target, costs in table.items()}
+    lines = tuple((target, *(costs.get(method) for method in works), best[target]) for target, costs in table.items())
+    heads = ("error [rad]", *works, "cheapest")
+    return Finding(name, f"The paper’s conclusion on {scene}", (*_sentences(table, best),), heads, lines)
+
+
+def evaluations(work: Array, error: Array, target: float) -> float | None:
+    """Fewest evaluations that bring the error down to `target`, interpolated between logarithms; None if none do."""
+    order = np.argsort(work)
+    order = order[np.isfinite(error[order])]
+    x, y = np.log(work[order]), np.log(np.maximum(error[order], 1e-300))
+    below = y <= np.log(target)
+    if not below.any():
+        return None
+    first = int(np.argmax(below))
+    if first == 0:  # the longest step tried is more accurate already
+        return float(np.exp(x[0]))
+    part = (y[first - 1] - np.log(target)) / (y[first - 1] - y[first])
+    return float(np.exp(x[first - 1] + part * (x[first] - x[first - 1])))
+
+
+def _sentences(table: Mapping[float, Costs], best: Mapping[float, str]) -> Iterator[str]:
+    holds = [target for target, method in best.items() if method == "RK4"]
+    fails = [target for target, method in best.items() if method == "RK10"]
+    claim = (
+        "“RK4 suffices, RK10 is not justified”, counted in evaluations of q̈ for a given accuracy of the joint angles, "
+    )
+    if not fails:
+        yield claim + "holds at every accuracy tried."
+    elif not holds:
+        yield claim + "does not hold at any accuracy tried: RK4 is never the cheapest."
+    else:
+        yield claim + f"holds for errors of {_span(holds)}, and does not hold for errors of {_span(fails)}."
+    for winner, loser, targets in (("RK4", "RK10", holds), ("RK10", "RK4", fails)):
+        ratios = {t: table[t][loser] / table[t][winner] for t in targets if loser in table[t]}
+        if ratios:
+            most = max(ratios, key=lambda t: ratios[t])
+            times = f"{number(ratios[most], 2)} times as many"
+            yield f"Where {winner} is the cheapest, {loser} takes up to {times} (at {_rad(most)})."
+        alone = [t for t in targets if loser not in table[t]]
+        if alone:
+            yield f"{loser} does not reach errors of {_span(alone)} with the steps tried."
+    second = [target for target, method in best.items() if method == "RK2"]
+    yield (
+        f"RK2 is the cheapest for errors of {_span(second)}."
+        if second
+        else "RK2 is never the cheapest, as the paper says."
+    )
+
+
+def _span(targets: Sequence[float]) -> str:
+    if len(targets) == 1:
+        return _rad(targets[0])
+    return f"{number(max(targets))} to {_rad(min(targets))}"
+
+
+def _rad(target: float) -> str:
+    return f"{number(target)} rad"

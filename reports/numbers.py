@@ -1,0 +1,33 @@
+"""Numbers as people read them."""
+
+from __future__ import annotations
+
+import math
+
+SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """`value` to `digits` significant digits, with a power of ten where zeros would hide it; an en dash for none."""
+    if value is None:
+        return "–"
+    if not math.isfinite(value):
+        return str(value)
+    if value == int(value) and abs(value) < 1e5:
+        return str(int(value))
+    if not 1e-3 <= abs(value) < 1e5:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+        power = "10" + str(int(exponent)).translate(SUPERSCRIPT)
+        return power if mantissa == "1" else f"{mantissa} × {power}"
+    return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
+
+
+def plural(count: int, noun: str) -> str:
+    """'1 check', '2 checks'."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def amount(value: float | None, unit: str) -> str:
+    """Number and unit; the unit 1 goes without saying."""
+    return number(value) if unit in ("", "1") else f"{number(value)} {unit}"

@@ -1,0 +1,113 @@
+"""The five panels of the paper's figure 5, for the motion of any scene."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from reports.curves import curves
+from reports.results import Results
+from reports.style import CYCLE, INK, MARKERS, panels
+from validation.store import Series
+
+# Stored as SCENE.PANEL, an engine's as SCENE.PANEL.ENGINE.
+PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e
+TAKES = tuple(f"*.{name}{end}" for name in (*PANELS, "joint-2") for end in ("", ".*"))  # of stored names
+POINTS = 26  # of an engine on a curve: enough to see, few enough to see between
+LEGEND = 4  # entries; more do not fit on a phone
+
+
+class Motion(NamedTuple):
+    """A scene's motion by panel, flexlink's own and the engines'."""
+
+    case: str
+    scene: str
+    native: dict[str, Series]
+    engines: dict[str, dict[str, Series]]
+
+
+def motions(results: Results) -> list[Motion]:
+    """Every scene of which a case stored the motion."""
+    found = []
+    for case, series in results.series.items():
+        for scene in dict.fromkeys(name.partition(".")[0] for name in series if name.endswith(f".{PANELS[0]}")):
+            native = {panel: series[f"{scene}.{panel}"] for panel in PANELS if f"{scene}.{panel}" in series}
+            others: dict[str, dict[str, Series]] = {}
+            for name, one in series.items():
+                owner, panel, engine = (name + "..").split(".")[:3]
+                if owner == scene and panel in native and engine:
+                    others.setdefault(engine, {})[panel] = one
+            found.append(Motion(case, scene, native, others))
+    return found
+
+
+def draw_tall(motion: Motion) -> Figure:
+    """All panels above each other, for a page."""
+    figure, axes = panels(len(motion.native), 2.05)
+    _fill(axes, motion)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def draw_wide(motion: Motion) -> Figure:
+    """All panels in two rows, for a README."""
+    figure = Figure(figsize=(12.0, 5.6), layout="constrained")
+    axes = list(figure.subplots(2, 3, sharex=True).flat)
+    _fill(axes, motion)
+    for panel in axes[len(motion.native) :]:
+        panel.axis("off")
+    for panel in axes[2:5]:
+        panel.set_xlabel("time [s]")
+        panel.tick_params(labelbottom=True)
+    return figure
+
+
+def _fill(axes: list[Axes], motion: Motion) -> None:
+    for letter, panel, (name, series) in zip("abcde", axes, motion.native.items(), strict=False):
+        entries = _entries(series)
+        for curve in curves(series):
+            entry = list(entries).index(_entry(curve.label, entries))
+            panel.plot(curve.x, curve.y, color=CYCLE[entry], linewidth=0.9)
+        handles = [Line2D([], [], color=CYCLE[k]) for k in range(len(entries))]
+        for number, others in enumerate(motion.engines.values()):
+            if name in others:
+                _points(panel, others[name], number)
+        panel.set_title(f"{letter}) {series.title}", loc="left")
+        panel.set_ylabel(series.y_label.replace("coordinate in frame 0", "frame 0"))
+        low, high = panel.get_ylim()
+        panel.set_ylim(low, high + (0.5 if len(entries) > 3 else 0.3) * (high - low))  # room for the legend
+        panel.legend(handles, list(entries.values()), loc="upper left", ncols=3 if len(entries) < 4 else 2, frameon=False,
+                     borderpad=0.1, labelspacing=0.2, columnspacing=1.0)  # fmt: skip
+
+
+def _entries(series: Series) -> dict[str, str]:
+    """What the legend tells apart, by end of name: every curve, or only the axes where that would be too many."""
+    labels = [curve.label for curve in curves(series)]
+    if len(labels) <= LEGEND:
+        return {label: label for label in labels}
+    axes = sorted({label.rpartition(".")[2] for label in labels})
+    return {f".{axis}": f"about {axis}" for axis in axes}
+
+
+def _entry(label: str, entries: dict[str, str]) -> str:
+    return next(end for end in entries if label.endswith(end))
+
+
+def _points(panel: Axes, series: Series, number: int) -> None:
+    """An engine's points; each engine has its own times, so that they do not cover each other."""
+    look: dict[str, Any] = {"color": INK, "markersize": 3.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
+    for curve in curves(series):
+        step = max(1, len(curve.x) // POINTS)
+        chosen = np.arange(number * step // 2, len(curve.x), step)
+        panel.plot(curve.x[chosen], curve.y[chosen], MARKERS[number], **look)
+
+
+def caption(motion: Motion) -> str:
+    """What the picture shows."""
+    who = [f"{name} ({word})" for name, word in zip(motion.engines, ("circles", "squares", "triangles"), strict=False)]
+    overlay = f" Points: {' and '.join(who)}, from the exported file with the same method and step." if who else ""
+    return f"{motion.scene}: angles of the joints, and coordinates in frame 0. Lines: flexlink.{overlay}"

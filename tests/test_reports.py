@@ -1,0 +1,212 @@
+"""The report is a pure function of the stored results, honest about what fails, and one page that stands alone."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+import re
+import subprocess
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flexlink.errors import FlexlinkError
+from reports import build
+from reports.numbers import number
+from reports.results import is_lower_bar, used
+from reports.tables import bar
+from validation.store import Row, Series, Store
+
+ROOT = Path(__file__).parent.parent
+REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
+
+
+def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | None = 1e-12, **fields: object) -> Row:
+    """A row that passes if its value is at most its tolerance."""
+    passed = None if tolerance is None else value is not None and value <= tolerance
+    plain = Row(
+        case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", setting="",
+        quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, passed=passed, reason=REASON,
+        seconds=0.5, key="k",
+    )  # fmt: skip
+    return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
+
+
+def stored(path: Path, *rows: Row) -> Path:
+    """A result folder with these rows."""
+    store = Store(path)
+    store.prepare({"python": "3.11", "versions": {"numpy": "2"}}, {r.case for r in rows})
+    for r in rows:
+        store.append(r)
+    return path
+
+
+def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """A Python process elsewhere that finds the project."""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def page_of(tmp_path: Path, *rows: Row) -> str:
+    results = stored(tmp_path / "results", *rows)
+    return build(results, tmp_path / "report").read_text(encoding="utf-8")
+
+
+class Links(HTMLParser):
+    """What a page loads, and where it leads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.targets: list[str] = []
+        self.ids: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.targets += [value or "" for name, value in attrs if name in ("src", "href", "srcset", "data", "action")]
+        self.ids += [value or "" for name, value in attrs if name == "id"]
+
+
+def links(page: str) -> Links:
+    parser = Links()
+    parser.feed(page)
+    return parser
+
+
+def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row())
+    blocked = "import sys\nfor name in ('pinocchio', 'mujoco', 'rich', 'mpmath'): sys.modules[name] = None\n"
+    command = f"from reports.__main__ import main\nsys.exit(main(['--results', {str(results)!r}, '--out', 'o']))"
+    done = run("-c", blocked + command, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Title of terms" in (tmp_path / "o" / "index.html").read_text(encoding="utf-8")
+
+
+def test_failing_rows_stand_at_the_very_top(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
+    assert page.index("1 of 2 checks FAIL") < page.index("Failing checks") < page.index("Title of fine")
+    assert page.index("Title of broken") < page.index("Title of fine"), "failing cases lead the verdict table"
+
+
+def test_a_failing_row_is_also_a_known_limitation(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
+    assert "T_GC" in page[page.index('id="limitations"') :]
+
+
+def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(value=None))
+    assert "1 of 1 check FAIL" in page
+    assert "No value" in page[page.index('id="limitations"') :]
+
+
+def test_every_tolerance_shows_its_reason(tmp_path: Path) -> None:
+    reasons = [f"reason number {k}" for k in range(4)]
+    rows = [row(case, reason=reasons[2 * i + j], quantity=f"q{j}") for i, case in enumerate("ab") for j in range(2)]
+    page = page_of(tmp_path, *rows)
+    for reason in reasons:
+        assert reason in page
+
+
+def test_known_limitations_are_never_empty(tmp_path: Path) -> None:
+    part = page_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
+    assert part.count("<li>") >= 3
+
+
+def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row("odd", kind="never heard of"))
+    columns = {"t": np.arange(3.0), "y": np.array([1.0, np.nan, 3.0])}
+    curve = Series("growth", "How it grows", columns, "t", "t [s]", "y")
+    Store(results).add_series("odd", curve)
+    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    assert "Further cases" in page
+    assert "Title of odd" in page
+    assert "How it grows" in page
+    assert (tmp_path / "report" / "odd.growth.svg").exists()
+    assert (tmp_path / "report" / "odd.growth.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("broken", value=1.0))
+    found = links(page)
+    for target in found.targets:
+        if target.startswith("#"):
+            assert target[1:] in found.ids, "a link into the page leads somewhere"
+        else:
+            assert (tmp_path / "report" / target).is_file(), target
+    assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
+
+
+def test_the_page_names_no_place_on_the_machine_that_made_it(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row())
+    assert str(tmp_path) not in page
+    assert str(ROOT) not in page
+
+
+def test_every_id_of_the_page_is_unique(tmp_path: Path) -> None:
+    found = links(page_of(tmp_path, row(scene="one"), row(scene="two"), row("more")))
+    assert len(found.ids) == len(set(found.ids))
+
+
+def test_text_from_results_cannot_become_markup(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(quantity="<b>q</b>", title="A & <script>x</script>"))
+    assert "<b>q</b>" not in page
+    assert "<script" not in page
+
+
+def test_csv_reads_back_exactly(tmp_path: Path) -> None:
+    value = 0.1 + 0.2
+    page_of(tmp_path, row(value=value, tolerance=1.0))
+    with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
+        (read,) = csv.DictReader(file)
+    assert float(read["value"]) == value
+    assert read["reason"] == REASON
+
+
+def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row())
+    first, second = (build(results, tmp_path / name) for name in ("a", "b"))
+    for file in first.parent.iterdir():
+        assert file.read_bytes() == (second.parent / file.name).read_bytes(), file.name
+
+
+def test_the_share_of_a_bar_passes_one_exactly_when_the_check_fails() -> None:
+    upper, over = row(value=0.5, tolerance=1.0), row(value=2.0, tolerance=1.0)
+    lower = row(value=7.5, tolerance=3.0, passed=True)
+    under = row(value=1.5, tolerance=3.0, passed=False)
+    assert [used(r) for r in (upper, over, lower, under)] == [0.5, 2.0, 0.4, 2.0]
+    assert [is_lower_bar(r) for r in (upper, over, lower, under)] == [False, False, True, True]
+    assert bar(lower) == "≥ 3"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (1e-12, "10⁻¹²"), (1.234e-15, "1.23 × 10⁻¹⁵"), (4.0, "4"), (123.456, "123"), (1234.5, "1234"),
+     (0.0015, "0.0015"), (-2.5e-7, "-2.5 × 10⁻⁷"), (2e5, "2 × 10⁵"), (None, "–")],
+)  # fmt: skip
+def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
+    assert number(value) == text
+
+
+def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path) -> None:
+    done = run("-m", "reports", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "out"), cwd=tmp_path)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert "python -m validation" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("content", ["", '{"case": "a"}\n', "no json\n"])
+def test_results_that_are_not_rows_are_an_error_of_the_project(tmp_path: Path, content: str) -> None:
+    (tmp_path / "rows.jsonl").write_text(content, encoding="utf-8")
+    with pytest.raises(FlexlinkError, match=r"rows\.jsonl|cannot be read"):
+        build(tmp_path, tmp_path / "out")
+
+
+def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(FlexlinkError, match="file"):
+        build(stored(tmp_path / "results", row()), tmp_path / "file")
