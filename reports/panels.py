@@ -80,8 +80,10 @@ def _fill(axes: list[Axes], motion: Motion) -> None:
         panel.set_ylabel(series.y_label.replace("coordinate in frame 0", "frame 0"))
         low, high = panel.get_ylim()
         panel.set_ylim(low, high + (0.5 if len(entries) > 3 else 0.3) * (high - low))  # room for the legend
-        panel.legend(handles, list(entries.values()), loc="upper left", ncols=3 if len(entries) < 4 else 2, frameon=False,
-                     borderpad=0.1, labelspacing=0.2, columnspacing=1.0)  # fmt: skip
+        panel.legend(
+            handles, list(entries.values()), loc="upper left", ncols=3 if len(entries) < 4 else 2, frameon=False,
+            borderpad=0.1, labelspacing=0.2, columnspacing=1.0,
+        )  # fmt: skip
 
 
 def _entries(series: Series) -> dict[str, str]:

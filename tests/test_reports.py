@@ -39,7 +39,8 @@ def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | Non
 def stored(path: Path, *rows: Row) -> Path:
     """A result folder with these rows."""
     store = Store(path)
-    store.prepare({"python": "3.11", "versions": {"numpy": "2"}}, {r.case for r in rows})
+    store.prepare({r.case for r in rows})
+    store.note_environment({"python": "3.11", "versions": {"numpy": "2"}})
     for r in rows:
         store.append(r)
     return path
