@@ -18,6 +18,7 @@ from flexlink.dynamics import (
 )
 from flexlink.errors import (
     ArgumentError,
+    ConvergenceError,
     DivergenceError,
     FlexlinkError,
     MissingDependencyError,
@@ -27,9 +28,10 @@ from flexlink.errors import (
 )
 from flexlink.export import to_mjcf, to_urdf
 from flexlink.lumping import lump
-from flexlink.modal import stable_step
+from flexlink.modal import Modes, modes, natural_frequencies, stable_step
 from flexlink.scene import Drive, Initial, Run, Scene, Wrench, load_scene
 from flexlink.simulate import simulate
+from flexlink.statics import Equilibrium, buckling_loads, solve_static
 from flexlink.trajectory import Trajectory
 
 __version__ = "0.1.0"
@@ -38,10 +40,12 @@ __all__ = [
     "ArgumentError",
     "Arm",
     "Chain",
+    "ConvergenceError",
     "Coordinate",
     "DivergenceError",
     "Drive",
     "Energy",
+    "Equilibrium",
     "FlexlinkError",
     "Frames",
     "Initial",
@@ -49,6 +53,7 @@ __all__ = [
     "Link",
     "Material",
     "MissingDependencyError",
+    "Modes",
     "Mount",
     "OutputError",
     "Payload",
@@ -60,6 +65,7 @@ __all__ = [
     "Trajectory",
     "Wrench",
     "bias_torque",
+    "buckling_loads",
     "elastic_torque",
     "energy",
     "forward_dynamics",
@@ -70,7 +76,10 @@ __all__ = [
     "load_scene",
     "lump",
     "mass_matrix",
+    "modes",
+    "natural_frequencies",
     "simulate",
+    "solve_static",
     "stable_step",
     "tip_position",
     "to_mjcf",

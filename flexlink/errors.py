@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from flexlink.trajectory import Trajectory
 
 
@@ -38,3 +41,11 @@ class DivergenceError(FlexlinkError, ArithmeticError):
     def __init__(self, message: str, trajectory: Trajectory) -> None:
         super().__init__(message)
         self.trajectory = trajectory
+
+
+class ConvergenceError(FlexlinkError, ArithmeticError):
+    """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load."""
+
+    def __init__(self, message: str, q: NDArray[np.float64], load: float) -> None:
+        super().__init__(message)
+        self.q, self.load = q, load

@@ -87,13 +87,20 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
     material, section = arm.materials[link.material], arm.sections[link.section].properties
     nodes, weights = _hinges(link)
     rigidity = {1: material.shear * section.torsion, 2: material.young * section.i_y, 3: material.young * section.i_z}
+    rule = lumping_rule(link.lumping)
+    twisting = material.density * (section.i_y + section.i_z) * link.length  # ρ I_p L
+    rotor = {1: twisting * rule.twist_inertias(nodes, weights)}
     cuts = [0.0, *nodes, 1.0]
     for segment, (start, stop) in enumerate(itertools.pairwise(cuts)):
         if segment:
             builder.start_body()
-            for axis in AXES[link.flex]:
+            backward = rule.alternate_axes and segment % 2 == 0
+            for axis in AXES[link.flex][:: -1 if backward else 1]:
                 k = float(rigidity[axis] / (weights[segment - 1] * link.length))
-                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, material.loss_time * k)
+                inertia = float(rotor[axis][segment - 1]) if axis in rotor else 0.0
+                builder.add_hinge(
+                    Coordinate(number, segment, axis), axis - 1, k, material.loss_time * k, armature=inertia
+                )
         builder.add_prism(material, section, (stop - start) * link.length)
 
 

@@ -1,0 +1,174 @@
+"""Lumping rules as quadratures of the curvature integral, and what they make of a link."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from beams import cantilever, order, thin_arm, thin_link, torsion_bar
+from conftest import flexible, make_scene
+
+from flexlink import (
+    Joint,
+    SceneError,
+    bias_torque,
+    elastic_torque,
+    energy,
+    forward_dynamics,
+    friction_torque,
+    mass_matrix,
+)
+from flexlink.catalogue import names
+from flexlink.dynamics import SOLVERS
+from flexlink.rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
+
+TIP_FREE = {"clamped", "hencky"}
+"""Rules for a torque-free tip: a node's worth of weight is left out there, where the bending moment vanishes."""
+
+EXACT_DEGREE = {
+    "paper": -1, "hencky": 1, "clamped": 2, "midpoint": 1, "open": 1, "gregory": 3, "gauss": 3, "legendre": 19,
+    "legendre_matched": 19,
+}  # fmt: skip
+"""Highest d up to which 10 hinges integrate the moments (1 − x)^d exactly; from d = 2 for those of `TIP_FREE`."""
+
+
+def integral(rule, count, f):
+    nodes, weights = rule.hinges(count)
+    return float(weights @ f(nodes))
+
+
+def test_every_rule_that_comes_with_flexlink_is_judged_here():
+    assert set(names("lumping")) == set(EXACT_DEGREE)
+
+
+@pytest.mark.parametrize("name", EXACT_DEGREE)
+def test_nodes_increase_on_the_link_and_weights_are_positive(name):
+    for count in (6, 8, 10, 30):
+        nodes, weights = lumping_rule(name).hinges(count)
+        assert len(nodes) == len(weights) == count
+        assert (np.diff(nodes) > 0).all()
+        assert nodes[0] >= 0
+        assert nodes[-1] < 1
+        assert (weights > 0).all()
+
+
+@pytest.mark.parametrize("name", EXACT_DEGREE)
+def test_bending_under_moments_up_to_this_degree_is_exact(name):
+    highest = EXACT_DEGREE[name]
+    errors = [integral(lumping_rule(name), 10, lambda x, d=d: (1 - x) ** d) - 1 / (d + 1) for d in range(highest + 2)]
+    assert np.array(errors[2 if name in TIP_FREE else 0 : -1]) == pytest.approx(0, abs=1e-14)
+    assert (
+        name.startswith("legendre") or abs(errors[-1]) > 1e-6
+    )  # 20 nodes' worth: the next degree is exact to rounding
+
+
+@pytest.mark.parametrize(
+    "name, expected",
+    [("paper", 1), ("hencky", 2), ("midpoint", 2), ("open", 3), ("gauss", 4), ("gregory", 4), ("clamped", 4)],
+)
+def test_order_of_the_curvature_integral(name, expected):
+    """For a smooth moment that vanishes with its slope at the tip, as that of a free end."""
+
+    def error(n):
+        exact = 2 * np.e - 5  # ∫ (1 − x)² eˣ dx
+        return integral(lumping_rule(name), n, lambda x: (1 - x) ** 2 * np.exp(x)) - exact
+
+    assert order({n: error(n) for n in (16, 32, 64)}) == pytest.approx(expected, abs=0.3)
+
+
+def test_a_rule_weighted_for_an_end_moment_is_exact_for_it():
+    rule = LumpingRule(about="", source="", jacobi=Jacobi(tip=2.0))
+    for degree in range(8):  # 2 N − 1 = 7, times (1 − x)²
+        assert integral(rule, 4, lambda x, d=degree: (1 - x) ** (2 + d)) == pytest.approx(1 / (3 + degree), rel=1e-13)
+
+
+def test_users_own_rule_from_a_file(tmp_path):
+    path = tmp_path / "simpson.toml"
+    path.write_text(
+        'about = "Maclaurin, 3 points"\nsource = "mine"\n[element]\n'
+        "nodes = [0.16666666666666666, 0.5, 0.8333333333333334]\nweights = [0.375, 0.25, 0.375]\n",
+        encoding="utf-8",
+    )
+    rule = lumping_rule(str(path))
+    assert integral(rule, 6, lambda x: x**3) == pytest.approx(1 / 4, rel=1e-14)
+    assert cantilever(str(path), 6).n == 6
+
+
+@pytest.mark.parametrize(
+    "fields, message",
+    [
+        ({}, "exactly one"),
+        ({"grid": Grid(first=1.0, last=1.0), "jacobi": Jacobi()}, "exactly one"),
+        ({"element": lambda: Element(nodes=(0.5,), weights=(0.5, 0.5))}, "as many"),
+        ({"element": lambda: Element(nodes=(0.75, 0.25), weights=(0.5, 0.5))}, "increase"),
+        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, -0.5))}, "weights"),
+        ({"jacobi": lambda: Jacobi(tip=-0.5)}, "tip"),
+    ],
+)
+def test_an_invalid_rule_says_why(fields, message):
+    with pytest.raises(SceneError, match=message):
+        LumpingRule(about="", source="", **{key: f() if callable(f) else f for key, f in fields.items()})
+
+
+@pytest.mark.parametrize("name, too_few", [("gregory", 5), ("open", 3), ("clamped", 2), ("gauss", 3)])
+def test_a_number_of_hinges_that_a_rule_does_not_have_is_refused(name, too_few):
+    with pytest.raises(SceneError, match="segments"):
+        cantilever(name, too_few)
+
+
+@pytest.mark.parametrize("name", sorted(TIP_FREE))
+def test_a_hinge_on_a_free_joint_is_refused_and_on_a_locked_one_is_not(name):
+    assert cantilever(name, 6).n == 6
+    with pytest.raises(SceneError, match="no inertia"):
+        thin_arm(thin_link(name, 6, free=True))
+
+
+def test_a_hinge_at_the_links_end_is_refused(tmp_path):
+    path = tmp_path / "both_ends.toml"
+    path.write_text('about = "trapezoid"\nsource = "mine"\n[grid]\nfirst = 0.0\nlast = 0.0\n', encoding="utf-8")
+    with pytest.raises(SceneError, match="end"):
+        cantilever(str(path), 5)
+
+
+@pytest.mark.parametrize("name", EXACT_DEGREE)
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
+    """Hinges bent up to 50°: far beyond what a useful chain does, and where `legendre_matched` ends."""
+    chain = make_scene(
+        flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
+        flexible("fore", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
+    ).chain()
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        q, qd, tau = rng.uniform(-0.87, 0.87, chain.n), rng.uniform(-10, 10, chain.n), rng.uniform(-1, 1, chain.n)
+        M = mass_matrix(chain, q)
+        assert np.linalg.eigvalsh(M).min() > 0
+        assert energy(chain, q, qd).kinetic == pytest.approx(qd @ M @ qd / 2, rel=1e-12)
+        torque = tau - bias_torque(chain, q, qd) - elastic_torque(chain, q) - friction_torque(chain, qd)
+        expected = np.linalg.solve(M, torque)
+        rounding = 10 * 2.3e-16 * np.linalg.cond(M) * np.abs(expected).max()
+        for method in SOLVERS:
+            assert forward_dynamics(chain, q, qd, tau, method) == pytest.approx(expected, abs=rounding)
+
+
+def test_rotors_of_matched_twist_act_on_relative_motion_alone():
+    """Negative, on twist hinges only, and such that an accelerated even twist takes the torques of the real bar."""
+    chain, bending = torsion_bar("legendre_matched", 5)
+    nodes, weights = lumping_rule("legendre_matched").hinges(5)
+    rotors, twisting = chain.hinges["armature"], np.setdiff1d(np.arange(chain.n), bending)
+    assert (rotors[bending] == 0).all()
+    assert (rotors[twisting] < 0).all()
+    even = np.zeros(chain.n)
+    even[twisting] = weights  # unit twist per length
+    torque, rigid = mass_matrix(chain, np.zeros(chain.n)) @ even, (1 - nodes**2) / 2
+    assert torque[twisting] == pytest.approx(rigid, rel=1e-12)
+    assert not np.allclose((torque - rotors * even)[twisting], rigid, rtol=1e-3)
+
+
+def test_axes_alternate_only_where_the_rule_says_so():
+    paper, legendre = (make_scene(flexible("arm", "xyz", 4, lumping=name)).chain() for name in ("paper", "legendre"))
+    assert paper.hinges["axis"].tolist() == [2, 0, 1, 2, 0, 1, 2, 0, 1, 2]
+    assert legendre.hinges["axis"].tolist() == [2, 0, 1, 2, 2, 1, 0, 0, 1, 2]
+    for chain in (paper, legendre):
+        for k, axis in enumerate(chain.hinges["axis"][1:], start=1):
+            assert chain.coordinate(k).axis == axis + 1
+            assert chain.index(*chain.coordinate(k)) == k
