@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink import engines as engine_loader
 from flexlink.chain import Chain
+from flexlink.engines import Engine, load
 from flexlink.errors import ArgumentError
 from flexlink.scene import Scene
 
@@ -39,7 +39,7 @@ class State(NamedTuple):
 class Quantity(NamedTuple):
     """How one term of the equation of motion is evaluated, and the largest error that rounding explains."""
 
-    evaluate: Callable[[Any, State], Array]
+    evaluate: Callable[[Engine, State], Array]
     bound: float
 
 
@@ -175,13 +175,13 @@ def compare(
     if samples < 1:
         raise ArgumentError(f"samples = {samples}: must be at least 1")
     chain = scene.chain()
-    native = engine_loader.load("native", chain)
-    loaded = [engine_loader.load(name, chain) for name in engines]
+    native = load("native", chain)
+    loaded = [load(name, chain) for name in engines]
     return Comparison(scene.name, samples, compare_engines(chain, native, loaded, random_states(chain, samples, seed)))
 
 
 def compare_engines(
-    chain: Chain, native: Any, engines: Sequence[Any], states: Sequence[State]
+    chain: Chain, native: Engine, engines: Sequence[Engine], states: Sequence[State]
 ) -> tuple[Difference, ...]:
     """Every quantity of every engine against `native` at the given states."""
     bounds = [10 * EPS * np.linalg.cond(native.mass_matrix(s.q)) for s in states]
@@ -271,7 +271,7 @@ def _mass_hint(where: str, k: int, got: Array, expected: Array) -> str:
 
 
 def _factor(got: Array, expected: Array) -> str:
-    """ " (factor 2)" if one constant explains the difference."""
+    """Words for one constant factor that explains the difference, or none."""
     square = float(expected @ expected)
     factor = float(got @ expected) / square if square else 0.0
     same = square > 0 and np.abs(got - factor * expected).max() <= 1e-6 * np.abs(got).max()

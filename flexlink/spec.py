@@ -69,7 +69,11 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
 
 def _explain(raw: object, kind: Any, path: str, tail: str, reason: str) -> str:
     value: Any = raw
-    for key in re.findall(r"\w+", tail):
+    for part in re.findall(r"\w+|\.\.\.", tail):
+        key = part
+        if part == "...":  # msgspec does not name the key of a dict
+            key = next(k for k, item in value.items() if not _fits(item, _type_below(kind, k)))
+            tail = tail.replace("[...]", f".{key}", 1)
         value = value[int(key)] if isinstance(value, list) else value[key]
         kind = _type_below(kind, key)
     where = (path + tail).lstrip(".")
@@ -86,6 +90,14 @@ def _explain(raw: object, kind: Any, path: str, tail: str, reason: str) -> str:
     if missing:
         return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
     return f"{where} = {short(value)}: {_allowed(kind) or _lower(reason)}".removeprefix(" = ")
+
+
+def _fits(value: object, kind: Any) -> bool:
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError:
+        return False
+    return True
 
 
 def _allowed(kind: Any) -> str:

@@ -1,1 +1,1 @@
-"""The validation study: cases (data) → kinds (how to measure) → store (what was measured). Run: python -m validation."""
+"""The validation study: cases (data) → kinds (how to measure) → store (what came out). Run: python -m validation."""

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from flexlink.errors import FlexlinkError
 from validation.case import Case, load_cases
-from validation.runner import environment, run_cases
+from validation.runner import run_cases
 from validation.store import Row, Store
 
 HERE = Path(__file__).parent
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _print_cases(console, cases)
             return 0
         store = Store(options.results)
-        store.prepare(environment(), {case.name for case in load_cases()})
+        store.prepare({case.name for case in load_cases()})
         _run(console, cases, store, options.force)
         rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
         page = None if options.no_report else _report(store.path)
@@ -74,16 +75,19 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    titles = {case.name: case.title for case in cases}
+    names = [case.name for case in cases]
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("reading what is stored", total=len(cases))
 
         def report(case: str, row: Row | None) -> None:
             if row is None:
-                order = [c.name for c in cases]
-                progress.update(task, description=titles[case], completed=order.index(case))
-            elif row.passed is False:
-                progress.console.print(f"[red]FAILED[/red] {_describe(row)}", highlight=False)
+                progress.update(task, description=case, completed=names.index(case))
+                if not console.is_terminal:  # a log shows no moving bar
+                    console.print(f"{case} …", highlight=False)
+                return
+            progress.update(task, description=f"{case}: {row.quantity}")
+            if row.passed is False:
+                console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
         run_cases(cases, store, force, report)
         progress.update(task, description="all cases stored", completed=len(cases))
@@ -91,7 +95,7 @@ def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> 
 
 def _report(results: Path) -> Path | None:
     """Write the report with the package `reports`, if it is there."""
-    if importlib.util.find_spec("reports") is None or importlib.util.find_spec("reports.build") is None:
+    if importlib.util.find_spec("reports") is None:
         return None
     page: Path = importlib.import_module("reports").build(results, REPORT)
     return page
@@ -114,7 +118,7 @@ def _print_verdict(console: Console, rows: Sequence[Row]) -> None:
     console.print(table)
     for row in rows:
         if row.passed is False:
-            console.print(f"[red]FAILED[/red] {_describe(row)}", highlight=False, soft_wrap=True)
+            console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False, soft_wrap=True)
     judged = [row.passed for row in rows if row.passed is not None]
     console.print(f"{judged.count(True)} of {len(judged)} bars met")
 

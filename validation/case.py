@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+import msgspec
+
 from flexlink import catalogue
 from flexlink.errors import SceneError
 from flexlink.scene import Scene, load_scene
@@ -34,7 +36,7 @@ class Case(Spec, frozen=True):
     about: str
     quantity: dict[str, Quantity]
     scenes: tuple[str, ...] = ()  # names of files in models/
-    settings: dict[str, Any] = {}  # decoded by the kind
+    settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
 
     def load_scenes(self) -> list[Scene]:
         """The scenes, in order."""

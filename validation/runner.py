@@ -9,7 +9,7 @@ import os
 import platform
 import subprocess
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
 
 
-def run_cases(cases: Iterable[Case], store: Store, force: bool, report: Report) -> None:
+def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) -> None:
     """Run every case that is not stored yet.
 
     Raises
@@ -35,14 +35,15 @@ def run_cases(cases: Iterable[Case], store: Store, force: bool, report: Report) 
         A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
     """
     shared = _hash_of_sources()
-    for case in cases:
-        key = _key(case, shared)
-        if not force and store.finished().get(case.name) == key:
-            continue
+    keys = {case.name: _key(case, shared) for case in cases}
+    wanted = [case for case in cases if force or store.finished().get(case.name) != keys[case.name]]
+    if wanted:
+        store.note_environment(environment())
+    for case in wanted:
         report(case.name, None)
         store.forget(case.name)
-        _run_case(case, key, store, report)
-        store.finish(case.name, key)
+        _run_case(case, keys[case.name], store, report)
+        store.finish(case.name, keys[case.name])
 
 
 def _run_case(case: Case, key: str, store: Store, report: Report) -> None:

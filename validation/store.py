@@ -98,8 +98,8 @@ class Store:
         file = self.path / "finished.json"
         return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
 
-    def prepare(self, environment: Mapping[str, Any], known: Collection[str]) -> None:
-        """Make the folder, note the environment, forget cases that are not `known` any more.
+    def prepare(self, known: Collection[str]) -> None:
+        """Make the folder, and forget cases that are not `known` any more.
 
         Raises
         ------
@@ -110,9 +110,12 @@ class Store:
             (self.path / "series").mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise OutputError(f"{self.path}: cannot be written: {error.strerror or error}") from None
-        write_text(self.path / "environment.json", _json(environment))
         for case in {row.case for row in self.rows()} - set(known):
             self.forget(case)
+
+    def note_environment(self, environment: Mapping[str, Any]) -> None:
+        """Store on what the rows to come are measured."""
+        write_text(self.path / "environment.json", _json(environment))
 
     def forget(self, case: str) -> None:
         """Drop every trace of a case."""
@@ -132,13 +135,14 @@ class Store:
         OutputError
             It cannot be written.
         """
+        path = self.path / "rows.jsonl"
         try:
-            with (self.path / "rows.jsonl").open("a", encoding="utf-8") as file:
+            with path.open("a", encoding="utf-8") as file:
                 file.write(_line(row))
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise OutputError(f"{file.name}: cannot be written: {error.strerror or error}") from None
+            raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
     def add_series(self, case: str, series: Series) -> None:
         """Store a series, replacing one of the same case and name."""

@@ -29,12 +29,9 @@ class Kind(Protocol):
     def Settings(self) -> type[Spec]:
         """The case's table `settings`, decoded strictly."""
 
-    @property
-    def run(self) -> Any:
-        """(case, settings) → iterator of `Measured` and `Series`, in the order in which they are known."""
+    def run(self, case: Case, settings: Any, /) -> Iterator[Measured | Series] | Iterator[Measured]:
+        """Numbers and series in the order in which they are known."""
 
-
-Results = Iterator[Measured | Series]
 
 KINDS: dict[str, Kind] = {
     "convergence": convergence,

@@ -58,7 +58,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def released_modes(scene: Scene) -> tuple[Array, Array]:
-    """Frequencies ω [rad/s] of the elastic modes at the initial posture, and the energy E [J] that the release gives."""
+    """Frequencies ω [rad/s] of the elastic modes at the start, and the energy E [J] that the release gives each."""
     chain = scene.chain()
     q, _ = scene.initial_state(chain)
     squares, Φ = linalg.eigh(np.diag(chain.stiffness), mass_matrix(chain, q))  # Φᵀ M Φ = 1

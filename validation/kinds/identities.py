@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain import Chain
-from flexlink.compare import State, random_states
-from flexlink.dynamics import MASS_METHODS
+from flexlink.compare import EPS, State, random_states
+from flexlink.dynamics import MASS_METHODS, SOLVERS
 from flexlink.spec import Spec
 from validation.case import Case, Measured
 
@@ -68,6 +68,12 @@ def _smallest_eigenvalue(chain: Chain, s: State) -> float:
 def _methods(chain: Chain, s: State) -> float:
     M = np.array([fl.mass_matrix(chain, s.q, method) for method in MASS_METHODS])
     return float(np.ptp(M, axis=0).max() / np.abs(M).max())
+
+
+def _solvers(chain: Chain, s: State) -> float:
+    qdd = np.array([fl.forward_dynamics(chain, s.q, s.qd, s.tau, method, s.wrench) for method in SOLVERS])
+    bound = 10 * EPS * np.linalg.cond(fl.mass_matrix(chain, s.q))
+    return float(np.ptp(qdd, axis=0).max() / np.abs(qdd).max() / bound)
 
 
 def _kinetic(chain: Chain, s: State) -> float:
@@ -128,6 +134,7 @@ IDENTITIES: dict[str, tuple[Callable[[Chain, State], float], Callable[[list[floa
     "M symmetric": (_asymmetry, max),
     "M positive definite": (_smallest_eigenvalue, min),
     "four methods for M": (_methods, max),
+    "solvers for q̈": (_solvers, max),
     "½ q̇ᵀMq̇ = kinetic energy": (_kinetic, max),
     "power balance": (_power, max),
     "Ṁ − 2C skew": (_skew, max),

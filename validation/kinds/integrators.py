@@ -1,4 +1,4 @@
-"""The paper's comparison of Runge-Kutta methods: error against step and work, drift, cost, stability, and the verdict."""
+"""The paper's comparison of Runge-Kutta methods: error against step and work, drift, cost, stability, verdict."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from validation.store import Series, table
 class Settings(Spec, frozen=True):
     """What to run.
 
-    duration, sample [s]; reference: two steps [s] of RK10, the finer one counts as exact; steps [s] by method; errors [rad] at
-    which the methods are weighed against each other; methods whose limit of stability is measured.
+    duration, sample [s]; reference: two steps [s] of RK10, the finer one counts as exact; steps [s] by method;
+    errors [rad] at which the methods are weighed against each other; methods whose limit of stability is measured.
     """
 
     duration: Positive
@@ -128,16 +128,15 @@ def _verdicts(scene: Scene, points: Sequence[Point], errors: Sequence[float]) ->
         words += [f"{m} does not reach it with the steps tried." for m in methods if m not in costs]
         setting = f"{best}, error {error:g} rad"
         yield Measured("cheapest method", costs[best][0], scene.name, setting=setting, note=" ".join(words))
-    holds = [error for error, best in winners.items() if best == "RK4"]
-    note = f"RK4 is the cheapest at errors of {_listed(holds)} rad"
+    note = f"It holds at errors of {_listed(winners, 'RK4')} rad."
     for other in dict.fromkeys(best for best in winners.values() if best != "RK4"):
-        note += f", {other} at {_listed([e for e, best in winners.items() if best == other])} rad"
-    share = len(holds) / max(1, len(winners))
-    yield Measured("paper's conclusion", share, scene.name, setting="RK4 suffices, RK10 not justified", note=note + ".")
+        note += f" It does not hold at {_listed(winners, other)} rad, where {other} is cheaper."
+    share = list(winners.values()).count("RK4") / max(1, len(winners))
+    yield Measured("paper's conclusion", share, scene.name, setting="RK4 suffices, RK10 not justified", note=note)
 
 
-def _listed(errors: Sequence[float]) -> str:
-    return ", ".join(f"{error:g}" for error in errors) or "no"
+def _listed(winners: dict[float, str], method: str) -> str:
+    return ", ".join(f"{error:g}" for error, best in winners.items() if best == method) or "no"
 
 
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:

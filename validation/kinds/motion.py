@@ -7,11 +7,16 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 import flexlink as fl
+from flexlink.chain import Chain
 from flexlink.scene import Scene
 from flexlink.trajectory import Trajectory
 from validation.store import Series
+
+Array = NDArray[np.float64]
+POINTS = 50  # of an engine in a figure
 
 
 def with_run(scene: Scene, **settings: Any) -> Scene:
@@ -19,15 +24,16 @@ def with_run(scene: Scene, **settings: Any) -> Scene:
     return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **settings))
 
 
-def panels(scene: Scene, run: Trajectory) -> Iterator[Series]:
-    """Figure 5 of the paper: active joints; passive joints by link; coordinates of later active joints; hand; energy."""
+def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
+    """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
     names = [chain.joint_name(k) for k in range(chain.n)]
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
     links = [chain.coordinate(k).link for k in range(chain.n)]
 
     def series(name: str, title: str, columns: dict[str, Any], y_label: str) -> Series:
-        return Series(f"{scene.name}.{name}", title, time | columns, "time [s]", "time [s]", y_label)
+        full = ".".join(part for part in (scene.name, name, engine) if part)
+        return Series(full, title, time | columns, "time [s]", "time [s]", y_label)
 
     active = {names[k]: degrees[names[k]] for k in chain.active}
     yield series("active", "Active joints", active, "angle [deg]")
@@ -44,6 +50,12 @@ def panels(scene: Scene, run: Trajectory) -> Iterator[Series]:
     yield series("hand", "Coordinates of the hand", hand, "coordinate in frame 0 [m]")
     energy = {name: np.asarray(getattr(run.energy, name)) for name in ("kinetic", "gravity", "elastic", "total")}
     yield series("energy", "Energy", energy, "energy [J]")
+
+
+def points_of(chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
+    """An engine's samples thinned to what a figure can show as points on our lines."""
+    every = slice(None, None, max(1, len(t) // POINTS))
+    return Trajectory.from_states(chain, t[every].copy(), q[every].copy(), qd[every].copy())
 
 
 def _joint_places(run: Trajectory) -> dict[int, Any]:

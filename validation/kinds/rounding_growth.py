@@ -1,7 +1,7 @@
 """A chaotic motion: how rounding grows, and for how long it explains the difference between engines.
 
 The yardstick is the library against itself: the initial angles moved by one unit in the last place, either way, and
-another linear solver. The largest of these differences up to time t is what rounding alone does.
+another solver for q̈. The largest of these differences up to time t is what rounding alone does.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import engines
+from flexlink.dynamics import SOLVERS
 from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Positive, Spec
 from validation.case import Case, Measured
-from validation.kinds.motion import panels, with_run
+from validation.kinds.motion import panels, points_of, with_run
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -50,7 +51,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, setting=setting)
         curves = {"time [s]": ours.t, "native, one ulp or another solver": own}
         for name in settings.engines:
-            _, q, _ = engines.load(name, ours.chain).integrate(scene)
+            t, q, qd = engines.load(name, ours.chain).integrate(scene)
+            yield from panels(short, points_of(ours.chain, *(part[: short.run.samples] for part in (t, q, qd))), name)
             curves[name] = _running_max(q, ours.q)
             ratio = float((curves[name][within] / own[within]).max())
             upto = f"{setting}, to {ours.t[end - 1]:g} s"
@@ -64,7 +66,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _own_differences(scene: Scene) -> Iterator[Array]:
-    yield simulate(scene, dynamics="cholesky").q
+    for solver in SOLVERS:
+        if solver != scene.run.dynamics:
+            yield simulate(scene, dynamics=solver).q
     angles = scene.initial.joint_deg
     for k, angle in enumerate(angles):
         for way in (-np.inf, np.inf):

@@ -10,7 +10,7 @@ from flexlink import engines
 from flexlink.simulate import simulate
 from flexlink.spec import Spec
 from validation.case import Case, Measured
-from validation.kinds.motion import panels
+from validation.kinds.motion import panels, points_of
 from validation.store import Series
 
 
@@ -27,7 +27,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield from panels(scene, ours)
         differences = {"time [s]": ours.t}
         for name in settings.engines:
-            _, q, qd = engines.load(name, ours.chain).integrate(scene)
+            t, q, qd = engines.load(name, ours.chain).integrate(scene)
+            yield from panels(scene, points_of(ours.chain, t, q, qd), name)
             setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
             differences[name] = np.abs(q - ours.q).max(axis=1)
             yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, setting)

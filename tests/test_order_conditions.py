@@ -1,0 +1,53 @@
+"""The order of the Runge-Kutta methods is what their tableaus claim, by rooted trees."""
+
+import math
+
+import msgspec
+import pytest
+
+from flexlink.tableaus import tableau
+from validation.oracles.rooted_trees import density, residuals, trees
+
+ORDERS = {"RK2": 2, "RK4": 4, "RK10": 10}
+
+
+def test_there_are_as_many_rooted_trees_as_published():
+    counts = [len(trees(order)) for order in range(1, 11)]
+    assert counts == [1, 1, 2, 4, 9, 20, 48, 115, 286, 719]  # OEIS A000081
+    assert sum(counts) == 1205
+
+
+def test_no_tree_appears_twice():
+    for order in range(1, 10):
+        assert len({_canonical(tree) for tree in trees(order)}) == len(trees(order))
+
+
+def _canonical(tree):
+    return tuple(sorted(map(_canonical, tree)))
+
+
+@pytest.mark.parametrize("order", range(2, 8))
+def test_density_of_the_bush_is_its_order_and_of_the_stalk_its_factorial(order):
+    bush, stalk = ((),) * (order - 1), ()
+    for _ in range(order - 1):
+        stalk = (stalk,)
+    assert density(bush) == order
+    assert density(stalk) == math.factorial(order)
+
+
+@pytest.mark.parametrize(("name", "order"), ORDERS.items())
+def test_every_condition_up_to_the_order_holds_to_40_digits(name, order):
+    method = tableau(name)
+    assert method.order == order
+    assert max(max(residuals(method, k)) for k in range(1, order + 1)) <= 1e-40
+
+
+@pytest.mark.parametrize(("name", "order"), ORDERS.items())
+def test_some_condition_one_order_above_fails(name, order):
+    assert max(residuals(tableau(name), order + 1)) > 1e-7
+
+
+def test_a_wrong_digit_in_one_coefficient_is_caught():
+    good = tableau("RK4")
+    bad = msgspec.structs.replace(good, b=("1/6", "1/3", "0.33333333333333333", "1/6"))
+    assert max(residuals(bad, 1)) > 1e-18

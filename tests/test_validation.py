@@ -1,0 +1,326 @@
+"""The study: cases are checked data, the store loses nothing, a rerun skips what is there, a failed bar is seen."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+import flexlink as fl
+from flexlink.errors import SceneError
+from flexlink.spec import decode
+from flexlink.tableaus import tableau
+from validation import case as cases
+from validation.__main__ import main
+from validation.case import Measured, load_case, load_cases
+from validation.kinds import KINDS
+from validation.kinds.energy_drift import modal_loss, released_modes
+from validation.kinds.integrators import Point, evaluations_for
+from validation.oracles import runge_kutta
+from validation.oracles.planar_chain import DIGITS, PlanarChain
+from validation.runner import judge
+from validation.store import Row, Series, Store
+
+ROOT = Path(__file__).parent.parent
+
+CASE = """
+kind  = "order_conditions"
+title = "a title"
+about = "a case for tests"
+settings.methods = ["RK2"]
+
+[quantity.residual]
+metric    = "largest residual"
+tolerance = 1e-40
+reason    = "exact"
+"""
+
+
+@pytest.fixture
+def study(tmp_path, monkeypatch):
+    """A study of the one case above, and a way to run it: returns exit code and store."""
+    folder = tmp_path / "cases"
+    folder.mkdir()
+    (folder / "small.toml").write_text(CASE, encoding="utf-8")
+    monkeypatch.setattr(cases, "CASES", folder)
+
+    def run(*options):
+        code = main(["--no-report", "--results", str(tmp_path / "results"), *options])
+        return code, Store(tmp_path / "results")
+
+    run.case_file = folder / "small.toml"
+    return run
+
+
+# the cases of the project
+
+
+@pytest.mark.parametrize("case", load_cases(), ids=lambda case: case.name)
+def test_every_case_is_well_formed_and_every_bar_has_a_reason(case):
+    decode(case.settings, KINDS[case.kind].Settings, "settings")
+    assert all(path.is_file() for path in case.scene_files)
+    assert all(len(q.reason) > 10 and q.metric for q in case.quantity.values())
+    assert any(q.tolerance is not None for q in case.quantity.values())
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (("kind  =", "knd  ="), "knd = 'order_conditions': unknown key"),
+    (("tolerance = 1e-40", "tolerance = true"), "quantity.residual.tolerance = True: expected float"),
+    (('reason    = "exact"', ""), "quantity.residual.reason: missing"),
+    (("kind  =", 'name = "other"\nkind  ='), "name = 'other': unknown key; the name of a case is its file's"),
+])  # fmt: skip
+def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, message):
+    path = tmp_path / "bad.toml"
+    path.write_text(CASE.replace(*change), encoding="utf-8")
+    with pytest.raises(SceneError) as error:
+        load_case(path)
+    assert str(error.value).startswith(f"{path}: {message}")
+    assert "\n" not in str(error.value)
+
+
+# verdicts
+
+
+def verdict(value, scale=1.0, **quantity):
+    case = cases.Case(
+        name="c", kind="k", title="t", about="a",
+        quantity={"x": cases.Quantity(metric="m", reason="r", **quantity)},
+    )  # fmt: skip
+    return judge(case, Measured("x", value, scale=scale), 0.0, "key")
+
+
+@pytest.mark.parametrize(("value", "bound", "passed"), [
+    (1.0, "at most", True), (1.1, "at most", False), (1.0, "at least", True), (0.9, "at least", False),
+    (float("nan"), "at most", False), (float("nan"), "at least", False), (float("inf"), "at most", False),
+])  # fmt: skip
+def test_a_value_passes_only_on_its_side_of_the_bar(value, bound, passed):
+    assert verdict(value, tolerance=1.0, bound=bound).passed is passed
+
+
+def test_without_tolerance_there_is_no_verdict_and_numbers_that_json_lacks_become_null():
+    assert verdict(5.0).passed is None
+    assert verdict(float("inf")).value is None
+
+
+def test_a_tolerance_can_be_in_units_of_what_the_physics_predicts():
+    row = verdict(1.4e-6, scale=1e-6, tolerance=1.5)
+    assert (row.passed, row.tolerance) == (True, 1.5e-6)
+
+
+# running
+
+
+def test_a_bar_that_is_met_gives_exit_code_0_and_a_finished_case(study):
+    code, store = study()
+    [row] = store.rows()
+    assert (code, row.case, row.quantity, row.passed) == (0, "small", "residual", True)
+    assert store.finished() == {"small": row.key}
+    assert store.environment()["versions"]["numpy"] == np.__version__
+
+
+def test_a_bar_that_is_missed_gives_exit_code_1_and_is_named(study, capsys):
+    text = CASE.replace("tolerance = 1e-40", 'tolerance = 1.0\nbound = "at least"')
+    study.case_file.write_text(text, encoding="utf-8")
+    code, store = study()
+    assert (code, store.rows()[0].passed) == (1, False)
+    assert "FAILED small: residual" in capsys.readouterr().out
+
+
+def test_a_failure_that_is_stored_still_fails_the_rerun(study):
+    study.case_file.write_text(CASE.replace("1e-40", '1.0\nbound = "at least"'), encoding="utf-8")
+    assert study()[0] == 1
+    assert study()[0] == 1
+
+
+def test_a_rerun_skips_what_is_stored_and_force_measures_again(study, monkeypatch):
+    runs = []
+    honest = KINDS["order_conditions"].run
+    monkeypatch.setattr(KINDS["order_conditions"], "run", lambda *a: (runs.append(1), honest(*a))[1])
+    study()
+    study()
+    assert len(runs) == 1
+    study("--force")
+    assert len(runs) == 2
+
+
+def test_an_edit_of_the_case_measures_it_again(study):
+    key = study()[1].finished()["small"]
+    study.case_file.write_text(CASE.replace("a title", "another title"), encoding="utf-8")
+    store = study()[1]
+    assert store.finished()["small"] != key
+    assert [row.title for row in store.rows()] == ["another title"]
+
+
+def test_a_killed_run_loses_only_the_case_in_hand(study, monkeypatch):
+    study.case_file.with_name("a_first.toml").write_text(CASE, encoding="utf-8")
+    honest = KINDS["order_conditions"].run
+
+    def dies(case, settings):
+        yield from honest(case, settings)
+        if case.name == "small":
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    code, store = study()
+    assert code == 130
+    assert set(store.finished()) == {"a_first"}
+    first = [row for row in store.rows() if row.case == "a_first"]
+    monkeypatch.setattr(KINDS["order_conditions"], "run", honest)
+    code, store = study()
+    assert code == 0
+    assert [row for row in store.rows() if row.case == "a_first"] == first  # not measured again
+    assert [row.case for row in store.rows()] == ["a_first", "small"]  # and no row twice
+
+
+def test_a_bar_that_nothing_measures_is_an_error(study, capsys):
+    study.case_file.write_text(CASE.replace("quantity.residual", "quantity.residue"), encoding="utf-8")
+    assert study()[0] == 2
+    assert "quantity.residue: kind 'order_conditions' does not measure this here" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    (('"order_conditions"', '"orders"'), "kind = 'orders': unknown; allowed are convergence, "),
+    (('["RK2"]', '["RK3"]'), "method = 'RK3': unknown; allowed are "),
+    (("settings.methods", "settings.method"), "settings.method = ['RK2']: unknown key; allowed are methods"),
+])  # fmt: skip
+def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, message):
+    study.case_file.write_text(CASE.replace(*change), encoding="utf-8")
+    assert study()[0] == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_case_that_does_not_exist_is_named_with_those_that_do(study, capsys):
+    assert study("--case", "nothing*")[0] == 2
+    assert "case = 'nothing*': no such case; there are small" in capsys.readouterr().err
+
+
+def test_a_case_that_was_deleted_leaves_the_store(study):
+    study.case_file.with_name("gone.toml").write_text(CASE, encoding="utf-8")
+    study()
+    study.case_file.with_name("gone.toml").unlink()
+    assert {row.case for row in study()[1].rows()} == {"small"}
+
+
+# the store
+
+
+def row(case="c", **changes):
+    values = {
+        "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "setting": "RK4 h=0.1 s",
+        "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "passed": None,
+        "reason": "because", "seconds": 0.5, "key": "k",
+    }  # fmt: skip
+    return Row(**values | changes)
+
+
+def test_rows_read_back_exactly_and_a_torn_last_line_is_dropped(tmp_path):
+    store = Store(tmp_path)
+    store.prepare(["c"])
+    rows = [row(value=1 / 3), row(value=None, passed=False, tolerance=1e-13)]
+    for each in rows:
+        store.append(each)
+    assert store.rows() == rows
+    with (tmp_path / "rows.jsonl").open("a", encoding="utf-8") as file:
+        file.write('{"case": "c", "ki')
+    assert store.rows() == rows
+
+
+def test_series_read_back_exactly_with_their_labels(tmp_path):
+    store = Store(tmp_path)
+    store.prepare(["c"])
+    columns = {"method": np.array(["RK2", "RK10"]), "step [s]": np.array([0.1, 0.2]), "a/b [m/s]": np.array([1.0, 2.0])}
+    put = Series("n.error", "Title", columns, "step [s]", "step [s]", "error", "log", "log", group="method")
+    store.add_series("c", put)
+    got = store.series("c")["n.error"]
+    assert (got.title, got.x, got.y_scale, got.group) == ("Title", "step [s]", "log", "method")
+    assert list(got.columns) == list(columns)
+    assert all(np.array_equal(got.columns[name], columns[name]) for name in columns)
+    store.forget("c")
+    assert store.series("c") == {}
+
+
+def test_the_store_reads_without_engines_and_without_a_terminal_library():
+    code = "import sys, validation.store; print([m for m in ('pinocchio', 'mujoco', 'rich') if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert shown.stdout.strip() == "[]"
+
+
+# the judges
+
+
+def numbers(values):
+    return [mpf(float(value)) for value in values]
+
+
+def test_the_50_digit_chain_is_the_textbook_double_pendulum():
+    links = tuple(
+        fl.Link(name=name, length=length, material="m", section="s") for name, length in (("a", 1.5), ("b", 0.75))
+    )
+    arm = fl.Arm(
+        links=links,
+        materials={"m": fl.Material(young=1e9, density=1000.0)},
+        sections={"s": fl.Section(shape="rectangle", height=0.25, width=0.5)},
+    )
+    oracle = PlanarChain(fl.lump(arm, (0.0, -9.81, 0.0)))
+    m1, m2, l1, l2 = 187.5, 93.75, 1.5, 0.75
+    I1, I2 = m1 * (l1**2 + 0.25**2) / 12, m2 * (l2**2 + 0.25**2) / 12
+    q, qd = (0.3, -1.1), (2.0, 5.0)
+    c = np.cos(q[1])
+    m22 = I2 + m2 * l2**2 / 4
+    m12 = m22 + m2 * l1 * l2 / 2 * c
+    M = [[I1 + m1 * l1**2 / 4 + m2 * l1**2 + m2 * l1 * l2 * c + m22, m12], [m12, m22]]
+    h = -m2 * l1 * l2 / 2 * np.sin(q[1])
+    g2 = m2 * 9.81 * l2 / 2 * np.cos(q[0] + q[1])
+    g1 = (m1 * l1 / 2 + m2 * l1) * 9.81 * np.cos(q[0]) + g2
+    bias = [h * qd[1] * (2 * qd[0] + qd[1]) + g1, -h * qd[0] ** 2 + g2]
+    with mp.workdps(DIGITS):
+        assert np.allclose(np.array(oracle.mass_matrix(numbers(q)).tolist(), float), M, rtol=1e-14)
+        assert np.allclose(np.array(oracle.bias_torque(numbers(q), numbers(qd)), float), bias, rtol=1e-13)
+
+
+def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
+    chain = fl.load_scene(ROOT / "models" / "paper_fig5.toml").chain()
+    oracle = PlanarChain(chain)
+    with mp.workdps(DIGITS):
+        start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
+        end = runge_kutta.integrate(oracle.forward_dynamics, tableau("RK10"), start, mpf("1e-4"), 40)
+        assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
+        assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
+
+
+def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
+    chain = fl.load_scene(ROOT / "models" / "t2_spatial.toml").chain()
+    with pytest.raises(fl.ArgumentError, match="not planar"):
+        PlanarChain(chain)
+
+
+def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
+    ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
+    A, b, _ = tableau("RK4").arrays
+    z = 1j * ω * h
+    R = 1 + z * b @ np.linalg.solve(np.eye(4) - z * A, np.ones(4))
+    assert modal_loss("RK4", np.array([ω * h]), np.array([2.0]), steps) == pytest.approx(2 * (1 - abs(R) ** 400))
+
+
+def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
+    """With every active joint held, Σ E_m is the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    held = tuple(msgspec.structs.replace(link, joint=fl.Joint(locked=True)) for link in scene.arm.links)
+    scene = msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=held))
+    chain = scene.chain()
+    ω, E = released_modes(scene)
+    load = fl.gravity_torque(chain, np.zeros(chain.n))
+    assert len(ω) == chain.n == 8
+    assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12)
+
+
+def test_evaluations_are_interpolated_between_runs_on_log_scales():
+    runs = [Point("RK2", h, error, 0.0, 2 / h, 0.0) for h, error in ((1e-2, 1e-4), (1e-3, 1e-6))]
+    assert evaluations_for(runs, 1e-5) == pytest.approx((2 / 10**-2.5, 10**-2.5))
+    assert evaluations_for(runs, 1e-3) == (200.0, 1e-2)  # the coarsest run is good enough
+    assert evaluations_for(runs, 1e-9) is None
