@@ -17,7 +17,8 @@ from validation.store import Series
 # Stored as SCENE.PANEL, an engine's as SCENE.PANEL.ENGINE.
 PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e
 TAKES = tuple(f"*.{name}{end}" for name in (*PANELS, "joint-2") for end in ("", ".*"))  # of stored names
-POINTS = 26  # of an engine on a curve: enough to see, few enough to see between
+POINTS = 12  # of an engine on a curve: enough to see, few enough to see between
+LOOK: dict[str, Any] = {"color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
 LEGEND = 4  # entries; more do not fit on a phone
 
 
@@ -60,6 +61,10 @@ def draw_wide(motion: Motion) -> Figure:
     _fill(axes, motion)
     for panel in axes[len(motion.native) :]:
         panel.axis("off")
+        key = {"flexlink": Line2D([], [], color=INK)}
+        for number, name in enumerate(motion.engines):
+            key[f"{name}, from the exported file"] = Line2D([], [], marker=MARKERS[number], linestyle="", **LOOK)
+        panel.legend(key.values(), key.keys(), loc="center", frameon=False)
     for panel in axes[2:5]:
         panel.set_xlabel("time [s]")
         panel.tick_params(labelbottom=True)
@@ -100,12 +105,11 @@ def _entry(label: str, entries: dict[str, str]) -> str:
 
 
 def _points(panel: Axes, series: Series, number: int) -> None:
-    """An engine's points; each engine has its own times, so that they do not cover each other."""
-    look: dict[str, Any] = {"color": INK, "markersize": 3.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
+    """An engine's points; each engine at its own times, so that they do not cover each other."""
     for curve in curves(series):
         step = max(1, len(curve.x) // POINTS)
         chosen = np.arange(number * step // 2, len(curve.x), step)
-        panel.plot(curve.x[chosen], curve.y[chosen], MARKERS[number], **look)
+        panel.plot(curve.x[chosen], curve.y[chosen], MARKERS[number], **LOOK)
 
 
 def caption(motion: Motion) -> str:

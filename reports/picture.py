@@ -46,6 +46,7 @@ class Picture:
     def save(self, folder: Path) -> str:
         """Write the PNG and the SVG file; returns the SVG for the page, with the page's own ink and ground."""
         self.save_png(folder / f"{self.name}.png")
+        self.figure.set_layout_engine("none")  # the layout is found by now; finding it again takes as long as drawing
         buffer = io.StringIO()
         with mpl.rc_context(RC):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

@@ -37,5 +37,7 @@ def _shared_sentences(texts: Sequence[str]) -> str:
 
 def plain(reason: str) -> str:
     """The reason of a row without bar is often just "Information."; what is left without that word."""
-    words = re.sub(r"^Information\b[.:;,]?\s*", "", reason)
+    if not re.match(r"Information\b", reason):
+        return reason
+    words = re.sub(r"^Information[.:;,]?\s*", "", reason)
     return words[:1].upper() + words[1:]

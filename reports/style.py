@@ -6,7 +6,9 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from reports.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
@@ -63,7 +65,7 @@ def tidy_logs(axes: Axes) -> None:
         if axis.get_scale() == "log":
             low, high = axis.get_view_interval()
             axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 40.0 * low else (1.0,)))
-            axis.set_major_formatter(LogFormatterSciNotation(labelOnlyBase=False))
+            axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
             axis.set_minor_formatter(NullFormatter())
 
 

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from reports.numbers import amount, plural
 from reports.reasons import split_reasons
 from reports.results import Results, is_lower_bar, used
-from reports.tables import share
+from reports.tables import bar, share
 from validation.store import Row
 
 
@@ -79,7 +79,7 @@ def bottom_line(results: Results) -> str:
     worst = max(judged, key=_hardness)
     return (
         f"All {len(judged)} checks pass ({size}). The one closest to its bar uses {share(used(worst))} of it: "
-        f"{describe(worst)}, {amount(worst.value, worst.unit)} against {amount(worst.tolerance, worst.unit)}."
+        f"{describe(worst)}, {amount(worst.value, worst.unit)}, and the bar is {bar(worst)}."
     )
 
 
