@@ -230,6 +230,21 @@ def test_rows_read_back_exactly_and_a_torn_last_line_is_dropped(tmp_path):
     assert store.rows() == rows
 
 
+def test_a_line_that_is_no_row_is_named(study, capsys):
+    _, store = study()
+    (store.path / "rows.jsonl").write_text('{"case": "small"}\n', encoding="utf-8")
+    assert study()[0] == 2
+    assert "rows.jsonl, line 1: not a row of this version" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_made_is_one_line_and_exit_code_2(study, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    assert study("--results", str(tmp_path / "file" / "results"))[0] == 2
+    error = capsys.readouterr().err
+    assert f"{tmp_path / 'file' / 'results'}: cannot be written" in error
+    assert error.count("\n") == 1
+
+
 def test_series_read_back_exactly_with_their_labels(tmp_path):
     store = Store(tmp_path)
     store.prepare(["c"])

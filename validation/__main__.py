@@ -9,15 +9,20 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
-
 from flexlink.errors import FlexlinkError
 from validation.case import Case, load_cases
-from validation.runner import run_cases
 from validation.store import Row, Store
+
+try:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.table import Table
+
+    from validation.runner import run_cases
+except ImportError as missing:
+    print(f"validation: {missing}; install with: python -m pip install -e '.[validation]'", file=sys.stderr)
+    sys.exit(2)
 
 HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"

@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.errors import OutputError
+from flexlink.errors import FlexlinkError, OutputError
 from flexlink.output import write_text, write_whole
 
 Scale = Literal["linear", "log"]
@@ -70,12 +70,26 @@ class Store:
         self.path = Path(path)
 
     def rows(self) -> list[Row]:
-        """All rows in the order in which they were measured; a torn last line of a killed run is dropped."""
+        """All rows in the order in which they were measured; a torn last line of a killed run is dropped.
+
+        Raises
+        ------
+        FlexlinkError
+            Another line is not a row.
+        """
         file = self.path / "rows.jsonl"
         if not file.exists():
             return []
-        lines = file.read_text(encoding="utf-8").split("\n")
-        return [Row(**json.loads(line)) for line in lines[:-1]]  # a whole line ends in a newline
+        lines = file.read_text(encoding="utf-8").split("\n")[:-1]  # a whole line ends in a newline
+        rows = []
+        for number, line in enumerate(lines, start=1):
+            try:
+                rows.append(Row(**json.loads(line)))
+            except (ValueError, TypeError) as error:
+                raise FlexlinkError(
+                    f"{file}, line {number}: not a row of this version ({error}); remove the folder to start anew"
+                ) from None
+        return rows
 
     def series(self, case: str) -> dict[str, Series]:
         """The series of one case by name."""
