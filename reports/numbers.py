@@ -13,9 +13,9 @@ def number(value: float | None, digits: int = 3) -> str:
         return "–"
     if not math.isfinite(value):
         return str(value)
-    if value == int(value) and abs(value) < 1e5:
+    if value == int(value) and abs(value) < 1e4:
         return str(int(value))
-    if not 1e-3 <= abs(value) < 1e5:
+    if not 1e-3 <= abs(value) < 1e4:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
         power = "10" + str(int(exponent)).translate(SUPERSCRIPT)

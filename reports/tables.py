@@ -14,6 +14,7 @@ from validation.store import Row
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Row) if field.name != "key")
 LABELS = ("scene", "engine", "setting", "quantity")
+ORDER = {False: 0, True: 1, None: 2}  # of the lines: what fails, what is judged, what only informs
 VERDICTS = {True: "pass", False: "FAIL", None: "info"}
 
 
@@ -39,7 +40,7 @@ class Table:
     heads, numeric
         Heads of the columns, and which of them (by number) hold numbers.
     lines
-        One per row, failing ones first.
+        One per row: failing ones first, then those with a bar, then information.
     reasons
         Why the bars are what they are; lines refer to them by number, from 1.
     """
@@ -65,7 +66,7 @@ def table(rows: Sequence[Row]) -> Table:
     parts = split_reasons(rows)
     reasons = tuple(dict.fromkeys(reason for reason, _ in parts.values() if reason))
     lines = []
-    for row in sorted(rows, key=lambda row: row.passed is not False):
+    for row in sorted(rows, key=lambda row: ORDER[row.passed]):
         cells = (*(getattr(row, field) for field in labels), amount(row.value, row.unit), bar(row), share(used(row)))
         reason, note = parts[id(row)]
         lines.append(Line(cells, VERDICTS[row.passed], row.metric, note, reasons.index(reason) + 1 if reason else None))

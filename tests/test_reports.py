@@ -16,8 +16,12 @@ import pytest
 
 from flexlink.errors import FlexlinkError
 from reports import build
+from reports.finding import Finding
+from reports.findings.paper_conclusion import evaluations, judge
 from reports.numbers import number
-from reports.results import is_lower_bar, used
+from reports.panels import PANELS, draw_tall, motions
+from reports.reasons import split_reasons
+from reports.results import Results, is_lower_bar, used
 from reports.tables import bar
 from validation.store import Row, Series, Store
 
@@ -181,6 +185,72 @@ def test_the_share_of_a_bar_passes_one_exactly_when_the_check_fails() -> None:
     assert [used(r) for r in (upper, over, lower, under)] == [0.5, 2.0, 0.4, 2.0]
     assert [is_lower_bar(r) for r in (upper, over, lower, under)] == [False, False, True, True]
     assert bar(lower) == "≥ 3"
+
+
+def test_the_note_on_a_row_is_told_from_the_reason_of_all() -> None:
+    rows = [row(reason="Sums of eps = 2.2e-16. Largest at joint 'upper.1'."), row(reason="Sums of eps = 2.2e-16. Hm.")]
+    parts = split_reasons(rows)
+    assert [parts[id(r)] for r in rows] == [
+        ("Sums of eps = 2.2e-16.", "Largest at joint 'upper.1'."), ("Sums of eps = 2.2e-16.", "Hm."),
+    ]  # fmt: skip
+
+
+def test_a_bar_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(tolerance=None, reason="Information. The bar first set was 1e-8; it cannot be met."))
+    assert "it cannot be met" in page[page.index('id="limitations"') :]
+
+
+def conclusion(rk4: float, rk10: float) -> Finding:
+    """Methods whose error is `rk4` N⁻⁴ and `rk10` N⁻¹⁰ after N evaluations."""
+    work = np.geomspace(10.0, 1e5, 9)
+    return judge("name", "scene", {"RK4": (work, rk4 * work**-4), "RK10": (work, rk10 * work**-10)})
+
+
+def test_the_papers_conclusion_changes_where_the_curves_cross() -> None:
+    found = conclusion(rk4=1.0, rk10=1e18)  # equal at N = 10³, where both errors are 1e-12
+    assert {line[-1] for line in found.lines[:-1]} == {"RK4"}
+    assert found.lines[-1][1] == pytest.approx(1e3, rel=1e-9), (
+        "interpolation between logarithms is exact on a power law"
+    )
+    crossing = conclusion(rk4=1.0, rk10=10**8.7)  # equal at N = 10^1.45, error 10^-5.8
+    assert [line[-1] for line in crossing.lines] == ["RK4"] * 5 + ["RK10"] * 7
+    assert (
+        "holds for errors of 0.1 to 10⁻⁵ rad, and does not hold for errors of 10⁻⁶ to 10⁻¹² rad"
+        in crossing.sentences[0]
+    )
+
+
+def test_the_papers_conclusion_may_hold_throughout_or_not_at_all() -> None:
+    assert "holds at every accuracy tried" in conclusion(rk4=1.0, rk10=1e30).sentences[0]
+    assert "does not hold at any" in conclusion(rk4=1e12, rk10=1e10).sentences[0]
+
+
+def test_a_method_that_misses_an_accuracy_is_not_said_to_reach_it() -> None:
+    work = np.array([10.0, 100.0, 1000.0])
+    assert evaluations(work, np.array([1e-2, np.inf, 1e-4]), 1e-5) is None
+    assert evaluations(work, np.array([1e-2, np.nan, 1e-4]), 1e-4) == pytest.approx(1e3)
+
+
+def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row("fall", kind="trajectory"))
+    time = np.linspace(0.0, 5.0, 51)
+    for panel in PANELS:
+        for engine in ("", ".mujoco", ".pinocchio"):
+            columns = {"time [s]": time, "one": np.sin(time), "two": np.cos(time)}
+            series = Series(
+                f"paper_fig5.{panel}{engine}", f"Title of {panel}", columns, "time [s]", "time [s]", "q [deg]"
+            )
+            Store(results).add_series("fall", series)
+    (motion,) = motions(Results.read(results))
+    figure = draw_tall(motion)
+    assert [axes.get_title(loc="left")[:2] for axes in figure.axes] == ["a)", "b)", "c)", "d)", "e)"]
+    for axes in figure.axes:
+        lines = [line for line in axes.lines if line.get_linestyle() == "-"]
+        points = [line for line in axes.lines if line.get_linestyle() != "-"]
+        assert (len(lines), len(points)) == (2, 4)
+    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    assert 'id="figure-figure5.paper_fig5"' in page
+    assert page.count("<figure ") == 1, "a series that a figure takes is not drawn again"
 
 
 @pytest.mark.parametrize(

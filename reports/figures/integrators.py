@@ -16,7 +16,7 @@ SECTION = "integrators"
 TAKES = ("*.error",)
 ERROR = "error [rad]"
 VIEWS = (
-    ("step", "step [s]", ERROR, "error against step; the flat end is rounding"),
+    ("step", "step [s]", ERROR, "error against step"),
     ("evaluations", "evaluations per simulated second", ERROR, "error against work counted in evaluations of q̈"),
     ("seconds", "core seconds per simulated second", ERROR, "error against work in time of one core"),
     ("drift", "step [s]", "energy drift [J]", "largest change of the total energy, which the exact motion keeps"),

@@ -30,11 +30,14 @@ def draw(results: Results) -> Iterator[Picture]:
         for name, label, colour, marker in CURVES:
             found = [row for row in rows if row.quantity == name and row.value is not None]
             values = [max(row.value or 0.0, left) for row in found]
-            axes.plot(values, [methods.index(row.setting) for row in found], marker, color=colour, label=label)
+            axes.plot(
+                values, [methods.index(row.setting) for row in found], marker, color=colour, label=label, clip_on=False
+            )
         for bar in bars[:1]:
             axes.axvline(bar, color=INK, label="bar")
         axes.set(xscale="log", yticks=range(len(methods)), xlabel="largest residual [1]")
         axes.set_yticklabels([method.split(",")[0] for method in methods])
+        axes.set_xlim(left=left)
         axes.set_ylim(len(methods) - 0.5, -0.5)
         legend_above(figure, axes, 3)
         yield Picture(case, figure, CAPTION)
