@@ -1,0 +1,82 @@
+"""The study's judges agree with textbooks and with themselves before they judge anything."""
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from mpmath import mp, mpf
+
+import flexlink as fl
+from flexlink.tableaus import tableau
+from validation.kinds.energy_drift import modal_loss, released_modes
+from validation.oracles import runge_kutta
+from validation.oracles.planar_chain import DIGITS, PlanarChain
+
+ROOT = Path(__file__).parent.parent
+
+
+def numbers(values):
+    return [mpf(float(value)) for value in values]
+
+
+def test_the_50_digit_chain_is_the_textbook_double_pendulum():
+    links = tuple(
+        fl.Link(name=name, length=length, material="m", section="s") for name, length in (("a", 1.5), ("b", 0.75))
+    )
+    arm = fl.Arm(
+        links=links,
+        materials={"m": fl.Material(young=1e9, density=1000.0)},
+        sections={"s": fl.Section(shape="rectangle", height=0.25, width=0.5)},
+    )
+    oracle = PlanarChain(fl.lump(arm, (0.0, -9.81, 0.0)))
+    m1, m2, l1, l2 = 187.5, 93.75, 1.5, 0.75
+    I1, I2 = m1 * (l1**2 + 0.25**2) / 12, m2 * (l2**2 + 0.25**2) / 12
+    q, qd = (0.3, -1.1), (2.0, 5.0)
+    c = np.cos(q[1])
+    m22 = I2 + m2 * l2**2 / 4
+    m12 = m22 + m2 * l1 * l2 / 2 * c
+    M = [[I1 + m1 * l1**2 / 4 + m2 * l1**2 + m2 * l1 * l2 * c + m22, m12], [m12, m22]]
+    h = -m2 * l1 * l2 / 2 * np.sin(q[1])
+    g2 = m2 * 9.81 * l2 / 2 * np.cos(q[0] + q[1])
+    g1 = (m1 * l1 / 2 + m2 * l1) * 9.81 * np.cos(q[0]) + g2
+    bias = [h * qd[1] * (2 * qd[0] + qd[1]) + g1, -h * qd[0] ** 2 + g2]
+    with mp.workdps(DIGITS):
+        assert np.allclose(np.array(oracle.mass_matrix(numbers(q)).tolist(), float), M, rtol=1e-14)
+        assert np.allclose(np.array(oracle.bias_torque(numbers(q), numbers(qd)), float), bias, rtol=1e-13)
+
+
+def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
+    chain = fl.load_scene(ROOT / "models" / "paper_fig5.toml").chain()
+    oracle = PlanarChain(chain)
+    with mp.workdps(DIGITS):
+        start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
+        end = runge_kutta.integrate(oracle.forward_dynamics, tableau("RK10"), start, mpf("1e-4"), 40)
+        assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
+        assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
+
+
+def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
+    chain = fl.load_scene(ROOT / "models" / "t2_spatial.toml").chain()
+    with pytest.raises(fl.ArgumentError, match="not planar"):
+        PlanarChain(chain)
+
+
+def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
+    ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
+    A, b, _ = tableau("RK4").arrays
+    z = 1j * ω * h
+    R = 1 + z * b @ np.linalg.solve(np.eye(4) - z * A, np.ones(4))
+    assert modal_loss("RK4", np.array([ω * h]), np.array([2.0]), steps) == pytest.approx(2 * (1 - abs(R) ** 400))
+
+
+def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
+    """With every active joint held, Σ E_m is the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    held = tuple(msgspec.structs.replace(link, joint=fl.Joint(locked=True)) for link in scene.arm.links)
+    scene = msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=held))
+    chain = scene.chain()
+    ω, E = released_modes(scene)
+    load = fl.gravity_torque(chain, np.zeros(chain.n))
+    assert len(ω) == chain.n == 8
+    assert E.sum() == pytest.approx(0.5 * load @ (load / chain.stiffness), rel=1e-12)
