@@ -24,7 +24,7 @@ from reports.numbers import amount, number
 from reports.picture import Picture
 from reports.results import Results, used
 from reports.style import RC
-from reports.tables import Table, rows_csv, table, table_csv
+from reports.tables import Table, bar, rows_csv, table, table_csv
 from reports.verdict import bottom_line, describe, headlines, informing_against_a_bar, judge
 from validation.store import Row
 
@@ -97,7 +97,7 @@ def build(results: Path, out: Path) -> Path:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(number=number, amount=amount, describe=describe)
+    environment.filters.update(number=number, amount=amount, describe=describe, bar=bar)
     page = environment.get_template("template.html").render(
         style=(HERE / "style.css").read_text(encoding="utf-8"),
         bottom_line=bottom_line(study),

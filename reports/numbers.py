@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+JOIN = "\N{NO-BREAK SPACE}"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -19,7 +20,7 @@ def number(value: float | None, digits: int = 3) -> str:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
         power = "10" + str(int(exponent)).translate(SUPERSCRIPT)
-        return power if mantissa == "1" else f"{mantissa} × {power}"
+        return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
     return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
 
 
@@ -30,4 +31,4 @@ def plural(count: int, noun: str) -> str:
 
 def amount(value: float | None, unit: str) -> str:
     """Number and unit; the unit 1 goes without saying."""
-    return number(value) if unit in ("", "1") else f"{number(value)} {unit}"
+    return number(value) if unit in ("", "1") else f"{number(value)}{JOIN}{unit}"

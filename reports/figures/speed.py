@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREY, INK, panels, tidy_logs
+from reports.style import BLUE, GREY, INK, panels
 
 SECTION = "speed"
 TAKES: tuple[str, ...] = ()
@@ -15,7 +15,7 @@ QUANTITIES = ("real-time factor", "real-time factor of another engine")
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One bar an engine and scene, on a log axis."""
+    """One bar an engine and scene."""
     for case, rows in results.of_kind("speed"):
         found = [row for row in rows if row.quantity in QUANTITIES and row.value]
         if not found:
@@ -29,9 +29,7 @@ def draw(results: Results) -> Iterator[Picture]:
         for row in found:
             if row.tolerance is not None:
                 axes.axvline(row.tolerance, color=INK)
-        axes.set(xscale="log", xlabel="simulated seconds per second [1]")
-        tidy_logs(axes)
-        axes.set_xlim(min(0.3, *values), 4.0 * max(values))
+        axes.set(xlabel="simulated seconds per second [1]", xlim=(0.0, 1.25 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
         yield Picture(

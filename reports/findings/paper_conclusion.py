@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from reports.curves import groups, numbers
 from reports.finding import Finding
-from reports.numbers import number
+from reports.numbers import amount, number
 from reports.results import Results
 
 SECTION = "integrators"
@@ -96,4 +96,4 @@ def _span(targets: Sequence[float]) -> str:
 
 
 def _rad(target: float) -> str:
-    return f"{number(target)} rad"
+    return amount(target, "rad")
