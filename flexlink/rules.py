@@ -61,7 +61,7 @@ class LumpingRule(Spec, frozen=True):
     """Where the hinges of a flexible link sit and what stretch of the beam each stands for.
 
     `matched_twist` gives the twist hinges the (negative) rotor inertia of `twist_inertias`. M stays positive definite
-    while no hinge is bent far: measured up to 50°; towards 90° the axes X and Z of a hinge coincide.
+    while no hinge is bent far: measured up to 60°; towards 90° the axes X and Z of a hinge coincide.
 
     `alternate_axes` lets every second hinge turn about its axes in the order Z, Y, X. With θ = φ + O(φ²) the angles of
     Rx Ry Rz, the springs' energy differs from that of the rotation vector φ by ½ (k_x − k_y + k_z) θ_x θ_y θ_z, which

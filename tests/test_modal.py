@@ -63,7 +63,7 @@ def test_ten_hinges_give_three_clamped_modes_within_two_thousandths(rule):
         ("gregory", (16, 32, 64), 4),
         ("clamped", (8, 12, 16), 4),
         ("legendre", (6, 12, 24), 4),
-        ("legendre_matched", (6, 12, 24), 4),
+        ("gauss_matched", (8, 16, 32), 4),
     ],
 )
 def test_order_of_the_first_clamped_mode(rule, hinges, expected):
@@ -94,20 +94,20 @@ def test_four_hinges_twist_within_a_thousandth(ratio):
     exact = (
         values["x_n"]["clamped_free"] if ratio == "0" else values["x_n_clamped_tip_inertia_ratio_Jt/(rho Ip L)"][ratio]
     )
-    chain, bending = torsion_bar("legendre_matched", 4, float(ratio))
-    assert natural_frequencies(chain, locked=bending)[0] == pytest.approx(float(exact[0]), rel=1e-3)  # measured 1.1e-4
+    chain, bending = torsion_bar("gauss_matched", 4, float(ratio))
+    assert natural_frequencies(chain, locked=bending)[0] == pytest.approx(float(exact[0]), rel=1e-3)  # measured 8.7e-5
 
 
 def test_matched_rotors_lift_the_order_of_twist_from_two_to_four():
     exact = np.pi / 2
     measured = {}
-    for rule in ("midpoint", "gauss", "legendre", "legendre_matched"):
+    for rule in ("midpoint", "gauss", "legendre", "gauss_matched"):
         errors = {}
         for n in (4, 8, 16):
             chain, bending = torsion_bar(rule, n)
             errors[n] = natural_frequencies(chain, locked=bending)[0] / exact - 1
         measured[rule] = order(errors)
-    assert measured == pytest.approx({"midpoint": 2, "gauss": 2, "legendre": 2, "legendre_matched": 4}, abs=0.25)
+    assert measured == pytest.approx({"midpoint": 2, "gauss": 2, "legendre": 2, "gauss_matched": 4}, abs=0.25)
 
 
 # --- exact finite chains: theory and code describe the same thing ----------------------------------------------------

@@ -97,7 +97,7 @@ def princeton_errors(rule, hinges):
 
 
 def test_princeton_beam_within_a_percent_in_all_21_cases():
-    assert princeton_errors("legendre", 12) < 1e-2  # measured 1.1e-3
+    assert princeton_errors("gauss", 12) < 1e-2  # measured 6.1e-3; midpoint without alternating axes 1.9e-2
     assert princeton_errors("legendre", 6) < 1e-2  # measured 2.1e-3
 
 
