@@ -71,14 +71,14 @@ def bottom_line(results: Results) -> str:
     """The outcome in one or two sentences, every number taken from the rows."""
     judged = [row for row in results.rows if row.passed is not None]
     failed = [row for row in judged if row.passed is False]
-    size = f"{plural(len(results.cases), 'case')}, {plural(len(judged), 'check')} with a bar"
+    cases = plural(len(results.cases), "case")
     if failed:
-        return f"{len(failed)} of {plural(len(judged), 'check')} FAIL ({size}); they stand at the top of this page."
+        return f"{len(failed)} of {plural(len(judged), 'check')} FAIL ({cases}); they stand right below."
     if not judged:
         return f"Nothing was judged: {plural(len(results.rows), 'row')} of information, none with a bar."
     worst = max(judged, key=_hardness)
     return (
-        f"All {len(judged)} checks pass ({size}). The one closest to its bar uses {share(used(worst))} of it: "
+        f"All {len(judged)} checks pass ({cases}). The one closest to its bar uses {share(used(worst))} of it: "
         f"{describe(worst)}, {amount(worst.value, worst.unit)}, and the bar is {bar(worst)}."
     )
 

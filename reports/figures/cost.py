@@ -31,5 +31,5 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set(xlabel=f"cost of a step [{unit}]", xlim=(0.0, 1.3 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        yield Picture(f"{case}.cost", figure, "Time of one core for one step, median over all runs of a method, with "
-                      "what a run takes besides (sampling, energies).")  # fmt: skip
+        words = "time of one core for one step, median over the runs of a method, with sampling and energies"
+        yield Picture(f"{case}.cost", figure, f"{rows[0].scene}: {words}.")
