@@ -19,6 +19,7 @@ from flexlink import (
 )
 from flexlink.catalogue import names
 from flexlink.dynamics import SOLVERS
+from flexlink.engines import load
 from flexlink.rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
 
 TIP_FREE = {"clamped", "hencky"}
@@ -172,3 +173,20 @@ def test_axes_alternate_only_where_the_rule_says_so():
         for k, axis in enumerate(chain.hinges["axis"][1:], start=1):
             assert chain.coordinate(k).axis == axis + 1
             assert chain.index(*chain.coordinate(k)) == k
+
+
+@pytest.mark.parametrize("name", EXACT_DEGREE)
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_other_engines_load_the_chains_of_every_rule(name, engine):
+    """Negative rotors, alternating axes and hinges at the root included: M and q̈ from the exported files."""
+    pytest.importorskip(engine)
+    locked = Joint(locked=name in TIP_FREE)
+    chain = make_scene(*(flexible(link, "xyz", 7, lumping=name, joint=locked) for link in ("upper", "fore"))).chain()
+    other, rng = load(engine, chain), np.random.default_rng(4)
+    for _ in range(5):
+        q, qd, tau = rng.uniform(-0.5, 0.5, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
+        M = mass_matrix(chain, q)
+        assert other.mass_matrix(q) == pytest.approx(M, abs=1e-13 * np.abs(M).max())
+        expected = forward_dynamics(chain, q, qd, tau, "lu")
+        rounding = 10 * 2.3e-16 * np.linalg.cond(M) * np.abs(expected).max()
+        assert other.forward_dynamics(q, qd, tau) == pytest.approx(expected, abs=rounding)
