@@ -72,22 +72,26 @@ def bottom_line(results: Results) -> str:
     judged = [row for row in results.rows if row.passed is not None]
     failed = [row for row in judged if row.passed is False]
     cases = plural(len(results.cases), "case")
+    given_up = [where for where, _ in informing_against_a_bar(results)]
+    rest = (
+        f" Not judged, though a bar was set for it: {'; '.join(given_up)} (see known limitations)." if given_up else ""
+    )
     if failed:
-        return f"{len(failed)} of {plural(len(judged), 'check')} FAIL ({cases}); they stand right below."
+        return f"{len(failed)} of {plural(len(judged), 'check')} FAIL ({cases}); they stand right below.{rest}"
     if not judged:
-        return f"Nothing was judged: {plural(len(results.rows), 'row')} of information, none with a bar."
+        return f"Nothing was judged: {plural(len(results.rows), 'row')} of information, none with a bar.{rest}"
     worst = max(judged, key=_hardness)
     return (
         f"All {len(judged)} checks pass ({cases}). The one closest to its bar uses {share(used(worst))} of it: "
-        f"{describe(worst)}, {amount(worst.value, worst.unit)}, and the bar is {bar(worst)}."
+        f"{describe(worst)}, {amount(worst.value, worst.unit)}, and the bar is {bar(worst)}.{rest}"
     )
 
 
 def headlines(results: Results, wanted: Iterable[Mapping[str, str]]) -> list[str]:
     """A sentence for each wanted quantity that the study holds: its worst value, and where that is.
 
-    Each of `wanted` has `kind`, `quantity` (a pattern), optionally `scene`, and `text`, which may name {value},
-    {quantity} and {where}.
+    Each of `wanted` has `kind`, `quantity` (a pattern), optionally `scene` and `setting`, and `text`, which
+    may name {value}, {quantity} and {where}.
     """
     found = []
     for want in wanted:
@@ -97,6 +101,7 @@ def headlines(results: Results, wanted: Iterable[Mapping[str, str]]) -> list[str
             if row.kind == want["kind"]
             and fnmatchcase(row.quantity, want["quantity"])
             and row.scene == want.get("scene", row.scene)
+            and row.setting == want.get("setting", row.setting)
             and row.value is not None
         ]
         if rows:

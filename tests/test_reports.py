@@ -200,6 +200,7 @@ def test_the_note_on_a_row_is_told_from_the_reason_of_all() -> None:
 def test_a_bar_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(tolerance=None, reason="Information. The bar first set was 1e-8; it cannot be met."))
     assert "it cannot be met" in page[page.index('id="limitations"') :]
+    assert page.index("though a bar was set for it: terms, M") < page.index("<nav"), "the bottom line admits it"
 
 
 def conclusion(rk4: float, rk10: float) -> Finding:
