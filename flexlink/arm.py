@@ -158,3 +158,16 @@ class Arm(Spec, frozen=True):
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
                     raise SceneError(f"link[{k}].{key} = {name!r}: not defined; defined are {known}")
+
+    def number(self, name: str) -> int:
+        """Number of the link called `name`, from 1.
+
+        Raises
+        ------
+        SceneError
+            There is none.
+        """
+        names = [link.name for link in self.links]
+        if name not in names:
+            raise SceneError(f"link = {name!r}: not in this arm; it has {', '.join(names)}")
+        return names.index(name) + 1

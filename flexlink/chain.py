@@ -41,6 +41,7 @@ HINGE = np.dtype(
         ("coulomb", np.float64),  # dry friction torque [N m]
         ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
         ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
+        ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
     ],
     align=True,
 )

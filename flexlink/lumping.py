@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,13 @@ from flexlink.sections import SectionProperties
 Array = NDArray[np.float64]
 
 
-def lump(arm: Arm, gravity: Sequence[float], locked_deg: Sequence[float] | None = None, name: str = "arm") -> Chain:
+def lump(
+    arm: Arm,
+    gravity: Sequence[float],
+    locked_deg: Sequence[float] | None = None,
+    name: str = "arm",
+    prescribed: Collection[str] = (),
+) -> Chain:
     """Cut an arm into rigid segments joined by hinges.
 
     Parameters
@@ -32,6 +38,8 @@ def lump(arm: Arm, gravity: Sequence[float], locked_deg: Sequence[float] | None 
         One angle per link [deg], used where the joint is locked; 0 by default.
     name
         Name of the chain.
+    prescribed
+        Names of the links whose joint moves as given in time.
 
     Returns
     -------
@@ -54,7 +62,7 @@ def lump(arm: Arm, gravity: Sequence[float], locked_deg: Sequence[float] | None 
         raise ArgumentError(f"gravity = {gravity!r}: expected three finite numbers")
     builder = _Builder()
     for number, link in enumerate(arm.links, start=1):
-        _add_link(builder, arm, link, number, angles[number - 1])
+        _add_link(builder, arm, link, number, angles[number - 1], link.name in prescribed)
     builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
     builder.start_body()
     if not builder.hinges:
@@ -70,7 +78,9 @@ def lump(arm: Arm, gravity: Sequence[float], locked_deg: Sequence[float] | None 
     )
 
 
-def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float) -> None:
+def _add_link(
+    builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float, prescribed: bool
+) -> None:
     builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
     if link.joint.locked:
         c, s = cos_sin_deg(locked_deg)
@@ -79,8 +89,9 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
         joint = link.joint
         builder.start_body()
         builder.add_hinge(
-            Coordinate(number, 0, 0), 2, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature
-        )
+            Coordinate(number, 0, 0), 2, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
+            prescribed,
+        )  # fmt: skip
     if link.material is None or link.section is None:
         builder.move(np.array([link.length, 0, 0]))
         return
@@ -167,9 +178,10 @@ class _Builder:
         coulomb: float = 0.0,
         coulomb_width: float = 1.0,
         armature: float = 0.0,
+        prescribed: bool = False,
     ) -> None:
         rest = 0.0
-        self.hinges.append((axis, stiffness, rest, damping, coulomb, coulomb_width, armature))
+        self.hinges.append((axis, stiffness, rest, damping, coulomb, coulomb_width, armature, prescribed))
         self.coordinates.append(coordinate)
         self.bodies[-1].stop += 1
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -31,7 +31,8 @@ class Initial(Spec, frozen=True):
 class Drive(Spec, frozen=True):
     """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
 
-    constant: T_EX = torque.  table: `torques`, one row per time, linear in between and held outside.
+    constant: T_EX = torque.  table: `torques`, one row per time, in between linear or, if `smooth`, a cubic spline, held
+    outside; a smooth torque keeps the order of the integrator.
     pd: T_EX = kp (target − q) − kd q̇.
     """
 
@@ -42,20 +43,44 @@ class Drive(Spec, frozen=True):
     kp: tuple[NonNegative, ...] | None = None
     kd: tuple[NonNegative, ...] | None = None
     target_deg: tuple[float, ...] | None = None
+    smooth: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
         wanted = {
             "none": (), "constant": ("torque",), "table": ("times", "torques"), "pd": ("kp", "kd", "target_deg"),
         }[self.kind]  # fmt: skip
-        for name in self.__struct_fields__[1:]:
+        for name in ("torque", "times", "torques", "kp", "kd", "target_deg"):
             if (getattr(self, name) is not None) != (name in wanted):
                 takes = ", ".join(wanted) or "nothing else"
                 raise SceneError(f"{name} = {getattr(self, name)!r}: drive kind {self.kind!r} takes {takes}")
         if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
             raise SceneError(f"times = {self.times}: must increase")
+        if self.smooth and len(self.times or ()) < 2:
+            raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
         if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
             raise SceneError(f"torques has {len(self.torques)} rows: expected one per time, {len(self.times)}")
+
+
+class Motion(Spec, frozen=True):
+    """Prescribed motion of a link's active joint: its torque becomes an output.
+
+    Angle, rate and acceleration at `times`, which start at 0; quintic polynomials in between, then on at the last rate.
+    """
+
+    link: str
+    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
+    angle_deg: tuple[float, ...]
+    rate_deg: tuple[float, ...]
+    acceleration_deg: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.times[0] != 0 or np.any(np.diff(self.times) <= 0):
+            raise SceneError(f"times = {short(self.times)}: must start at 0 and increase")
+        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+            if len(getattr(self, name)) != len(self.times):
+                raise SceneError(f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}")
 
 
 class Wrench(Spec, frozen=True):
@@ -90,6 +115,11 @@ class Run(Spec, frozen=True):
         """Number of stored samples, the initial one included."""
         return round(self.duration / self.sample) + 1
 
+    @property
+    def times(self) -> Array:
+        """Times of the stored samples [s], shape (samples,)."""
+        return np.arange(self.samples, dtype=np.float64) * (self.steps_per_sample * self.step)
+
 
 def whole(name: str, value: float, unit_name: str, unit: float) -> None:
     """Check that `value` is a whole number of `unit`s, up to the rounding of decimal input.
@@ -115,6 +145,7 @@ class Scene(Spec, frozen=True):
     about: str = ""
     gravity: Vector3 = (0.0, 0.0, 9.81)  # m/s², frame 0
     drive: Drive = Drive()
+    motion: tuple[Motion, ...] = ()
     wrench: Wrench = Wrench()
     run: Run = Run()
 
@@ -135,10 +166,30 @@ class Scene(Spec, frozen=True):
         for key, values in per_link.items():
             if values is not None and len(values) != links:
                 raise SceneError(f"{key} = {values!r}: expected one number per link, {links}")
+        for k, motion in enumerate(self.motion):
+            self._check_motion(motion, f"motion[{k}]")
+
+    def _check_motion(self, motion: Motion, path: str) -> None:
+        try:
+            number = self.arm.number(motion.link)
+        except SceneError as error:
+            raise SceneError(f"{path}.{error}") from None
+        if self.arm.links[number - 1].joint.locked:
+            raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
+        if [other.link for other in self.motion].count(motion.link) > 1:
+            raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
+        rates = self.initial.rate_deg or (0.0,) * len(self.arm.links)
+        for key, start, given in (
+            ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
+            ("rate_deg", rates[number - 1], motion.rate_deg[0]),
+        ):
+            if start != given:
+                raise SceneError(f"{path}.{key}[0] = {given!r}: must be the initial value, {start!r}")
 
     def chain(self) -> Chain:
         """Lump the arm into its chain; locked joints stay at their initial angle."""
-        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name)
+        moved = [motion.link for motion in self.motion]
+        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name, moved)
 
     def initial_state(self, chain: Chain) -> tuple[Array, Array]:
         """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -12,38 +12,15 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.dynamics import solver_number
 from flexlink.errors import ArgumentError, DivergenceError
+from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.modal import largest_frequency, stable_step
-from flexlink.scene import Run, Scene, spread
+from flexlink.scene import Run, Scene
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 PIECES = 200  # progress is reported about this often
-
-
-class DriveArrays(NamedTuple):
-    """What the kernel sees of a drive: T_EX = table(t) + kp (target − q) − kd q̇."""
-
-    times: Array  # (m,) [s]
-    torques: Array  # (m, n) [N m]
-    kp: Array  # (n,) [N m/rad]
-    kd: Array  # (n,) [N m s/rad]
-    target: Array  # (n,) [rad]
-
-
-def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
-    """The scene's drive in sequential order, zeros where it has nothing to say."""
-    drive = scene.drive
-    zero = (0.0,) * len(scene.arm.links)
-    rows = drive.torques or (drive.torque or zero,)
-    return DriveArrays(
-        np.array(drive.times or (0.0,)),
-        np.array([spread(chain, row) for row in rows]),
-        spread(chain, drive.kp or zero),
-        spread(chain, drive.kd or zero),
-        np.radians(spread(chain, drive.target_deg or zero)),
-    )
 
 
 def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
@@ -74,11 +51,12 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     DivergenceError
         The state left the finite numbers; the error's `trajectory` holds the samples up to there.
     """
-    run = _override(scene.run, overrides)
-    chain = scene.chain()
+    scene = _override(scene, overrides)
+    run, chain = scene.run, scene.chain()
     q, qd = np.empty((run.samples, chain.n)), np.empty((run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
-    method, drive, wrench = tableau(run.method).arrays, drive_arrays(scene, chain), scene.tip_wrench
+    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    method = tableau(run.method).arrays
     solver = solver_number(chain, run.dynamics)
     piece = max(1, (run.samples - 1) // PIECES)
     for start in range(0, run.samples - 1, piece):
@@ -86,29 +64,24 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         wanted = (rows.stop - 1 - start) * run.steps_per_sample
         first = start * run.steps_per_sample
         done = integrate(
-            chain.arrays, solver, method, drive, wrench, run.step, first, run.steps_per_sample,
-            q[rows], qd[rows],
-        )  # fmt: skip
+            chain.arrays, solver, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
+        )
         if done < wanted:
-            raise _diverged(chain, run, q, qd, first + done)
+            raise _diverged(scene, chain, q, qd, first + done)
         if progress is not None:
             progress((rows.stop - 1) / (run.samples - 1))
-    return _trajectory(chain, run, q, qd)
+    return Trajectory.from_states(scene, chain, run.times, q, qd)
 
 
-def _trajectory(chain: Chain, run: Run, q: Array, qd: Array) -> Trajectory:
-    t = np.arange(len(q), dtype=np.float64) * (run.steps_per_sample * run.step)
-    return Trajectory.from_states(chain, t, q, qd)
-
-
-def _override(run: Run, overrides: dict[str, Any]) -> Run:
+def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
     for name in overrides:
         if name not in Run.__struct_fields__:
             raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(Run.__struct_fields__)}")
-    return msgspec.structs.replace(run, **overrides)
+    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **overrides))
 
 
-def _diverged(chain: Chain, run: Run, q: Array, qd: Array, steps: int) -> DivergenceError:
+def _diverged(scene: Scene, chain: Chain, q: Array, qd: Array, steps: int) -> DivergenceError:
+    run = scene.run
     last = (steps - 1) // run.steps_per_sample  # number of the last finite sample; the next row is the bad state
     bad = ~(np.isfinite(q[last + 1]) & np.isfinite(qd[last + 1]))
     joint = chain.joint_name(int(np.argmax(bad)))
@@ -117,5 +90,5 @@ def _diverged(chain: Chain, run: Run, q: Array, qd: Array, steps: int) -> Diverg
         f"{chain.name}: no longer finite at t = {steps * run.step:.6g} s (step {steps}, joint {joint!r}); "
         f"omega_max * step = {ω * run.step:.3g}, largest stable step of {run.method} is {h:.3g} s "
         f"(got {run.step:.3g} s); {last + 1} samples kept",
-        _trajectory(chain, run, q[: last + 1].copy(), qd[: last + 1].copy()),
+        Trajectory.from_states(scene, chain, *(array[: last + 1].copy() for array in (run.times, q, qd))),
     )

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import Energy
+from flexlink.dynamics import Energy, solver_number
 from flexlink.errors import ArgumentError, MissingDependencyError
-from flexlink.kernels.energy import energies
-from flexlink.kernels.kinematics import kinematics
+from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.output import write_whole
+from flexlink.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,6 +35,8 @@ class Trajectory:
         Time of each sample [s], shape (samples,).
     q, qd
         Joint angles [rad] and rates [rad/s], shape (samples, n).
+    tau
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; where a motion is prescribed, what it takes.
     tip
         Position of the tip in frame 0 [m], shape (samples, 3).
     energy
@@ -44,22 +47,20 @@ class Trajectory:
     t: Array
     q: Array
     qd: Array
+    tau: Array
     tip: Array
     energy: Energy
 
     @classmethod
-    def from_states(cls, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
-        """Add tip and energies to states; arrays become read-only."""
-        tip, parts = np.empty((len(t), 3)), np.empty((3, len(t)))
-        bodies = len(chain.bodies)
-        rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((chain.n, 3))
-        for i in range(len(t)):
-            kinematics(chain.arrays, q[i], rotations, points, axes)
-            tip[i] = points[-1]
-            parts[:, i] = energies(chain.arrays, q[i], qd[i])
-        for array in (t, q, qd, tip, parts):
+    def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
+        """Add tip, energies and drive torques to states that a run of `scene` went through; all become read-only."""
+        tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
+        tips_and_energies(chain.arrays, q, qd, tip, parts)
+        solver, inputs = solver_number(chain, scene.run.dynamics), (drive_arrays(scene, chain), motion_arrays(scene, chain))
+        drive_torques(chain.arrays, solver, *inputs, scene.tip_wrench, t, q, qd, tau)
+        for array in (t, q, qd, tip, parts, tau):
             array.flags.writeable = False
-        return cls(chain, t, q, qd, tip, Energy(*parts))
+        return cls(chain, t, q, qd, tau, tip, Energy(*parts))
 
     @property
     def columns(self) -> dict[str, Array]:
@@ -69,6 +70,7 @@ class Trajectory:
             "t [s]": self.t,
             **{f"q {name} [rad]": self.q[:, k] for k, name in enumerate(names)},
             **{f"qd {name} [rad/s]": self.qd[:, k] for k, name in enumerate(names)},
+            **{f"tau {names[k]} [N m]": self.tau[:, k] for k in self.chain.active},
             **{f"tip {axis} [m]": self.tip[:, k] for k, axis in enumerate("xyz")},
             "kinetic [J]": np.asarray(self.energy.kinetic),
             "gravity [J]": np.asarray(self.energy.gravity),
@@ -76,7 +78,7 @@ class Trajectory:
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive (t, q, qd, tip, kinetic, gravity, elastic, joints) or a .csv table.
+        """Write an .npz archive (t, q, qd, tau, tip, kinetic, gravity, elastic, joints) or a .csv table.
 
         Numbers are written so that they read back exactly. The file appears whole or not at all.
 
@@ -130,7 +132,7 @@ class _Writer:
             joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
             with path.open("wb") as file:
                 np.savez_compressed(
-                    file, t=run.t, q=run.q, qd=run.qd, tip=run.tip, joints=joints,
+                    file, t=run.t, q=run.q, qd=run.qd, tau=run.tau, tip=run.tip, joints=joints,
                     kinetic=kinetic, gravity=gravity, elastic=elastic,
                 )  # fmt: skip
             return

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain import Chain
 from flexlink.errors import DivergenceError
-from flexlink.kernels.runge_kutta import drive_torque
+from flexlink.inputs import drive_arrays
+from flexlink.kernels.inputs import drive_torque
 from flexlink.scene import Scene
-from flexlink.simulate import drive_arrays
 from flexlink.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -67,10 +67,11 @@ class Engine(Protocol):
 
 def drive_function(scene: Scene) -> DriveTorque | None:
     """The scene's drive as a function, or None if it never pushes."""
-    drive = drive_arrays(scene, scene.chain())
-    if not (drive.torques.any() or drive.kp.any() or drive.kd.any()):
+    chain = scene.chain()
+    drive = drive_arrays(scene, chain)
+    if len(drive.joints) == 0:
         return None
-    tau = np.empty_like(drive.kp)
+    tau = np.zeros(chain.n)
 
     def torque(t: float, q: Array, qd: Array) -> Array:
         drive_torque(drive, t, q, qd, tau)
@@ -82,14 +83,13 @@ def drive_function(scene: Scene) -> DriveTorque | None:
 def start(scene: Scene) -> Samples:
     """Times of all samples, and states of which only the first is filled."""
     run, chain = scene.run, scene.chain()
-    t = np.arange(run.samples, dtype=np.float64) * (run.steps_per_sample * run.step)
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
-    return t, q, qd
+    return run.times, q, qd
 
 
-def diverged(engine: str, chain: Chain, samples: Samples, row: int) -> DivergenceError:
+def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:
     """The error of a run whose sample `row` is the first that is not finite."""
-    t, q, qd = (array[:row].copy() for array in samples)
-    message = f"{chain.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
-    return DivergenceError(message, Trajectory.from_states(chain, t, q, qd))
+    message = f"{scene.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
+    kept = (array[:row].copy() for array in samples)
+    return DivergenceError(message, Trajectory.from_states(scene, scene.chain(), *kept))

@@ -106,7 +106,7 @@ class MujocoEngine:
                 mujoco.mj_step(model, data, run.steps_per_sample)
                 restarted = abs(data.time - t[row]) > run.step / 2
                 if restarted or data.warning.number.any():
-                    raise diverged(self.name, scene.chain(), samples, row)
+                    raise diverged(self.name, scene, samples, row)
                 q[row], qd[row] = data.qpos, data.qvel
         return samples
 

@@ -97,7 +97,7 @@ class PinocchioEngine:
                     F[i, n:] = self.forward_dynamics(x[:n], x[n:], tau, wrench)
                 y = y + hb @ F
             if not np.isfinite(y).all():
-                raise diverged(self.name, scene.chain(), samples, row)
+                raise diverged(self.name, scene, samples, row)
             q[row], qd[row] = y[:n], y[n:]
         return samples
 

@@ -8,27 +8,11 @@ import numpy as np
 
 from flexlink.kernels.compiler import kernel
 from flexlink.kernels.forward import forward_dynamics, forward_workspace
+from flexlink.kernels.inputs import drive_torque, follow
 
 
 @kernel
-def drive_torque(drive, t, q, qd, tau):
-    """T_EX = table(t) + kp (target − q) − kd q̇, the table linear between its times and held outside."""
-    times, torques = drive.times, drive.torques
-    row = np.searchsorted(times, t)
-    if row == 0:
-        tau[:] = torques[0]
-    elif row == len(times):
-        tau[:] = torques[-1]
-    else:
-        x = (t - times[row - 1]) / (times[row] - times[row - 1])
-        for k in range(len(tau)):
-            tau[k] = (1.0 - x) * torques[row - 1, k] + x * torques[row, k]
-    for k in range(len(tau)):
-        tau[k] += drive.kp[k] * (drive.target[k] - q[k]) - drive.kd[k] * qd[k]
-
-
-@kernel
-def integrate(chain, solver, tableau, drive, wrench, h, first_step, steps_per_sample, qs, qds):
+def integrate(chain, solver, tableau, drive, motion, wrench, h, first_step, steps_per_sample, qs, qds):
     """Fill rows 1 … of `qs`, `qds` (samples, n) from row 0, at step number `first_step`.
 
     Returns the number of steps done; it is smaller than asked for if the state left the finite numbers, and then
@@ -37,7 +21,7 @@ def integrate(chain, solver, tableau, drive, wrench, h, first_step, steps_per_sa
     A, b, c = tableau
     stages, n = len(c), len(chain.hinges)
     q, qd = qs[0].copy(), qds[0].copy()
-    q_stage, tau = np.empty(n), np.empty(n)
+    q_stage, tau = np.empty(n), np.zeros(n)
     K, L = np.empty((stages, n)), np.empty((stages, n))
     work = forward_workspace(chain, solver)
     done = 0
@@ -53,6 +37,7 @@ def integrate(chain, solver, tableau, drive, wrench, h, first_step, steps_per_sa
                         for k in range(n):
                             q_stage[k] += a * L[j, k]
                             L[i, k] += a * K[j, k]
+                follow(motion, t + c[i] * h, q_stage, L[i], K[i])
                 drive_torque(drive, t + c[i] * h, q_stage, L[i], tau)
                 forward_dynamics(chain, solver, wrench, q_stage, L[i], tau, K[i], work)
             total = 0.0
@@ -60,6 +45,7 @@ def integrate(chain, solver, tableau, drive, wrench, h, first_step, steps_per_sa
                 for k in range(n):
                     q[k] += b[i] * h * L[i, k]
                     qd[k] += b[i] * h * K[i, k]
+            follow(motion, (first_step + done + 1) * h, q, qd, K[0])
             for k in range(n):
                 total += q[k] - q[k] + qd[k] - qd[k]  # 0 if finite, nan otherwise
             done += 1

@@ -52,10 +52,10 @@ def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     yield series("energy", "Energy", energy, "energy [J]")
 
 
-def points_of(chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
+def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
     """An engine's samples thinned to what a figure can show as points on our lines."""
     every = slice(None, None, max(1, len(t) // POINTS))
-    return Trajectory.from_states(chain, t[every].copy(), q[every].copy(), qd[every].copy())
+    return Trajectory.from_states(scene, chain, t[every].copy(), q[every].copy(), qd[every].copy())
 
 
 def _joint_places(run: Trajectory) -> dict[int, Any]:

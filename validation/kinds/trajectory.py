@@ -28,7 +28,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         differences = {"time [s]": ours.t}
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
-            yield from panels(scene, points_of(ours.chain, t, q, qd), name)
+            yield from panels(scene, points_of(scene, ours.chain, t, q, qd), name)
             setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
             differences[name] = np.abs(q - ours.q).max(axis=1)
             yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, setting)

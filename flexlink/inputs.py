@@ -1,0 +1,83 @@
+"""A scene's drive and prescribed motions as the arrays that the kernels read."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BPoly, CubicSpline, PPoly
+
+from flexlink.chain import Chain
+from flexlink.scene import Motion, Scene
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+class DriveArrays(NamedTuple):
+    """T_EX = Σ_j c_j x^j + kp (target − q) − kd q̇ at the driven joints, x = time since the last knot."""
+
+    joints: Indices  # (d,)
+    knots: Array  # (m,) [s]
+    coefficients: Array  # (m, order + 1, d) [N m / s^j]
+    kp: Array  # (d,) [N m/rad]
+    kd: Array  # (d,) [N m s/rad]
+    target: Array  # (d,) [rad]
+
+
+class MotionArrays(NamedTuple):
+    """θ = Σ_j c_j x^j of every prescribed joint; its pieces are first[m] … first[m + 1] − 1."""
+
+    joints: Indices  # (r,)
+    first: Indices  # (r + 1,)
+    knots: Array  # (pieces,) [s]
+    coefficients: Array  # (pieces, 6) [rad / s^j]
+
+
+def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
+    """The scene's drive; no driven joint at all where it has nothing to say."""
+    drive = scene.drive
+    joints = chain.active if drive.kind != "none" else chain.active[:0]
+    links = [chain.coordinate(int(k)).link - 1 for k in joints]
+    zero = (0.0,) * len(scene.arm.links)
+    times = np.array(drive.times or (0.0,))
+    torques = np.array(drive.torques or (drive.torque or zero,))[:, links]
+    degree = 3 if drive.smooth else 1
+    coefficients = np.zeros((len(times), degree + 1, len(joints)))
+    coefficients[:, 0] = torques
+    if drive.smooth:
+        coefficients[:-1] = CubicSpline(times, torques).c[::-1].transpose(1, 0, 2)
+    else:
+        coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
+
+    def of_joints(per_link: tuple[float, ...] | None) -> Array:
+        return np.array(per_link or zero)[links]
+
+    return DriveArrays(
+        joints, times, coefficients, of_joints(drive.kp), of_joints(drive.kd), np.radians(of_joints(drive.target_deg))
+    )
+
+
+def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
+    """The scene's prescribed motions; no joint at all if there is none."""
+    joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
+    pieces = [_pieces(motion) for motion in scene.motion]
+    knots = [np.array(motion.times) for motion in scene.motion]
+    return MotionArrays(
+        np.array(joints, dtype=np.int64),
+        np.cumsum([0, *map(len, knots)], dtype=np.int64),
+        np.concatenate([np.empty(0), *knots]),
+        np.concatenate([np.empty((0, 6)), *pieces]),
+    )
+
+
+def _pieces(motion: Motion) -> Array:
+    """Quintic Hermite pieces, then one that goes on at the final rate."""
+    columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
+    pieces = np.zeros((len(motion.times), 6))
+    if len(motion.times) > 1:
+        quintic = PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.times, np.column_stack(columns)))
+        pieces[:-1] = quintic.c[::-1].T
+    pieces[-1, 0], pieces[-1, 1] = columns[0][-1], columns[1][-1]
+    return pieces

@@ -1,0 +1,50 @@
+"""What is given in time: drive torques and prescribed joint motions, as piecewise polynomials.
+
+On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i; before the first knot x = 0, and the last
+piece goes on for ever.
+"""
+
+from flexlink.kernels.compiler import kernel
+
+
+@kernel
+def locate(knots, first, stop, t):
+    """Number of the piece that holds time t, among pieces first … stop − 1, by bisection."""
+    low, high = first, stop
+    while high - low > 1:
+        middle = (low + high) // 2
+        if knots[middle] <= t:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@kernel
+def drive_torque(drive, t, q, qd, tau):
+    """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere."""
+    piece = locate(drive.knots, 0, len(drive.knots), t)
+    x = max(0.0, t - drive.knots[piece])
+    c = drive.coefficients[piece]
+    for d in range(len(drive.joints)):
+        k = drive.joints[d]
+        torque = 0.0
+        for j in range(len(c) - 1, -1, -1):
+            torque = torque * x + c[j, d]
+        tau[k] = torque + drive.kp[d] * (drive.target[d] - q[k]) - drive.kd[d] * qd[k]
+
+
+@kernel
+def follow(motion, t, q, qd, qdd):
+    """Put angle, rate and acceleration of the prescribed joints at time t into `q`, `qd`, `qdd` (n,)."""
+    for m in range(len(motion.joints)):
+        k = motion.joints[m]
+        piece = locate(motion.knots, motion.first[m], motion.first[m + 1], t)
+        x = max(0.0, t - motion.knots[piece])
+        c = motion.coefficients[piece]
+        angle, rate, half_acceleration = 0.0, 0.0, 0.0
+        for j in range(len(c) - 1, -1, -1):  # Horner's scheme for the value and its first two derivatives
+            half_acceleration = half_acceleration * x + rate
+            rate = rate * x + angle
+            angle = angle * x + c[j]
+        q[k], qd[k], qdd[k] = angle, rate, 2.0 * half_acceleration
