@@ -215,7 +215,7 @@ def _follow(equations: _Equations, tolerance: float) -> list[Array]:
 
 def _direction(slopes: Array, before: Array) -> Array:
     """Unit tangent of the path, on the side of the direction before: F' t = 0."""
-    t = np.linalg.solve(np.vstack([slopes, before]), np.eye(len(before))[-1])
+    t = _solve(np.vstack([slopes, before]), np.eye(len(before))[-1])
     return np.asarray(t / np.linalg.norm(t))
 
 
@@ -224,13 +224,15 @@ def _correct(equations: _Equations, target: Array, row: Array, tolerance: float)
     x = target.copy()
     for k in range(1, CORRECTIONS + 1):
         left = np.append(equations.value(x), row @ (x - target))
-        try:
-            change = np.linalg.solve(np.vstack([equations.slopes(x), row]), left)
-        except np.linalg.LinAlgError:
-            break
+        change = _solve(np.vstack([equations.slopes(x), row]), left)
         x = x - change
         if not np.isfinite(x).all() or np.linalg.norm(x - target) > 100 * LARGEST_ARC:
             break
         if np.abs(change).max() <= tolerance:
             return x, k
     return None, CORRECTIONS
+
+
+def _solve(A: Array, b: Array) -> Array:
+    """Shortest least-squares solution: a joint that nothing holds and nothing pushes stays where it is."""
+    return np.asarray(np.linalg.lstsq(A, b)[0])

@@ -177,6 +177,13 @@ def test_free_joints_find_their_place_and_locked_ones_stay():
     assert again.q == pytest.approx(held.q, abs=1e-8)
 
 
+def test_a_joint_that_nothing_holds_stays_unless_something_pushes_it():
+    weightless = thin_arm(thin_link("midpoint", 4, free=True))
+    assert solve_static(weightless, [0.4, 0, 0, 0.1, 0]).q == pytest.approx([0.4, 0, 0, 0, 0], abs=1e-14)
+    with pytest.raises(ConvergenceError):
+        solve_static(weightless, tau=[1.0, 0, 0, 0, 0])
+
+
 def test_steady_spin_bends_a_leaning_beam_outward():
     """Rates are held: the relative equilibrium of a turning arm, r(q, q̇) = 0."""
     chain = thin_arm(thin_link("midpoint", 6, flex="yz", free=True), gravity=(0.0, 0.0, 2.0))
