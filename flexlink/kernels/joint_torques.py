@@ -2,7 +2,10 @@
 
 import math
 
-from flexlink.kernels.compiler import kernel
+import numpy as np
+
+from flexlink.kernels.compiler import inlined, kernel, recursion
+from flexlink.kernels.lanes import at, put_at, tanh
 
 
 @kernel
@@ -18,3 +21,41 @@ def friction(hinge, rate):
     if hinge.coulomb > 0.0:
         torque += hinge.coulomb * math.tanh(rate / hinge.coulomb_width)
     return torque
+
+
+STIFFNESS, REST, DAMPING, COULOMB, WIDTH = range(5)
+JOINT = 5  # numbers of a joint at the head of a row, as `net_torque` reads them
+
+
+@kernel
+def put_joint(rows, k, hinge):
+    """Copy k, θ₀, d, c, w to the head of row `k`."""
+    rows[k, STIFFNESS], rows[k, REST], rows[k, DAMPING] = hinge.stiffness, hinge.rest, hinge.damping
+    rows[k, COULOMB], rows[k, WIDTH] = hinge.coulomb, hinge.coulomb_width
+
+
+@kernel
+def dry_joints(coulomb):
+    """Indices of the joints whose dry torque is not zero: the others save a tanh."""
+    count = 0
+    dry = np.empty(len(coulomb), np.int64)
+    for k in range(len(coulomb)):
+        if coulomb[k] > 0.0:
+            dry[count] = k
+            count += 1
+    return dry[:count].copy()
+
+
+@inlined
+def smooth_torque(rows, k, angle, rate, torque):
+    """T_EX − k (θ − θ₀) − d q̇ of joint `k`, or of eight side by side."""
+    return torque - at(rows, k, STIFFNESS) * (angle - at(rows, k, REST)) - at(rows, k, DAMPING) * rate
+
+
+@recursion
+def take_off_dry_friction(rows, dry, qd, net):
+    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly."""
+    for i in range(len(dry)):
+        k = dry[i]
+        torque = at(rows, k, COULOMB) * tanh(at(qd, k) / at(rows, k, WIDTH))
+        put_at(rows, at(rows, k, net) - torque, k, net)

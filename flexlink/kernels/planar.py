@@ -9,15 +9,17 @@ d = r turned by 90°, h = m c turned by 90°, φ and α absolute, D = inertia ab
                 M ← M + m 1 − H Hᵀ / D       f₀ ← f₀ − ω² m c + H T / D
     outward     α = (T − H·a) / D            σ q̈ = α − α_before    a ← a + α d − ω² r
 
-A rotor's torque A q̈ is not known beforehand; it adds a moment that depends on motion: j α + g·a (zero if A = 0).
+A rotor's torque A q̈ is not known beforehand; it adds a moment that depends on motion, j α + g·a (zero if A = 0). One
+source serves one chain and eight side by side (`lanes`).
 """
 
 import math
 
 import numpy as np
 
-from flexlink.kernels.compiler import inlined, kernel
-from flexlink.kernels.joint_torques import elastic, friction
+from flexlink.kernels.compiler import inlined, kernel, recursion
+from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, put_joint, smooth_torque, take_off_dry_friction
+from flexlink.kernels.lanes import LANES, at, put_at, vec, zero_of
 from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_apply, symmetric
 from flexlink.kernels.vec3 import (
@@ -38,36 +40,20 @@ from flexlink.kernels.vec3 import (
     vector,
 )
 
-LINK = np.dtype(
-    [
-        # fixed: vectors at q = 0
-        ("sign", np.float64),  # σ: +1 or −1, axis along or against the plane's normal
-        ("armature", np.float64),  # A
-        ("mass", np.float64),
-        ("inertia", np.float64),  # I about the hinge point, normal component
-        ("x", np.float64),  # r: to the next hinge, of the last link to the tip
-        ("y", np.float64),
-        ("sx", np.float64),  # first moment m c
-        ("sy", np.float64),
-        # of the present state
-        ("centripetal", np.float64),  # ω²
-        ("torque", np.float64),  # σ τ, springs and friction taken off
-        ("dx", np.float64),  # d
-        ("dy", np.float64),
-        ("ux", np.float64),  # H / D
-        ("uy", np.float64),
-        ("α", np.float64),  # T / D
-        ("β", np.float64),  # A / D
-    ],
-    align=True,
-)
+# Numbers of a link, after those of its joint. Fixed: σ, rotor A, mass, I about the hinge point, r to the next hinge (of
+# the last link to the tip) and m c at q = 0. Of the state: ω², τ, d, H / D, T / D, A / D.
+SIGN, ARMATURE, MASS, INERTIA, RX, RY, SX, SY, RATE2, TORQUE, DX, DY, UX, UY, ALPHA, BETA = range(JOINT, JOINT + 16)
+SIZE = JOINT + 16
+# Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0.
+U, V, NORMAL, GRAVITY = 0, 3, 6, 9
 
 
 @kernel
-def planar_workspace(bodies, hinges):
-    """Scratch of `planar` with the chain's constants: plane (u, v, normal), links, angles and their cos and sin."""
+def planar_workspace(bodies, hinges, gravity):
+    """Scratch of `planar` with the chain's constants."""
     n = len(hinges)
-    plane, links = np.zeros((3, 3)), np.zeros(n, LINK)
+    base, links = np.zeros(12), np.zeros((n, SIZE))
+    put(base[GRAVITY:], vector(gravity))
     x, y, z = X, Y, Z
     to_body = ZERO  # from the hinge of the present link to the present body's origin
     k = -1
@@ -76,102 +62,136 @@ def planar_workspace(bodies, hinges):
         to_body = add(to_body, place(vector(b.translation), x, y, z))
         x, y, z = place_axes(b.rotation, x, y, z)
         if k >= 0:
-            links[k].x, links[k].y = in_plane(plane, to_body)
+            links[k, RX], links[k, RY] = in_plane(base, to_body)
         for j in range(b.first, b.stop):
             axis = pick(hinges[j].axis, x, y, z)
             if k < 0:
-                span_plane(axis, plane)
+                span_plane(axis, base)
             k, to_body = j, ZERO
-            links[k].sign = np.sign(dot(axis, vector(plane[2])))
-            links[k].armature = hinges[k].armature
+            links[k, SIGN] = np.sign(dot(axis, vec(base, NORMAL)))
+            put_joint(links, k, hinges[k])
+            links[k, ARMATURE] = hinges[k].armature
         if k >= 0:
-            cx, cy = in_plane(plane, add(to_body, place(vector(b.center), x, y, z)))
-            normal = (dot(x, vector(plane[2])), dot(y, vector(plane[2])), dot(z, vector(plane[2])))
-            links[k].mass += b.mass
-            links[k].sx += b.mass * cx
-            links[k].sy += b.mass * cy
-            links[k].inertia += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
-    padded = -(-n // 8) * 8  # whole vectors of angles
-    return plane, links, np.zeros(padded), np.empty(padded), np.empty(padded)
+            cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
+            normal = (dot(x, vec(base, NORMAL)), dot(y, vec(base, NORMAL)), dot(z, vec(base, NORMAL)))
+            links[k, MASS] += b.mass
+            links[k, SX] += b.mass * cx
+            links[k, SY] += b.mass * cy
+            links[k, INERTIA] += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
+    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
+    return base, links, dry_joints(links[:, COULOMB]), trig, trig
 
 
 @kernel
-def span_plane(normal, plane):
-    """Write the rows u, v, normal, right-handed; u and v are coordinate axes if they can be."""
+def planar_lanes_workspace(bodies, hinges, gravity):
+    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3)."""
+    n = hinges.shape[1]
+    base, links, coulomb = np.empty((12, LANES)), np.empty((n, SIZE, LANES)), np.zeros(n)
+    trig = np.empty((3, n * LANES))
+    for lane in range(LANES):
+        one = planar_workspace(bodies[lane], hinges[lane], gravity[lane])
+        for j in range(12):
+            base[j, lane] = one[0][j]
+        for k in range(n):
+            coulomb[k] += hinges[lane, k].coulomb
+            for j in range(SIZE):
+                links[k, j, lane] = one[1][k, j]
+    return base, links, dry_joints(coulomb), trig, trig.reshape(3, n, LANES)
+
+
+@kernel
+def span_plane(normal, base):
+    """Write u, v and normal; u and v are coordinate axes if they can be."""
     least = 0
     for k in range(1, 3):
         if abs(normal[k]) < abs(normal[least]):
             least = k
     u = add_scaled(unit(least), -normal[least], normal)
     u = scale(1.0 / math.sqrt(dot(u, u)), u)
-    put(plane[0], u)
-    put(plane[1], cross(normal, u))
-    put(plane[2], normal)
+    put(base[U:], u)
+    put(base[V:], cross(normal, u))
+    put(base[NORMAL:], normal)
 
 
 @inlined
-def in_plane(plane, a):
+def in_plane(base, a):
     """Components of a along u and v."""
-    return dot(vector(plane[0]), a), dot(vector(plane[1]), a)
+    return dot(vec(base, U), a), dot(vec(base, V), a)
 
 
-@kernel
-def planar(chain, wrench, q, qd, tau, qdd, work):
-    """Write q̈ (n,) for drive torques `tau` (n,) and tip wrench (6,)."""
-    plane, links, angles, cosines, sines = work
-    outward(chain, q, qd, tau, links, angles)
-    cos_sin_all(angles, cosines, sines)
-    inward(plane, wrench, links, cosines, sines)
-    accelerate(in_plane(plane, vector(chain.gravity)), links, qdd)
+@recursion
+def planar(wrench, q, qd, tau, qdd, work):
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,)."""
+    base, links, dry, flat, trig = work
+    outward(q, qd, tau, links, trig[0])
+    take_off_dry_friction(links, dry, qd, TORQUE)
+    cos_sin_all(flat[0], flat[1], flat[2])
+    inward(base, wrench, links, trig[1], trig[2])
+    accelerate(base, links, qdd)
 
 
 @inlined
-def outward(chain, q, qd, tau, links, angles):
+def outward(q, qd, tau, links, angles):
     """Absolute angles and rates, and the torques that are left for the motion."""
-    φ, ω = 0.0, 0.0
+    φ = ω = zero_of(q)
     for k in range(len(q)):
-        b, hinge = links[k], chain.hinges[k]
-        φ += b.sign * q[k]
-        ω += b.sign * qd[k]
-        angles[k] = φ
-        b.centripetal = ω * ω
-        b.torque = b.sign * (tau[k] - elastic(hinge, q[k]) - friction(hinge, qd[k]))
+        σ = at(links, k, SIGN)
+        φ += σ * at(q, k)
+        ω += σ * at(qd, k)
+        put_at(angles, φ, k)
+        put_at(links, ω * ω, k, RATE2)
+        put_at(links, smooth_torque(links, k, at(q, k), at(qd, k), at(tau, k)), k, TORQUE)
 
 
 @inlined
-def inward(plane, wrench, links, cosines, sines):
+def inward(base, wrench, links, cosines, sines):
     """What each link and all beyond it demand at the link's hinge point: M, f₀ and the moment n."""
-    Mxx, Mxy, Myy = 0.0, 0.0, 0.0
-    j, gx, gy = 0.0, 0.0, 0.0
-    fx, fy = in_plane(plane, (-wrench[0], -wrench[1], -wrench[2]))
-    n = -dot(vector(plane[2]), (wrench[3], wrench[4], wrench[5]))
+    Mxx = Mxy = Myy = j = gx = gy = zero_of(cosines)
+    fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
+    n = -dot(vec(base, NORMAL), vec(wrench, 3))
     for k in range(len(links) - 1, -1, -1):
-        b = links[k]
-        c, s, w, A = cosines[k], sines[k], b.centripetal, b.armature
-        dx, dy = -s * b.x - c * b.y, c * b.x - s * b.y
-        hx, hy = -s * b.sx - c * b.sy, c * b.sx - s * b.sy
+        c, s, A, m, w = at(cosines, k), at(sines, k), at(links, k, ARMATURE), at(links, k, MASS), at(links, k, RATE2)
+        rx, ry, sx, sy, τ = (
+            at(links, k, RX),
+            at(links, k, RY),
+            at(links, k, SX),
+            at(links, k, SY),
+            at(links, k, SIGN) * at(links, k, TORQUE),
+        )
+        dx, dy = -s * rx - c * ry, c * rx - s * ry
+        hx, hy = -s * sx - c * sy, c * sx - s * sy
         ax, ay = -w * dy, w * dx
-        D = (b.inertia + A + j + 2.0 * (dx * gx + dy * gy)) + dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
+        D = (
+            (at(links, k, INERTIA) + A + j + 2.0 * (dx * gx + dy * gy))
+            + dx * dx * Mxx
+            + dy * dy * Myy
+            + (2.0 * dx * dy) * Mxy
+        )
         Hx, Hy = hx + gx + Mxx * dx + Mxy * dy, hy + gy + Mxy * dx + Myy * dy
         inverse = 1.0 / D
         n += gx * ax + gy * ay
         fx, fy = fx + (Mxx * ax + Mxy * ay), fy + (Mxy * ax + Myy * ay)
-        T = b.torque - n - dx * fx - dy * fy
-        Mxx, Mxy, Myy = Mxx + b.mass - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy + b.mass - Hy * Hy * inverse
+        T = τ - n - dx * fx - dy * fy
+        Mxx, Mxy, Myy = Mxx + m - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy + m - Hy * Hy * inverse
         ux, uy, α, β = Hx * inverse, Hy * inverse, T * inverse, A * inverse
         j, gx, gy = A * (1.0 - β), β * Hx, β * Hy
-        fx, fy, n = fx - w * hy + Hx * α, fy + w * hx + Hy * α, b.torque - A * α
-        b.dx, b.dy, b.ux, b.uy, b.α, b.β = dx, dy, ux, uy, α, β
+        fx, fy, n = fx - w * hy + Hx * α, fy + w * hx + Hy * α, τ - A * α
+        put_at(links, dx, k, DX)
+        put_at(links, dy, k, DY)
+        put_at(links, ux, k, UX)
+        put_at(links, uy, k, UY)
+        put_at(links, α, k, ALPHA)
+        put_at(links, β, k, BETA)
 
 
 @inlined
-def accelerate(gravity, links, qdd):
+def accelerate(base, links, qdd):
     """Absolute accelerations, and their differences at the hinges."""
-    ax, ay = -gravity[0], -gravity[1]
-    α_before = 0.0
-    for k in range(len(links)):
-        b = links[k]
-        α = (b.α + b.β * α_before) - b.ux * ax - b.uy * ay
-        qdd[k] = b.sign * (α - α_before)
-        ax, ay = ax + α * b.dx - b.centripetal * b.dy, ay + α * b.dy + b.centripetal * b.dx
-        α_before = α
+    ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
+    before = zero_of(qdd)
+    for k in range(len(qdd)):
+        dx, dy, w = at(links, k, DX), at(links, k, DY), at(links, k, RATE2)
+        α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - at(links, k, UX) * ax - at(links, k, UY) * ay
+        put_at(qdd, at(links, k, SIGN) * (α - before), k)
+        ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
+        before = α

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.compiler import inlined, kernel
+from flexlink.kernels.compiler import inlined, recursion
 
 LIMIT = 1e5  # rad; beyond it k reaches 2²⁰
 TWO_OVER_PI = 0.6366197723675814
@@ -49,7 +49,7 @@ def cos_sin_bounded(x):
     return cosine, sine
 
 
-@kernel
+@recursion
 def cos_sin_all(x, cosines, sines):
     """Write cos x and sin x of an array, any finite x."""
     for k in range(len(x)):

@@ -1,0 +1,219 @@
+"""Eight numbers side by side as one number of the kernels, so that one source serves one chain and eight at once.
+
+`Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It knows
++ − × ÷ and negation; tuples of it are 3-vectors as ever. A kernel reads and writes its arrays by `at` and `put_at`: of
+an array of shape (m,) or (m, p) they mean a float, of one of shape (m, 8) or (m, p, 8) eight numbers.
+"""
+
+import math
+import operator
+
+import numpy as np
+from llvmlite import ir
+from numba.core import types
+from numba.core.imputils import lower_builtin, lower_cast
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, models, overload, register_model
+
+from flexlink.kernels.compiler import inlined
+
+LANES = 8
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+class LanesType(types.Type):
+    """Type of eight float64 side by side."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Lanes")
+
+
+lanes = LanesType()
+
+
+@register_model(LanesType)
+class LanesModel(models.PrimitiveModel):
+    """A vector register, or several."""
+
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, VECTOR)
+
+
+def _binary(symbol, instruction):
+    @infer_global(symbol)
+    class Typing(AbstractTemplate):
+        def generic(self, args, kws):
+            if len(args) == 2 and lanes in args and all(a == lanes or isinstance(a, types.Number) for a in args):
+                return signature(lanes, lanes, lanes)
+            return None
+
+    @lower_builtin(symbol, lanes, lanes)
+    def lower(context, builder, sig, args):
+        return getattr(builder, instruction)(*args, flags=("contract",))
+
+
+for _symbol, _instruction in (
+    (operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"), (operator.isub, "fsub"), (operator.imul, "fmul"),
+):  # fmt: skip
+    _binary(_symbol, _instruction)
+
+
+@infer_global(operator.neg)
+class NegativeTyping(AbstractTemplate):
+    """−x of lanes is lanes."""
+
+    def generic(self, args, kws):
+        """Signature of −x."""
+        return signature(lanes, lanes) if args == (lanes,) else None
+
+
+@lower_builtin(operator.neg, lanes)
+def lower_negative(context, builder, sig, args):
+    return builder.fneg(args[0])
+
+
+@lower_cast(types.Number, lanes)
+def lower_splat(context, builder, from_type, to_type, value):
+    x = context.cast(builder, value, from_type, types.float64)
+    undefined = ir.Constant(VECTOR, ir.Undefined)
+    first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))
+    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, undefined, everywhere)
+
+
+def _row(context, builder, array_type, array, index):
+    data = context.make_array(array_type)(context, builder, array).data
+    offset = builder.mul(index, ir.Constant(index.type, LANES))
+    return builder.bitcast(builder.gep(data, [offset]), VECTOR.as_pointer())
+
+
+@intrinsic
+def _load(typing, array, index):
+    def generate(context, builder, sig, args):
+        load = builder.load(_row(context, builder, sig.args[0], *args))
+        load.align = 8
+        return load
+
+    return lanes(array, types.intp), generate
+
+
+@intrinsic
+def _store(typing, array, index, value):
+    def generate(context, builder, sig, args):
+        store = builder.store(args[2], _row(context, builder, sig.args[0], args[0], args[1]))
+        store.align = 8
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, lanes), generate
+
+
+def at(array, *index):
+    """Number of an array of shape (m,) or (m, p); of one with a last axis of eight, the eight numbers as lanes."""
+    return array[index]
+
+
+def put_at(array, value, *index):
+    """Write what `at` reads."""
+    array[index] = value
+
+
+def zero_of(array):
+    """Zero of the kind that `at(array, k)` reads."""
+    return 0.0 if array.ndim == 1 else np.zeros(LANES)
+
+
+INLINED = {"forceinline": True, "_nrt": False, "fastmath": {"contract"}}
+
+
+@overload(at, jit_options=INLINED)
+def _at(array, *index):
+    if len(index) == 1:
+        if array.ndim == 1:
+            return lambda array, *index: array[index[0]]
+        return lambda array, *index: _load(array, index[0])
+    if array.ndim == 2:
+        return lambda array, *index: array[index[0], index[1]]
+    return lambda array, *index: _load(array, index[0] * array.shape[1] + index[1])
+
+
+@overload(put_at, jit_options=INLINED)
+def _put_at(array, value, *index):
+    if array.ndim > len(index):
+        if len(index) == 1:
+
+            def put(array, value, *index):
+                _store(array, index[0], value)
+        else:
+
+            def put(array, value, *index):
+                _store(array, index[0] * array.shape[1] + index[1], value)
+    elif len(index) == 1:
+
+        def put(array, value, *index):
+            array[index[0]] = value
+    else:
+
+        def put(array, value, *index):
+            array[index[0], index[1]] = value
+
+    return put
+
+
+@intrinsic
+def _zero(typing, array):
+    return lanes(array), lambda context, builder, sig, args: ir.Constant(VECTOR, [0.0] * LANES)
+
+
+@overload(zero_of, jit_options=INLINED)
+def _zero_of(array):
+    return (lambda array: 0.0) if array.ndim == 1 else (lambda array: _zero(array))  # noqa: PLW0108
+
+
+def tanh(x):
+    """Hyperbolic tangent of a float or of lanes."""
+    return np.tanh(x)
+
+
+def scalar_tanh(x):
+    """What `tanh` does in each lane."""
+    return math.tanh(x)
+
+
+@intrinsic
+def _tanh_lanes(typing, x):
+    def generate(context, builder, sig, args):
+        result = args[0]
+        for lane in range(LANES):
+            index = ir.Constant(ir.IntType(32), lane)
+            one = builder.extract_element(args[0], index)
+            one = context.compile_internal(builder, scalar_tanh, types.float64(types.float64), [one])
+            result = builder.insert_element(result, one, index)
+        return result
+
+    return lanes(lanes), generate
+
+
+@overload(tanh, jit_options=INLINED)
+def _tanh(x):
+    return (lambda x: _tanh_lanes(x)) if x == lanes else scalar_tanh  # noqa: PLW0108
+
+
+@inlined
+def vec(array, first):
+    """The 3-vector that starts at `first` of an array of shape (m,)."""
+    return at(array, first), at(array, first + 1), at(array, first + 2)
+
+
+@inlined
+def vec_of(array, k, first):
+    """The 3-vector that starts at `first` of row `k` of an array of shape (m, p)."""
+    return at(array, k, first), at(array, k, first + 1), at(array, k, first + 2)
+
+
+@inlined
+def put_vec_of(array, a, k, first):
+    """Write what `vec_of` reads."""
+    put_at(array, a[0], k, first)
+    put_at(array, a[1], k, first + 1)
+    put_at(array, a[2], k, first + 2)
