@@ -1,6 +1,6 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
-from flexlink.arm import Arm, Joint, Link, Material, Mount, Payload, Section
+from flexlink.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
 from flexlink.chain import Chain, Coordinate
 from flexlink.dynamics import (
     Energy,
@@ -29,7 +29,7 @@ from flexlink.errors import (
 from flexlink.export import to_mjcf, to_urdf
 from flexlink.lumping import lump
 from flexlink.modal import Modes, modes, natural_frequencies, stable_step
-from flexlink.scene import Drive, Initial, Run, Scene, Wrench, load_scene
+from flexlink.scene import Drive, Initial, Motion, Run, Scene, Wrench, load_scene
 from flexlink.simulate import simulate
 from flexlink.statics import Equilibrium, buckling_loads, solve_static
 from flexlink.trajectory import Trajectory
@@ -43,6 +43,7 @@ __all__ = [
     "ConvergenceError",
     "Coordinate",
     "DivergenceError",
+    "Damping",
     "Drive",
     "Energy",
     "Equilibrium",
@@ -54,6 +55,7 @@ __all__ = [
     "Material",
     "MissingDependencyError",
     "Modes",
+    "Motion",
     "Mount",
     "OutputError",
     "Payload",

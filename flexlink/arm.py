@@ -63,8 +63,12 @@ class Section(Spec, frozen=True):
     @property
     def properties(self) -> SectionProperties:
         """Area, second moments and St Venant constant of this section."""
+        return self.towards(self, 0.0)
+
+    def towards(self, tip: Section, x: float) -> SectionProperties:
+        """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
         formula, names = SHAPES[self.shape]
-        return formula(*(getattr(self, name) for name in names))
+        return formula(*((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names))
 
 
 class Joint(Spec, frozen=True):
@@ -91,18 +95,45 @@ class Mount(Spec, frozen=True):
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
 
 
+class Payload(Spec, frozen=True):
+    """Rigid body at the tip or at a link's hub: centre in the frame's origin, principal axes along the frame."""
+
+    mass: NonNegative = 0.0  # kg
+    inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
+
+
+class Damping(Spec, frozen=True):
+    """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz`.
+
+    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), under which the ratio of a mode grows with its
+    frequency, ζ = η ω/2, and shrinks the stable step of explicit methods. `cap` bounds ζ of the fastest mode of the
+    link's chain: η is lowered to 2 cap / ω_max where needed, at the price of less damping at `at_hz`.
+    """
+
+    ratio: NonNegative
+    at_hz: Positive
+    cap: Positive | None = None
+
+
 class Link(Spec, frozen=True):
-    """One link: an active joint about local Z, then a prism along local X, rigid or cut into segments."""
+    """One link: an active joint about local Z, its hub, then a beam along local X, rigid or cut into segments.
+
+    With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
+    `section_tip` at the end. `damping` replaces the material's `loss_time`.
+    """
 
     name: str
     length: NonNegative = 0.0  # m
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
     material: str | None = None
     section: str | None = None
+    section_tip: str | None = None
     segments: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 1
     lumping: str = "paper"
     joint: Joint = Joint()
     mount: Mount = Mount()
+    hub: Payload = Payload()  # turns with the joint: motor housing, bearing
+    damping: Damping | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,6 +143,8 @@ class Link(Spec, frozen=True):
             raise SceneError(
                 f"material = {self.material!r}, section = {self.section!r}: give both, or neither for a massless link"
             )
+        if self.section_tip is not None and self.section is None:
+            raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.flex == "rigid":
             if self.segments != 1:
                 raise SceneError(f"segments = {self.segments}: a rigid link has 1")
@@ -123,19 +156,13 @@ class Link(Spec, frozen=True):
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
         nodes, _ = lumping_rule(self.lumping).hinges(self.segments - 1)
-        if nodes[0] == 0 and not self.joint.locked:
+        if nodes[0] == 0 and not (self.joint.locked or self.joint.armature or self.hub.inertia[2]):
             raise SceneError(
-                f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two"
+                f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
+                "lock the joint or give it an armature or a hub"
             )
         if nodes[-1] == 1:
             raise SceneError(f"lumping = {self.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
-
-
-class Payload(Spec, frozen=True):
-    """Rigid body at the tip, its centre in the tip frame's origin, principal axes along the tip frame."""
-
-    mass: NonNegative = 0.0  # kg
-    inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
 
 
 class Arm(Spec, frozen=True):
@@ -153,11 +180,18 @@ class Arm(Spec, frozen=True):
             if link.name in seen:
                 raise SceneError(f"link[{k}].name = {link.name!r}: names of links must differ")
             seen.add(link.name)
-            for key, table in (("material", self.materials), ("section", self.sections)):
+            tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
+            for key, table in tables:
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
                     raise SceneError(f"link[{k}].{key} = {name!r}: not defined; defined are {known}")
+            if link.section_tip is not None and link.section is not None:
+                shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
+                if shapes[0] != shapes[1]:
+                    raise SceneError(
+                        f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+                    )
 
     def number(self, name: str) -> int:
         """Number of the link called `name`, from 1.

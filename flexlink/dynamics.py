@@ -206,7 +206,8 @@ def solver_number(chain: Chain, method: str) -> int:
         The method is unknown.
     """
     number = choice("method", method, SOLVERS)
-    return forward.PLANAR if number == forward.ARTICULATED and chain.is_planar else number
+    flat = chain.is_planar and not chain.hinges["prescribed"].any()
+    return forward.PLANAR if number == forward.ARTICULATED and flat else number
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:

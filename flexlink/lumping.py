@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import linalg
 
-from flexlink.arm import AXES, Arm, Link, Material
+from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.errors import ArgumentError, SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.rules import lumping_rule
-from flexlink.sections import SectionProperties
 
 Array = NDArray[np.float64]
+TWIST = 1
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
 def lump(
@@ -78,9 +81,7 @@ def lump(
     )
 
 
-def _add_link(
-    builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float, prescribed: bool
-) -> None:
+def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
     builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
     if link.joint.locked:
         c, s = cos_sin_deg(locked_deg)
@@ -92,33 +93,88 @@ def _add_link(
             Coordinate(number, 0, 0), 2, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
             prescribed,
         )  # fmt: skip
+    builder.add_inertia(link.hub.mass, np.zeros(3), np.diag(link.hub.inertia))
     if link.material is None or link.section is None:
         builder.move(np.array([link.length, 0, 0]))
-        return
-    material, section = arm.materials[link.material], arm.sections[link.section].properties
-    nodes, weights = _hinges(link)
-    rigidity = {1: material.shear * section.torsion, 2: material.young * section.i_y, 3: material.young * section.i_z}
+    else:
+        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+        _add_beam(builder, link, number, _Beam(link.length, arm.materials[link.material], root, tip))
+
+
+def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
     rule = lumping_rule(link.lumping)
-    twisting = material.density * (section.i_y + section.i_z) * link.length  # ρ I_p L
-    rotor = {1: twisting * rule.twist_inertias(nodes, weights)}
-    cuts = [0.0, *nodes, 1.0]
-    for segment, (start, stop) in enumerate(itertools.pairwise(cuts)):
+    nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
+    loss_times = {axis: _loss_time(link.damping, beam, axis, nodes, weights) for axis in AXES[link.flex]}
+    twist_rotors = beam.polar_inertia * rule.twist_inertias(nodes, weights)
+    for segment, (start, stop) in enumerate(itertools.pairwise([0.0, *nodes.tolist(), 1.0])):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                k = float(rigidity[axis] / (weights[segment - 1] * link.length))
-                inertia = float(rotor[axis][segment - 1]) if axis in rotor else 0.0
-                builder.add_hinge(
-                    Coordinate(number, segment, axis), axis - 1, k, material.loss_time * k, armature=inertia
-                )
-        builder.add_prism(material, section, (stop - start) * link.length)
+                k = beam.rigidity(start)[axis] / (weights[segment - 1] * link.length)
+                rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
+                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_times[axis] * k, armature=rotor)
+        if stop > start:  # a hinge at the very root has nothing before it
+            builder.add_inertia(*beam.inertia(start, stop))
+        builder.move(np.array([(stop - start) * link.length, 0, 0]))
 
 
-def _hinges(link: Link) -> tuple[Array, Array]:
-    if link.flex == "rigid":
-        return np.empty(0), np.empty(0)
-    return lumping_rule(link.lumping).hinges(link.segments - 1)
+def _loss_time(damping: Damping | None, beam: _Beam, axis: int, nodes: Array, weights: Array) -> float:
+    """Kelvin-Voigt's η of the hinges about `axis` [s]: the material's, or the link's target, capped."""
+    if damping is None:
+        return beam.material.loss_time
+    η = damping.ratio / (math.pi * damping.at_hz)
+    return η if damping.cap is None else min(η, 2 * damping.cap / beam.largest_frequency(axis, nodes, weights))
+
+
+@dataclasses.dataclass(frozen=True)
+class _Beam:
+    """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
+
+    length: float
+    material: Material
+    root: Section
+    tip: Section
+
+    def rigidity(self, x: float) -> dict[int, float]:
+        """GJ, EI_y, EI_z at x, by axis [N m²]."""
+        p, m = self.root.towards(self.tip, x), self.material
+        return {1: m.shear * p.torsion, 2: m.young * p.i_y, 3: m.young * p.i_z}
+
+    @property
+    def polar_inertia(self) -> float:
+        """ρ ∫ (I_y + I_z) dx of the whole beam [kg m²]."""
+        return float(self.inertia(0.0, 1.0)[2][0, 0])
+
+    def inertia(self, start: float, stop: float) -> tuple[float, Array, Array]:
+        """Mass, centre in the frame at `start`, and inertia about the centre of the slice from `start` to `stop`.
+
+        Four Gauss points: exact for every shape whose area is quadratic and whose I are of degree 4 in x. For a prism
+        I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
+        """
+        x = (GAUSS_NODES + 1) / 2
+        line = self.material.density * (stop - start) * self.length * GAUSS_WEIGHTS / 2
+        sections = [self.root.towards(self.tip, start + (stop - start) * u) for u in x]
+        areas, i_y, i_z = (line * np.array([p[k] for p in sections]) for k in (0, 1, 2))
+        place = x * (stop - start) * self.length
+        mass = float(areas.sum())
+        center = float(areas @ place) / mass
+        bending = float(areas @ (place - center) ** 2)
+        moments = [i_y.sum() + i_z.sum(), i_y.sum() + bending, i_z.sum() + bending]
+        return mass, np.array([center, 0, 0]), np.diag(moments)
+
+    def largest_frequency(self, axis: int, nodes: Array, weights: Array) -> float:
+        """Of the link's own chain, clamped and straight [rad/s]: M_ij = Σ_beyond m (x_c − x_i)(x_c − x_j) + I."""
+        slices = [self.inertia(start, stop) for start, stop in itertools.pairwise([*nodes, 1.0])]
+        mass, inertia = (np.array([part[k] for part in slices]) for k in (0, 2))
+        centers = nodes * self.length + np.array([part[1][0] for part in slices])
+        beyond = np.tril(np.ones((len(nodes), len(nodes))))  # segment s is moved by hinges j ≤ s
+        levers = (centers[:, None] - nodes * self.length) * beyond
+        M = beyond.T @ (inertia[:, axis - 1, axis - 1, None] * beyond)
+        if axis != TWIST:
+            M = M + levers.T @ (mass[:, None] * levers)
+        k = np.array([self.rigidity(x)[axis] for x in nodes]) / (weights * self.length)
+        return float(np.sqrt(linalg.eigh(np.diag(k), M, eigvals_only=True)[-1]))
 
 
 @dataclasses.dataclass
@@ -188,14 +244,3 @@ class _Builder:
     def add_inertia(self, mass: float, center: Array, inertia: Array) -> None:
         R = self.rotation
         self.bodies[-1].add(mass, self.translation + R @ center, R @ inertia @ R.T)
-
-    def add_prism(self, material: Material, section: SectionProperties, length: float) -> None:
-        """Add a prism along local X: exact inertia, I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, …"""
-        line = material.density * length
-        mass = line * section.area
-        bending = mass * length**2 / 12
-        inertia = np.diag(
-            [line * (section.i_y + section.i_z), line * section.i_y + bending, line * section.i_z + bending]
-        )
-        self.add_inertia(mass, np.array([length / 2, 0, 0]), inertia)
-        self.move(np.array([length, 0, 0]))

@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene
 
-from flexlink import ArgumentError, Chain, Initial, Joint, Link, Mount, Payload, SceneError, Section, load_scene, lump
+from flexlink import (
+    ArgumentError,
+    Chain,
+    Initial,
+    Joint,
+    Link,
+    Mount,
+    Payload,
+    SceneError,
+    Section,
+    load_scene,
+    lump,
+    mass_matrix,
+)
 from flexlink.arm import AXES
 
 
@@ -103,3 +116,31 @@ def test_lump_checks_what_it_is_given() -> None:
         lump(arm, [0, 0, 9.81], [0.0, 1.0])
     with pytest.raises(SceneError, match="segments"):
         flexible("a", segments=1)
+
+
+def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> None:
+    hub = Payload(mass=3.0, inertia=(0.1, 0.2, 0.3))
+    bare, loaded = make_scene(flexible("a"), flexible("b")), make_scene(flexible("a"), flexible("b", hub=hub))
+    i = bare.chain().bodies["first"].tolist().index(5)  # the body behind the second active joint
+    assert loaded.chain().bodies["mass"][i] == pytest.approx(bare.chain().bodies["mass"][i] + 3.0)
+    lock = Joint(locked=True)
+    bare, loaded = (
+        make_scene(flexible("a"), flexible("b", joint=lock)),
+        make_scene(flexible("a"), flexible("b", joint=lock, hub=hub)),
+    )
+    gain = loaded.chain().bodies["mass"] - bare.chain().bodies["mass"]
+    np.testing.assert_allclose(gain[gain != 0], [3.0])
+
+
+def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
+    rule = tmp_path / "nodal.toml"
+    rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
+    with pytest.raises(SceneError, match="with no inertia between the two"):
+        flexible("a", lumping=str(rule))
+    for fields in (
+        {"joint": Joint(armature=0.1)},
+        {"hub": Payload(inertia=(0, 0, 0.1))},
+        {"joint": Joint(locked=True)},
+    ):
+        chain = make_scene(flexible("a", lumping=str(rule), **fields)).chain()
+        assert np.linalg.eigvalsh(mass_matrix(chain, np.zeros(chain.n))).min() > 0

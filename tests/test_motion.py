@@ -1,0 +1,97 @@
+"""Prescribed joint motion: the joint follows exactly, and the torque it takes is an output."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.dynamics import SOLVERS
+from flexlink.inputs import motion_arrays
+from flexlink.kernels.inputs import follow
+
+
+def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.Motion:
+    """θ = 30° (1 − cos 2t), with its exact rate and acceleration at the knots."""
+    t = np.linspace(0, duration, knots)
+    columns = (30 * (1 - np.cos(2 * t)), 60 * np.sin(2 * t), 120 * np.cos(2 * t))
+    angle, rate, acceleration = (tuple(column.tolist()) for column in columns)
+    return fl.Motion(link=link, times=tuple(t.tolist()), angle_deg=angle, rate_deg=rate, acceleration_deg=acceleration)
+
+
+def test_quintic_pieces_follow_a_smooth_motion_to_sixth_order() -> None:
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0), motion=(swing(),))
+    motion = motion_arrays(scene, scene.chain())
+    q, qd, qdd = np.zeros((3, 1))
+    for t in np.linspace(0, 1.99, 333):
+        follow(motion, t, q, qd, qdd)
+        exact = np.radians([30 * (1 - np.cos(2 * t)), 60 * np.sin(2 * t), 120 * np.cos(2 * t)])
+        # Hermite: (h/2)⁶/720 · max|θ⁽⁶⁾| = 2.5e-2⁶/720 · 30·64° for the angle; two and four orders of h more for rates
+        np.testing.assert_allclose([q[0], qd[0], qdd[0]], exact, atol=2e-6)
+        assert abs(q[0] - exact[0]) < 2e-11
+    follow(motion, 3.0, q, qd, qdd)
+    assert qdd[0] == 0
+    assert qd[0] == pytest.approx(np.radians(60 * np.sin(4.0)))
+
+
+@pytest.mark.parametrize("dynamics", SOLVERS)
+def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(dynamics: str) -> None:
+    wheel = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 3.0))
+    scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), motion=(swing(),))
+    run = fl.simulate(scene, step=1e-2, sample=0.05, duration=2.0, dynamics=dynamics)
+    exact = 3.0 * np.radians(120) * np.cos(2 * run.t)
+    np.testing.assert_allclose(run.tau[:-1, 0], exact[:-1], atol=1e-5)  # Hermite's second derivative, order h⁴
+    assert run.tau[-1, 0] == 0  # from the last knot on the rate is constant
+
+
+@pytest.mark.parametrize("dynamics", SOLVERS)
+@pytest.mark.parametrize("moved", ["a", "b"])
+def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(dynamics: str, moved: str) -> None:
+    links = flexible("a", segments=3), flexible("b", "xyz", segments=3, mount=fl.Mount(rpy_deg=(40, 0, 0)))
+    free = make_scene(*links, gravity=(1.0, 2.0, 9.0)).chain()
+    scene = make_scene(*links, gravity=(1.0, 2.0, 9.0), motion=(swing(moved, 401),))
+    run = fl.simulate(scene, step=2e-5, sample=1e-2, duration=0.2, dynamics=dynamics)
+    k = run.chain.index(1 if moved == "a" else 2, 0, 0)
+    np.testing.assert_allclose(run.q[:, k], np.radians(30 * (1 - np.cos(2 * run.t))), atol=1e-11)
+    for t, q, qd, tau in zip(run.t, run.q, run.qd, run.tau, strict=True):
+        qdd = fl.forward_dynamics(free, q, qd, tau)
+        rounding = 10 * np.finfo(float).eps * np.linalg.cond(fl.mass_matrix(free, q)) * np.abs(qdd).max()
+        assert qdd[k] == pytest.approx(np.radians(120) * np.cos(2 * t), abs=1e-7 + rounding)
+    assert np.abs(run.q).max() > 0.01
+
+
+@pytest.mark.parametrize("dynamics", SOLVERS)
+def test_solvers_agree_at_prescribed_accelerations(models, dynamics: str) -> None:
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    moving = fl.Motion(
+        link="upper", times=(0.0, 1.0), angle_deg=(-60.0, 0.0), rate_deg=(0.0, 9.0), acceleration_deg=(0.0, 0.0)
+    )
+    both = [
+        fl.simulate(fl.Scene(name="s", arm=scene.arm, initial=scene.initial, motion=(moving,)), step=5e-5, duration=0.1,
+                    dynamics=name)
+        for name in ("lu", dynamics)
+    ]  # fmt: skip
+    assert np.abs(both[0].q - both[1].q).max() < 1e-11
+    assert np.abs(both[0].tau - both[1].tau).max() < 1e-7 * np.abs(both[0].tau).max()
+
+
+@pytest.mark.parametrize(
+    ("change", "wanted"),
+    [
+        ({"link": "x"}, r"motion\[0\].link = 'x': not in this arm; it has a"),
+        ({"angle_deg": (1.0, 2.0)}, r"motion\[0\].angle_deg\[0\] = 1.0: must be the initial value, 0.0"),
+    ],
+)
+def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:
+    fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),
+              "acceleration_deg": (0.0, 0.0)}  # fmt: skip
+    with pytest.raises(fl.SceneError, match=wanted):
+        make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0), motion=(fl.Motion(**{**fields, **change}),))
+
+
+def test_a_motion_checks_its_table() -> None:
+    with pytest.raises(fl.SceneError, match=r"times = .*must start at 0 and increase"):
+        fl.Motion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    with pytest.raises(fl.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
+        fl.Motion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))
