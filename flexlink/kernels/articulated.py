@@ -57,14 +57,14 @@ from flexlink.kernels.vec3 import add, add_scaled, combine, cross, dot, pick, pl
 
 @recursion
 def articulated(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,)."""
-    gravity, layout, axes, bodies, hinges, dry, flat, trig = work
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); at prescribed hinges q̈ is given."""
+    gravity, layout, axes, given, bodies, hinges, dry, flat, trig = work
     prepare(q, qd, tau, hinges, trig[0])
     take_off_dry_friction(hinges, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
     outward(layout, axes, bodies, hinges, qd, trig[1], trig[2])
-    inward(layout, bodies, hinges, wrench)
-    accelerate(gravity, layout, bodies, hinges, qdd)
+    inward(layout, given, bodies, hinges, wrench, qdd)
+    accelerate(gravity, layout, given, bodies, hinges, qdd)
 
 
 @inlined
@@ -112,7 +112,7 @@ def outward(layout, axes, bodies, hinges, qd, cosines, sines):
 
 
 @inlined
-def inward(layout, bodies, hinges, wrench):
+def inward(layout, given, bodies, hinges, wrench, qdd):
     """What each body and all beyond it demand at its hinge point; J and H stay zero behind a free body."""
     o = at(bodies, 0, MASS) * 0.0
     J, H, M = (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o)), (o, o, o, o, o, o)
@@ -123,7 +123,11 @@ def inward(layout, bodies, hinges, wrench):
         else:
             J, H, M, n, f = take_on(bodies, i, J, H, M, n, f)
             for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
-                J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
+                if given[k]:
+                    e = scale(at(qdd, k), vec_of(hinges, k, AXIS))
+                    n, f = add(n, sym_apply(J, e)), add(f, place(e, H[0], H[1], H[2]))
+                else:
+                    J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
             if layout[i, FREE]:
                 J, H = (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
             else:
@@ -230,7 +234,7 @@ def take_out_hinge(hinges, k, J, H, M, n, f):
 
 
 @inlined
-def accelerate(gravity, layout, bodies, hinges, qdd):
+def accelerate(gravity, layout, given, bodies, hinges, qdd):
     """Absolute accelerations, and their differences at the hinges."""
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
@@ -242,10 +246,10 @@ def accelerate(gravity, layout, bodies, hinges, qdd):
         else:
             α = before
             for k in range(layout[i, FIRST], layout[i, STOP]):
-                demand = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a)
-                acceleration = at(hinges, k, INVERSE) * (at(hinges, k, T_NET) - demand)
-                put_at(qdd, acceleration, k)
-                α = add_scaled(α, acceleration, vec_of(hinges, k, AXIS))
+                if not given[k]:
+                    demand = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a)
+                    put_at(qdd, at(hinges, k, INVERSE) * (at(hinges, k, T_NET) - demand), k)
+                α = add_scaled(α, at(qdd, k), vec_of(hinges, k, AXIS))
         a = add(add(a, cross(α, vec_of(bodies, i, R))), vec_of(bodies, i, B))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel
-from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, put_joint
+from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, given_joints, put_joint
 from flexlink.kernels.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.vec3 import scale, vector
@@ -45,7 +45,7 @@ def articulated_workspace(bodies, hinges, gravity):
         put_joint(joints, k, hinges[k])
         joints[k, ARMATURE], axes[k] = hinges[k].armature, hinges[k].axis
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return gravity.copy(), layout, axes, rows, joints, dry_joints(joints[:, COULOMB]), trig, trig
+    return gravity.copy(), layout, axes, given_joints(hinges), rows, joints, dry_joints(joints[:, COULOMB]), trig, trig
 
 
 @kernel
@@ -65,21 +65,32 @@ def articulated_lanes_workspace(bodies, hinges, gravity):
             layout[i, FREE] &= one[1][i, FREE]
             layout[i, QUICK] &= one[1][i, QUICK]
             for j in range(BODY_SIZE):
-                rows[i, j, lane] = one[3][i, j]
+                rows[i, j, lane] = one[4][i, j]
         for k in range(n):
             coulomb[k] += hinges[lane, k].coulomb
             for j in range(HINGE_SIZE):
-                joints[k, j, lane] = one[4][k, j]
-    return base, layout, axes, rows, joints, dry_joints(coulomb), trig, trig.reshape(3, n, LANES)
+                joints[k, j, lane] = one[5][k, j]
+    return (
+        base,
+        layout,
+        axes,
+        given_joints(hinges[0]),
+        rows,
+        joints,
+        dry_joints(coulomb),
+        trig,
+        trig.reshape(3, n, LANES),
+    )
 
 
 @kernel
 def passes_known_moment(body, hinges, last):
-    """Whether the moment that a body passes inward follows from torques alone: three free axes, or no inertia."""
+    """Whether the moment that a body passes inward is known from torques: three axes without rotors, or no inertia."""
     if last and body.first == body.stop:
         return body.mass == 0.0 and not np.any(body.inertia)
     for k in range(body.first, body.stop):
-        if hinges[k].armature != 0.0 or (k > body.first and hinges[k].axis == hinges[k - 1].axis):
+        twice = k > body.first and hinges[k].axis == hinges[k - 1].axis
+        if twice or hinges[k].armature != 0.0 or hinges[k].prescribed:
             return False
     return body.stop - body.first == 3
 

@@ -46,6 +46,15 @@ def dry_joints(coulomb):
     return dry[:count].copy()
 
 
+@kernel
+def given_joints(hinges):
+    """Which joints have prescribed motion, as (n,) of bool."""
+    given = np.empty(len(hinges), np.bool_)
+    for k in range(len(hinges)):
+        given[k] = hinges[k].prescribed
+    return given
+
+
 @inlined
 def smooth_torque(rows, k, angle, rate, torque):
     """T_EX − k (θ − θ₀) − d q̇ of joint `k`, or of eight side by side."""

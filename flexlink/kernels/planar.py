@@ -18,7 +18,15 @@ import math
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
-from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, put_joint, smooth_torque, take_off_dry_friction
+from flexlink.kernels.joint_torques import (
+    COULOMB,
+    JOINT,
+    dry_joints,
+    given_joints,
+    put_joint,
+    smooth_torque,
+    take_off_dry_friction,
+)
 from flexlink.kernels.lanes import LANES, at, put_at, vec, zero_of
 from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_apply, symmetric
@@ -70,7 +78,7 @@ def planar_workspace(bodies, hinges, gravity):
             k, to_body = j, ZERO
             links[k, SIGN] = np.sign(dot(axis, vec(base, NORMAL)))
             put_joint(links, k, hinges[k])
-            links[k, ARMATURE] = hinges[k].armature
+            links[k, ARMATURE] = 0.0 if hinges[k].prescribed else hinges[k].armature
         if k >= 0:
             cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
             normal = (dot(x, vec(base, NORMAL)), dot(y, vec(base, NORMAL)), dot(z, vec(base, NORMAL)))
@@ -79,7 +87,7 @@ def planar_workspace(bodies, hinges, gravity):
             links[k, SY] += b.mass * cy
             links[k, INERTIA] += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return base, links, dry_joints(links[:, COULOMB]), trig, trig
+    return base, links, given_joints(hinges), dry_joints(links[:, COULOMB]), trig, trig
 
 
 @kernel
@@ -96,7 +104,7 @@ def planar_lanes_workspace(bodies, hinges, gravity):
             coulomb[k] += hinges[lane, k].coulomb
             for j in range(SIZE):
                 links[k, j, lane] = one[1][k, j]
-    return base, links, dry_joints(coulomb), trig, trig.reshape(3, n, LANES)
+    return base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig.reshape(3, n, LANES)
 
 
 @kernel
@@ -121,13 +129,13 @@ def in_plane(base, a):
 
 @recursion
 def planar(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,)."""
-    base, links, dry, flat, trig = work
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); at prescribed hinges q̈ is given."""
+    base, links, given, dry, flat, trig = work
     outward(q, qd, tau, links, trig[0])
     take_off_dry_friction(links, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
-    inward(base, wrench, links, trig[1], trig[2])
-    accelerate(base, links, qdd)
+    inward(base, wrench, given, qdd, links, trig[1], trig[2])
+    accelerate(base, given, links, qdd)
 
 
 @inlined
@@ -144,9 +152,10 @@ def outward(q, qd, tau, links, angles):
 
 
 @inlined
-def inward(base, wrench, links, cosines, sines):
+def inward(base, wrench, given, qdd, links, cosines, sines):
     """What each link and all beyond it demand at the link's hinge point: M, f₀ and the moment n."""
-    Mxx = Mxy = Myy = j = gx = gy = zero_of(cosines)
+    o = zero_of(cosines)
+    Mxx = Mxy = Myy = j = gx = gy = o
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
     n = -dot(vec(base, NORMAL), vec(wrench, 3))
     for k in range(len(links) - 1, -1, -1):
@@ -168,14 +177,20 @@ def inward(base, wrench, links, cosines, sines):
             + (2.0 * dx * dy) * Mxy
         )
         Hx, Hy = hx + gx + Mxx * dx + Mxy * dy, hy + gy + Mxy * dx + Myy * dy
-        inverse = 1.0 / D
         n += gx * ax + gy * ay
         fx, fy = fx + (Mxx * ax + Mxy * ay), fy + (Mxy * ax + Myy * ay)
-        T = τ - n - dx * fx - dy * fy
-        Mxx, Mxy, Myy = Mxx + m - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy + m - Hy * Hy * inverse
-        ux, uy, α, β = Hx * inverse, Hy * inverse, T * inverse, A * inverse
-        j, gx, gy = A * (1.0 - β), β * Hx, β * Hy
-        fx, fy, n = fx - w * hy + Hx * α, fy + w * hx + Hy * α, τ - A * α
+        n += dx * fx + dy * fy
+        Mxx, Myy, fx, fy = Mxx + m, Myy + m, fx - w * hy, fy + w * hx
+        if given[k]:
+            α = at(links, k, SIGN) * at(qdd, k)
+            ux, uy, β = o, o, 1.0 + o
+            j, gx, gy, n = D, Hx, Hy, n + D * α
+        else:
+            inverse, T = 1.0 / D, τ - n
+            ux, uy, α, β = Hx * inverse, Hy * inverse, T * inverse, A * inverse
+            Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
+            j, gx, gy, n = A * (1.0 - β), β * Hx, β * Hy, τ - A * α
+        fx, fy = fx + Hx * α, fy + Hy * α
         put_at(links, dx, k, DX)
         put_at(links, dy, k, DY)
         put_at(links, ux, k, UX)
@@ -185,13 +200,14 @@ def inward(base, wrench, links, cosines, sines):
 
 
 @inlined
-def accelerate(base, links, qdd):
+def accelerate(base, given, links, qdd):
     """Absolute accelerations, and their differences at the hinges."""
     ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
     before = zero_of(qdd)
     for k in range(len(qdd)):
         dx, dy, w = at(links, k, DX), at(links, k, DY), at(links, k, RATE2)
         α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - at(links, k, UX) * ax - at(links, k, UY) * ay
-        put_at(qdd, at(links, k, SIGN) * (α - before), k)
+        if not given[k]:
+            put_at(qdd, at(links, k, SIGN) * (α - before), k)
         ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
         before = α
