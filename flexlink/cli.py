@@ -1,4 +1,4 @@
-"""`flexlink info | simulate | export | compare`: one line on errors, exit code 2."""
+"""`flexlink info | simulate | modes | export | compare`: one line on errors, exit code 2."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ from flexlink.compare import compare
 from flexlink.errors import DivergenceError, FlexlinkError
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
-from flexlink.modal import eigenvalues, stable_step
+from flexlink.modal import eigenvalues, modes, stable_step
 from flexlink.output import write_somewhere, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
-from flexlink.trajectory import Trajectory, output_format
+from flexlink.trajectory import Trajectory, output_format, plotting
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
   flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
   flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+  flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
 """
@@ -71,6 +72,12 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--dynamics", help="forward dynamics: " + ", ".join(SOLVER_NAMES))
     run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
     run.add_argument("--plot", type=Path, help="draw angles, tip and energy to this .png, .svg or .pdf file")
+
+    shapes = add("modes", _modes, "Natural frequencies and mode shapes about the initial posture, with gravity.")
+    shapes.add_argument("scene", type=Path, help="scene file (.toml)")
+    shapes.add_argument("--lock", nargs="+", default=[], metavar="LINK", help="links whose joint is held")
+    shapes.add_argument("--count", type=int, default=8, help="how many modes to show, slowest first (default: 8)")
+    shapes.add_argument("--plot", type=Path, help="draw the mode shapes to this .png, .svg or .pdf file")
 
     export = add("export", _export, "Write the chains of scenes as files that other engines load exactly.")
     export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
@@ -135,6 +142,22 @@ def _simulate(options: argparse.Namespace) -> int:
     _save(run, options.out)
     if options.plot is not None:
         figure = run.plot()
+        print(f"plot: {write_somewhere(options.plot, lambda path: figure.savefig(path, dpi=150))}")
+    return 0
+
+
+def _modes(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    chain = scene.chain()
+    if options.plot is not None:
+        _require_folder(options.plot)
+    locked = [chain.index(scene.arm.number(name), 0, 0) for name in options.lock]
+    found = modes(chain, scene.initial_state(chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
+    print("mode  frequency [Hz]  damping ratio")
+    for k in range(min(options.count, len(found.eigenvalues))):
+        print(f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}")
+    if options.plot is not None:
+        figure = plotting().plot_modes(found, scene.name, options.count)
         print(f"plot: {write_somewhere(options.plot, lambda path: figure.savefig(path, dpi=150))}")
     return 0
 

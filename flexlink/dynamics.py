@@ -17,8 +17,8 @@ from flexlink.chain import Chain
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
-from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.finite import is_finite
+from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from flexlink.chain import Chain
 from flexlink.dynamics import frames, mass_matrix, vector
-from flexlink.errors import SceneError
+from flexlink.errors import SceneError, SingularMassError
 from flexlink.tableaus import Tableau, tableau
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
 
@@ -139,12 +139,20 @@ def natural_frequencies(
 def _undamped(M: Array, K: Array) -> tuple[Complex, NDArray[np.inexact]]:
     """K φ = μ M φ, λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
     if np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max():  # conservative loads; the bound is rounding of K
-        μ, vectors = linalg.eigh((K + K.T) / 2, M)
+        μ, vectors = _eigh((K + K.T) / 2, M)
     else:
         μ, vectors = linalg.eig(K, M)
     order = np.argsort(μ.real, kind="stable")
     λ = np.sqrt(-μ[order].astype(complex))
     return np.where(λ.imag < 0, -λ, λ), vectors[:, order]
+
+
+def _eigh(K: Array, M: Array) -> tuple[Array, Array]:
+    try:
+        μ, vectors = linalg.eigh(K, M)
+    except linalg.LinAlgError:
+        raise SingularMassError("the mass matrix is singular at this posture: some joint moves no inertia") from None
+    return μ, vectors
 
 
 def _general(M: Array, C: Array, K: Array) -> tuple[Complex, Complex]:
@@ -176,8 +184,7 @@ def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
     M = mass_matrix(chain, q)
     D = _damping(chain)
     if not D.any():
-        squares = linalg.eigh(np.diag(chain.stiffness), M, eigvals_only=True)
-        ω = np.sqrt(np.maximum(squares, 0.0))
+        ω = np.sqrt(np.maximum(_eigh(np.diag(chain.stiffness), M)[0], 0.0))
         return np.concatenate([1j * ω, -1j * ω])
     zero, one = np.zeros_like(M), np.eye(chain.n)
     A = np.block([[zero, one], [-linalg.solve(M, np.diag(chain.stiffness)), -linalg.solve(M, np.diag(D))]])

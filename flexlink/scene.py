@@ -15,24 +15,28 @@ from flexlink.chain import Chain
 from flexlink.errors import SceneError
 from flexlink.lumping import lump
 from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, short
+from flexlink.statics import solve_static
 from flexlink.tableaus import tableau
 
 Array = NDArray[np.float64]
 
 
 class Initial(Spec, frozen=True):
-    """State at t = 0: one joint angle and rate per link (a locked joint stays at its angle), springs slack."""
+    """State at t = 0: one joint angle and rate per link; a locked joint stays at its angle.
+
+    passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
+    """
 
     joint_deg: tuple[float, ...]
     rate_deg: tuple[float, ...] | None = None  # default: at rest
-    passive: Literal["zero"] = "zero"
+    passive: Literal["zero", "static"] = "zero"
 
 
 class Drive(Spec, frozen=True):
     """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
 
-    constant: T_EX = torque.  table: `torques`, one row per time, in between linear or, if `smooth`, a cubic spline, held
-    outside; a smooth torque keeps the order of the integrator.
+    constant: T_EX = torque.  table: `torques`, one row per time, held outside, in between linear or, if `smooth`, a
+    cubic spline, which keeps the order of the integrator.
     pd: T_EX = kp (target − q) − kd q̇.
     """
 
@@ -80,7 +84,9 @@ class Motion(Spec, frozen=True):
             raise SceneError(f"times = {short(self.times)}: must start at 0 and increase")
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
             if len(getattr(self, name)) != len(self.times):
-                raise SceneError(f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}")
+                raise SceneError(
+                    f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}"
+                )
 
 
 class Wrench(Spec, frozen=True):
@@ -192,9 +198,18 @@ class Scene(Spec, frozen=True):
         return lump(self.arm, self.gravity, self.initial.joint_deg, self.name, moved)
 
     def initial_state(self, chain: Chain) -> tuple[Array, Array]:
-        """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each."""
+        """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each.
+
+        Raises
+        ------
+        ConvergenceError
+            passive = "static", and the arm finds no equilibrium.
+        """
         rates = self.initial.rate_deg or (0.0,) * len(self.arm.links)
-        return np.radians(spread(chain, self.initial.joint_deg)), np.radians(spread(chain, rates))
+        q = np.radians(spread(chain, self.initial.joint_deg))
+        if self.initial.passive == "static":
+            q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
+        return q, np.radians(spread(chain, rates))
 
     @property
     def tip_wrench(self) -> Array:
@@ -233,13 +248,19 @@ def load_scene(path: str | Path) -> Scene:
     path = Path(path)
     raw = catalogue.read_toml(path)
     try:
-        return _from_builtins(raw)
+        return scene_from(raw)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
 
-def _from_builtins(raw: dict[str, Any]) -> Scene:
-    """A scene file is flat: the arm's keys stand beside the scene's own."""
+def scene_from(raw: dict[str, Any]) -> Scene:
+    """The scene of a parsed file, which is flat: the arm's keys stand beside the scene's own.
+
+    Raises
+    ------
+    SceneError
+        The message names the key path, the value and what is allowed.
+    """
     own = {f.encode_name: f for f in msgspec.structs.fields(Scene) if f.name != "arm"}
     arm = {f.encode_name: f for f in msgspec.structs.fields(Arm)}
     fields = own | arm

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,7 +58,10 @@ class Trajectory:
         """Add tip, energies and drive torques to states that a run of `scene` went through; all become read-only."""
         tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
         tips_and_energies(chain.arrays, q, qd, tip, parts)
-        solver, inputs = solver_number(chain, scene.run.dynamics), (drive_arrays(scene, chain), motion_arrays(scene, chain))
+        solver, inputs = (
+            solver_number(chain, scene.run.dynamics),
+            (drive_arrays(scene, chain), motion_arrays(scene, chain)),
+        )
         drive_torques(chain.arrays, solver, *inputs, scene.tip_wrench, t, q, qd, tau)
         for array in (t, q, qd, tip, parts, tau):
             array.flags.writeable = False
@@ -104,20 +109,31 @@ class Trajectory:
         return _Writer(self, output_format(path))
 
     def plot(self) -> Figure:
-        """Draw joint angles, tip and energy against time; needs matplotlib (`pip install 'flexlink[report]'`).
+        """Draw joint angles, tip and energy against time; needs matplotlib.
 
         Raises
         ------
         MissingDependencyError
             matplotlib is not installed.
         """
-        try:
-            from flexlink.plotting import plot_trajectory  # noqa: PLC0415  matplotlib is optional
-        except ImportError:
-            raise MissingDependencyError(
-                "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
-            ) from None
-        return plot_trajectory(self)
+        figure: Figure = plotting().plot_trajectory(self)
+        return figure
+
+
+def plotting() -> ModuleType:
+    """The module that draws, which needs matplotlib.
+
+    Raises
+    ------
+    MissingDependencyError
+        matplotlib is not installed.
+    """
+    try:
+        return importlib.import_module("flexlink.plotting")
+    except ImportError:
+        raise MissingDependencyError(
+            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
+        ) from None
 
 
 @dataclasses.dataclass(frozen=True)

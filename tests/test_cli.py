@@ -121,3 +121,14 @@ def test_an_edit_in_any_kernel_file_changes_the_cache_folder(monkeypatch, tmp_pa
     before = compiler.cache_folder()
     (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
     assert compiler.cache_folder() != before
+
+
+def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, capsys) -> None:
+    picture = tmp_path / "modes.png"
+    assert main(["modes", paper, "--lock", "upper", "fore", "--count", "3", "--plot", str(picture)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[1:4]] == ["1", "2", "3"]
+    assert float(lines[1].split()[1]) == pytest.approx(6.058, rel=1e-3)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert main(["modes", paper, "--lock", "elbow"]) == 2
+    assert "link = 'elbow': not in this arm; it has waist, upper, fore" in error_line(capsys)

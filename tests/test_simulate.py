@@ -137,3 +137,18 @@ def test_a_failed_save_leaves_the_old_file_and_says_why(paper: fl.Scene, tmp_pat
     with pytest.raises(fl.OutputError, match="cannot be written"):
         run.save(tmp_path / "no" / "run.npz")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(models) -> None:
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    held = fl.Scene(
+        name="held", arm=scene.arm, wrench=scene.wrench,
+        initial=fl.Initial(joint_deg=scene.initial.joint_deg, passive="static"),
+    )  # fmt: skip
+    chain = held.chain()
+    q, qd = held.initial_state(chain)
+    passive = np.setdiff1d(np.arange(chain.n), chain.active)
+    torque = fl.bias_torque(chain, q, qd, held.tip_wrench) + fl.elastic_torque(chain, q)
+    assert np.abs(torque[passive]).max() < 1e-9 * np.abs(torque).max()
+    assert np.abs(q[passive]).max() > 1e-4
+    np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))
