@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import BPoly, CubicSpline, PPoly
 
 from flexlink.chain import Chain
 from flexlink.scene import Motion, Scene
@@ -47,6 +46,8 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     coefficients = np.zeros((len(times), degree + 1, len(joints)))
     coefficients[:, 0] = torques
     if drive.smooth:
+        from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
+
         coefficients[:-1] = CubicSpline(times, torques).c[::-1].transpose(1, 0, 2)
     else:
         coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
@@ -77,6 +78,8 @@ def _pieces(motion: Motion) -> Array:
     columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
     pieces = np.zeros((len(motion.times), 6))
     if len(motion.times) > 1:
+        from scipy.interpolate import BPoly, PPoly  # noqa: PLC0415  0.1 s that few scenes need
+
         quintic = PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.times, np.column_stack(columns)))
         pieces[:-1] = quintic.c[::-1].T
     pieces[-1, 0], pieces[-1, 1] = columns[0][-1], columns[1][-1]

@@ -12,7 +12,6 @@ import functools
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
@@ -129,6 +128,8 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
 
 
 def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
+    from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
+
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))
