@@ -190,24 +190,23 @@ def forward_dynamics(
     """
     n = chain.n
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
-    solver = solver_number(chain, method)
-    qdd: Array = forward.accelerations(chain.arrays, solver, _wrench(tip_wrench), q, qd, tau)
+    solver = solver_for(chain, method)
+    qdd: Array = solver.accelerations(chain.arrays, _wrench(tip_wrench), q, qd, tau)
     if not is_finite(qdd):
         raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
     return qdd
 
 
-def solver_number(chain: Chain, method: str) -> int:
-    """Number of the solver that `method` means for this chain.
+def solver_for(chain: Chain, method: str) -> forward.Solver:
+    """The solver that `method` means for this chain.
 
     Raises
     ------
     ArgumentError
         The method is unknown.
     """
-    number = choice("method", method, SOLVERS)
-    flat = chain.is_planar and not chain.hinges["prescribed"].any()
-    return forward.PLANAR if number == forward.ARTICULATED and flat else number
+    solver = choice("method", method, SOLVERS)
+    return forward.PLANAR if solver is forward.ARTICULATED and chain.is_planar else solver
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import solver_number
+from flexlink.dynamics import solver_for
 from flexlink.errors import ArgumentError, DivergenceError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.runge_kutta import integrate
@@ -57,14 +57,14 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     q[0], qd[0] = scene.initial_state(chain)
     inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
     method = tableau(run.method).arrays
-    solver = solver_number(chain, run.dynamics)
+    work = solver_for(chain, run.dynamics).workspace(chain.arrays)
     piece = max(1, (run.samples - 1) // PIECES)
     for start in range(0, run.samples - 1, piece):
         rows = slice(start, min(start + piece + 1, run.samples))
         wanted = (rows.stop - 1 - start) * run.steps_per_sample
         first = start * run.steps_per_sample
         done = integrate(
-            chain.arrays, solver, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
+            chain.arrays, work, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
         )
         if done < wanted:
             raise _diverged(scene, chain, q, qd, first + done)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import Energy, solver_number
+from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.samples import drive_torques, tips_and_energies
@@ -58,11 +58,9 @@ class Trajectory:
         """Add tip, energies and drive torques to states that a run of `scene` went through; all become read-only."""
         tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
         tips_and_energies(chain.arrays, q, qd, tip, parts)
-        solver, inputs = (
-            solver_number(chain, scene.run.dynamics),
-            (drive_arrays(scene, chain), motion_arrays(scene, chain)),
-        )
-        drive_torques(chain.arrays, solver, *inputs, scene.tip_wrench, t, q, qd, tau)
+        work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+        inputs = drive_arrays(scene, chain), motion_arrays(scene, chain)
+        drive_torques(chain.arrays, work, *inputs, scene.tip_wrench, t, q, qd, tau)
         for array in (t, q, qd, tip, parts, tau):
             array.flags.writeable = False
         return cls(chain, t, q, qd, tau, tip, Energy(*parts))

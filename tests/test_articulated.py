@@ -29,6 +29,7 @@ from flexlink import (
 from flexlink.kernels import forward
 from flexlink.kernels.articulated import articulated
 from flexlink.kernels.articulated_rows import articulated_lanes_workspace
+from flexlink.kernels.compiler import kernel
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.planar import planar, planar_lanes_workspace
 from flexlink.kernels.sincos import LIMIT, cos_sin_all
@@ -40,7 +41,7 @@ ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
 
 def spatial(chain: Chain, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """The spatial recursion, also where the plane one would be chosen."""
-    return forward.accelerations(chain.arrays, forward.ARTICULATED, wrench, q, qd, tau)
+    return forward.ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
 
 
 def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> None:
@@ -105,12 +106,16 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
     results = [given.copy() for _ in solvers]
     for solver, qdd in zip(solvers, results, strict=True):
-        work = forward.forward_workspace(chain.arrays, solver)
-        forward.forward_dynamics(chain.arrays, solver, np.zeros(6), q, qd, tau, qdd, work)
+        solve(chain.arrays, np.zeros(6), q, qd, tau, qdd, solver.workspace(chain.arrays))
     allowed = 10 * EPS * np.linalg.cond(mass_matrix(chain, q)) * np.abs(results[0]).max()
     for qdd in results:
         np.testing.assert_array_equal(qdd[hinges["prescribed"] == 1], given[hinges["prescribed"] == 1])
         np.testing.assert_allclose(qdd, results[0], rtol=0, atol=allowed)
+
+
+@kernel
+def solve(chain, wrench, q, qd, tau, qdd, work):
+    forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
 
 
 LANE_ARMS = {

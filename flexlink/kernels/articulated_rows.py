@@ -1,5 +1,7 @@
 """Rows of numbers that `articulated` works on: one row per body and per hinge, contiguous, as an array of float64."""
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel
@@ -19,6 +21,20 @@ AXES, R, MC, B, ZETA, F, N, H_D, FACTORS, ALPHA, BODY_SIZE = 22, 31, 34, 37, 40,
 # Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a quick group
 # instead of J e and T: e₁* of `known_moment`, and e₁·e₃.
 ARMATURE, TORQUE, AXIS, JE, HE, T_NET, INVERSE, HINGE_SIZE = (JOINT + k for k in (0, 1, 2, 5, 8, 11, 12, 13))
+
+
+class ArticulatedWork(NamedTuple):
+    """Scratch of `articulated`, with the constants of a chain, or of eight."""
+
+    gravity: Any
+    layout: Any
+    axes: Any
+    given: Any
+    rows: Any
+    joints: Any
+    dry: Any
+    flat: Any  # angles, cosines and sines, for the loop over all of them
+    trig: Any  # the same memory, for the hinges
 
 
 @kernel
@@ -45,7 +61,8 @@ def articulated_workspace(bodies, hinges, gravity):
         put_joint(joints, k, hinges[k])
         joints[k, ARMATURE], axes[k] = hinges[k].armature, hinges[k].axis
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return gravity.copy(), layout, axes, given_joints(hinges), rows, joints, dry_joints(joints[:, COULOMB]), trig, trig
+    dry = dry_joints(joints[:, COULOMB])
+    return ArticulatedWork(gravity.copy(), layout, axes, given_joints(hinges), rows, joints, dry, trig, trig)
 
 
 @kernel
@@ -70,17 +87,8 @@ def articulated_lanes_workspace(bodies, hinges, gravity):
             coulomb[k] += hinges[lane, k].coulomb
             for j in range(HINGE_SIZE):
                 joints[k, j, lane] = one[5][k, j]
-    return (
-        base,
-        layout,
-        axes,
-        given_joints(hinges[0]),
-        rows,
-        joints,
-        dry_joints(coulomb),
-        trig,
-        trig.reshape(3, n, LANES),
-    )
+    given, trig_lanes = given_joints(hinges[0]), trig.reshape(3, n, LANES)
+    return ArticulatedWork(base, layout, axes, given, rows, joints, dry_joints(coulomb), trig, trig_lanes)
 
 
 @kernel

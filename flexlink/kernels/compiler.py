@@ -40,6 +40,9 @@ def kernel(function: Callable[..., Any]) -> Any:
     return _compile(function)
 
 
+INLINED = {"_nrt": False, "forceinline": True, "error_model": "numpy", "fastmath": {"contract"}}  # of overloads
+
+
 def recursion(function: Callable[..., Any]) -> Any:
     """A kernel that makes no arrays, only borrows those of its caller: it does not count references to them.
 

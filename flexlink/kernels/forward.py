@@ -1,64 +1,53 @@
-"""Forward dynamics: q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, by the solver that a number names."""
+"""Forward dynamics: q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
+
+The type of the scratch says which algorithm it is for, so that machine code is made for the one in use only.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import overload
 
 from flexlink.kernels.articulated import articulated
-from flexlink.kernels.articulated_rows import articulated_workspace
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.articulated_rows import ArticulatedWork, articulated_workspace
+from flexlink.kernels.compiler import INLINED, kernel, recursion
 from flexlink.kernels.joint_torques import elastic, friction
-from flexlink.kernels.mass import mass_composite
-from flexlink.kernels.planar import planar, planar_workspace
+from flexlink.kernels.mass import composite, composite_workspace
+from flexlink.kernels.planar import PlanarWork, planar, planar_workspace
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.solve import solve_cholesky, solve_lu
 from flexlink.kernels.vec3 import vector
 
-LU, CHOLESKY, ARTICULATED, PLANAR = 0, 1, 2, 3
+
+class DenseWork(NamedTuple):
+    """Scratch of `dense`."""
+
+    by_lu: Any
+    rne_work: Any
+    composite_work: Any
+    M: Any
+    known: Any
+    bias: Any
 
 
 @kernel
-def forward_workspace(chain, solver):
-    """Scratch of `forward_dynamics` with this solver; that of the others stays empty."""
-    bodies, hinges = chain.bodies, chain.hinges
-    n = len(hinges)
-    n_dense = n if solver in (LU, CHOLESKY) else 0
-    dense = rne_workspace(chain), np.empty((n_dense, n_dense)), np.empty(n_dense), np.empty(n_dense)
-    spatial = solver == ARTICULATED
-    flat = solver == PLANAR
-    return (
-        dense,
-        articulated_workspace(bodies[: len(bodies) * spatial], hinges[: n * spatial], chain.gravity),
-        planar_workspace(bodies[: len(bodies) * flat], hinges[: n * flat], chain.gravity),
+def dense_workspace(chain, by_lu):
+    """Scratch of `dense`, by LU or by Cholesky."""
+    n = len(chain.hinges)
+    return DenseWork(
+        by_lu, rne_workspace(chain), composite_workspace(chain), np.empty((n, n)), np.empty(n), np.empty(n)
     )
 
 
-@kernel
-def accelerations(chain, solver, wrench, q, qd, tau):
-    """q̈ in a new array (n,)."""
-    qdd = np.zeros(len(q))
-    forward_dynamics(chain, solver, wrench, q, qd, tau, qdd, forward_workspace(chain, solver))
-    return qdd
-
-
-@kernel
-def forward_dynamics(chain, solver, wrench, q, qd, tau, qdd, work):
-    """Write q̈ (n,) for drive torques `tau` (n,) and tip wrench (6,); at prescribed hinges `qdd` is given and stays."""
-    dense, spatial, flat = work
-    if solver == PLANAR:
-        planar(wrench, q, qd, tau, qdd, flat)
-    elif solver == ARTICULATED:
-        articulated(wrench, q, qd, tau, qdd, spatial)
-    else:
-        solve_dense(chain, solver, wrench, q, qd, tau, qdd, dense)
-
-
-@kernel
-def solve_dense(chain, solver, wrench, q, qd, tau, qdd, work):
-    """Set up M and the right-hand side, take out the rows whose q̈ is known, and solve."""
-    rne_work, M, known, bias = work
+@recursion
+def dense(chain, wrench, q, qd, tau, qdd, work):
+    """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve."""
+    by_lu, rne_work, composite_work, M, known, bias = work
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, rne_work)
-    mass_composite(chain, q, M)
+    composite(chain, q, M, composite_work)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             M[k, :] = 0.0
@@ -66,7 +55,82 @@ def solve_dense(chain, solver, wrench, q, qd, tau, qdd, work):
             M[k, k] = 1.0
         else:
             qdd[k] = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
-    if solver == LU:
+    if by_lu:
         solve_lu(M, qdd)
     else:
         solve_cholesky(M, qdd)
+
+
+def forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
+    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); at prescribed hinges `qdd` is given and stays.
+
+    With scratch of eight chains side by side (`lanes`) the arrays are of shape (n, 8).
+    """
+
+
+@overload(forward_dynamics, jit_options=INLINED)
+def _forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
+    if work.instance_class is PlanarWork:
+        return lambda chain, wrench, q, qd, tau, qdd, work: planar(wrench, q, qd, tau, qdd, work)
+    if work.instance_class is ArticulatedWork:
+        return lambda chain, wrench, q, qd, tau, qdd, work: articulated(wrench, q, qd, tau, qdd, work)
+    return lambda chain, wrench, q, qd, tau, qdd, work: dense(chain, wrench, q, qd, tau, qdd, work)  # noqa: PLW0108
+
+
+class Solver(NamedTuple):
+    """An algorithm as the checked functions call it, each a single compiled call."""
+
+    workspace: Callable[..., Any]  # (chain) -> scratch
+    accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
+
+
+@kernel
+def _planar_work(chain):
+    return planar_workspace(chain.bodies, chain.hinges, chain.gravity)
+
+
+@kernel
+def _articulated_work(chain):
+    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity)
+
+
+@kernel
+def _lu_work(chain):
+    return dense_workspace(chain, True)
+
+
+@kernel
+def _cholesky_work(chain):
+    return dense_workspace(chain, False)
+
+
+@kernel
+def _planar(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    planar(wrench, q, qd, tau, qdd, _planar_work(chain))
+    return qdd
+
+
+@kernel
+def _articulated(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    articulated(wrench, q, qd, tau, qdd, _articulated_work(chain))
+    return qdd
+
+
+@kernel
+def _lu(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    dense(chain, wrench, q, qd, tau, qdd, _lu_work(chain))
+    return qdd
+
+
+@kernel
+def _cholesky(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    dense(chain, wrench, q, qd, tau, qdd, _cholesky_work(chain))
+    return qdd
+
+
+LU, CHOLESKY = Solver(_lu_work, _lu), Solver(_cholesky_work, _cholesky)
+ARTICULATED, PLANAR = Solver(_articulated_work, _articulated), Solver(_planar_work, _planar)

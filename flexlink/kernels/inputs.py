@@ -4,10 +4,11 @@ On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i
 piece goes on for ever.
 """
 
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.compiler import recursion
+from flexlink.kernels.lanes import at, put_at, zero_of
 
 
-@kernel
+@recursion
 def locate(knots, first, stop, t):
     """Number of the piece that holds time t, among pieces first … stop − 1, by bisection."""
     low, high = first, stop
@@ -20,7 +21,7 @@ def locate(knots, first, stop, t):
     return low
 
 
-@kernel
+@recursion
 def drive_torque(drive, t, q, qd, tau):
     """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere."""
     piece = locate(drive.knots, 0, len(drive.knots), t)
@@ -31,10 +32,10 @@ def drive_torque(drive, t, q, qd, tau):
         torque = 0.0
         for j in range(len(c) - 1, -1, -1):
             torque = torque * x + c[j, d]
-        tau[k] = torque + drive.kp[d] * (drive.target[d] - q[k]) - drive.kd[d] * qd[k]
+        put_at(tau, torque + drive.kp[d] * (drive.target[d] - at(q, k)) - drive.kd[d] * at(qd, k), k)
 
 
-@kernel
+@recursion
 def follow(motion, t, q, qd, qdd):
     """Put angle, rate and acceleration of the prescribed joints at time t into `q`, `qd`, `qdd` (n,)."""
     for m in range(len(motion.joints)):
@@ -47,4 +48,7 @@ def follow(motion, t, q, qd, qdd):
             half_acceleration = half_acceleration * x + rate
             rate = rate * x + angle
             angle = angle * x + c[j]
-        q[k], qd[k], qdd[k] = angle, rate, 2.0 * half_acceleration
+        o = zero_of(q)
+        put_at(q, o + angle, k)
+        put_at(qd, o + rate, k)
+        put_at(qdd, o + 2.0 * half_acceleration, k)

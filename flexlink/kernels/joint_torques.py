@@ -8,13 +8,13 @@ from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.lanes import at, put_at, tanh
 
 
-@kernel
+@recursion
 def elastic(hinge, angle):
     """T_FL = k (θ − θ₀) of one hinge."""
     return hinge.stiffness * (angle - hinge.rest)
 
 
-@kernel
+@recursion
 def friction(hinge, rate):
     """T_FR = d q̇ + c tanh(q̇ / w) of one hinge."""
     torque = hinge.damping * rate

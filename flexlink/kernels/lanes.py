@@ -15,7 +15,7 @@ from numba.core.imputils import lower_builtin, lower_cast
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, models, overload, register_model
 
-from flexlink.kernels.compiler import inlined
+from flexlink.kernels.compiler import INLINED, inlined
 
 LANES = 8
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
@@ -123,9 +123,6 @@ def zero_of(array):
     return 0.0 if array.ndim == 1 else np.zeros(LANES)
 
 
-INLINED = {"forceinline": True, "_nrt": False, "fastmath": {"contract"}}
-
-
 @overload(at, jit_options=INLINED)
 def _at(array, *index):
     if len(index) == 1:
@@ -168,6 +165,29 @@ def _zero(typing, array):
 @overload(zero_of, jit_options=INLINED)
 def _zero_of(array):
     return (lambda array: 0.0) if array.ndim == 1 else (lambda array: _zero(array))  # noqa: PLW0108
+
+
+def all_zero(x):
+    """Whether a float, or each of the lanes, is zero; nan is not."""
+    return bool(np.all(x == 0.0))
+
+
+@intrinsic
+def _all_zero_lanes(typing, x):
+    def generate(context, builder, sig, args):
+        result = ir.Constant(ir.IntType(1), 1)
+        for lane in range(LANES):
+            one = builder.extract_element(args[0], ir.Constant(ir.IntType(32), lane))
+            zero = builder.fcmp_ordered("==", one, ir.Constant(ir.DoubleType(), 0.0))
+            result = builder.and_(result, zero)
+        return result
+
+    return types.boolean(lanes), generate
+
+
+@overload(all_zero, jit_options=INLINED)
+def _all_zero(x):
+    return (lambda x: _all_zero_lanes(x)) if x == lanes else (lambda x: x == 0.0)  # noqa: PLW0108
 
 
 def tanh(x):

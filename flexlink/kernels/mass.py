@@ -8,7 +8,7 @@ composite   the same bodies in inertial axes: a row needs only the joints' axes 
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.compiler import kernel, recursion
 from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.sym3 import (
@@ -30,6 +30,7 @@ from flexlink.kernels.vec3 import (
     cos_sin,
     cross,
     dot,
+    put,
     scale,
     sub,
     turn,
@@ -129,19 +130,31 @@ def mass_upper(chain, q, M):
 
 
 @kernel
+def composite_workspace(chain):
+    """Scratch of `composite`: rotations and points of the bodies, axes and points of the hinges."""
+    m, n = len(chain.bodies), len(chain.hinges)
+    return np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)), np.empty((n, 3))
+
+
+@kernel
 def mass_composite(chain, q, M):
+    """M by composite bodies in inertial axes."""
+    composite(chain, q, M, composite_workspace(chain))
+
+
+@recursion
+def composite(chain, q, M, work):
     """M by composite bodies in inertial axes.
 
     With mass m, centre C and inertia J of all bodies beyond hinge k at p_k, unit acceleration about its axis gives
     f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k.
     """
     bodies, hinges = chain.bodies, chain.hinges
-    rotations, points, axes = np.empty((len(bodies), 3, 3)), np.empty((len(bodies), 3)), np.empty((len(hinges), 3))
+    rotations, points, axes, pivots = work
     kinematics(chain, q, rotations, points, axes)
-    pivots = np.empty((len(hinges), 3))
     for i in range(len(bodies)):
         for k in range(bodies[i].first, bodies[i].stop):
-            pivots[k] = points[i]
+            put(pivots[k], vector(points[i]))
     m, C, J = 0.0, ZERO, ZERO6
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]

@@ -14,6 +14,7 @@ source serves one chain and eight side by side (`lanes`).
 """
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,6 +57,17 @@ SIZE = JOINT + 16
 U, V, NORMAL, GRAVITY = 0, 3, 6, 9
 
 
+class PlanarWork(NamedTuple):
+    """Scratch of `planar`, with the constants of a chain, or of eight."""
+
+    base: Any
+    links: Any
+    given: Any
+    dry: Any
+    flat: Any  # angles, cosines and sines, for the loop over all of them
+    trig: Any  # the same memory, for the links
+
+
 @kernel
 def planar_workspace(bodies, hinges, gravity):
     """Scratch of `planar` with the chain's constants."""
@@ -87,7 +99,7 @@ def planar_workspace(bodies, hinges, gravity):
             links[k, SY] += b.mass * cy
             links[k, INERTIA] += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return base, links, given_joints(hinges), dry_joints(links[:, COULOMB]), trig, trig
+    return PlanarWork(base, links, given_joints(hinges), dry_joints(links[:, COULOMB]), trig, trig)
 
 
 @kernel
@@ -104,7 +116,8 @@ def planar_lanes_workspace(bodies, hinges, gravity):
             coulomb[k] += hinges[lane, k].coulomb
             for j in range(SIZE):
                 links[k, j, lane] = one[1][k, j]
-    return base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig.reshape(3, n, LANES)
+    trig_lanes = trig.reshape(3, n, LANES)
+    return PlanarWork(base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
 
 
 @kernel

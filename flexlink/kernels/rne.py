@@ -9,7 +9,7 @@ Gravity is an upward acceleration −g of the base; the tip wrench is carried ou
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.compiler import kernel, recursion
 from flexlink.kernels.vec3 import (
     ZERO,
     add,
@@ -39,7 +39,7 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
     return tau
 
 
-@kernel
+@recursion
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
     """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0."""
     bodies, hinges = chain.bodies, chain.hinges

@@ -1,56 +1,72 @@
 """Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12, whole loop compiled.
 
-    L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
-    q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
+L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
+q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 """
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.forward import forward_dynamics, forward_workspace
+from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.lanes import all_zero, at, put_at, zero_of
 
 
 @kernel
-def integrate(chain, solver, tableau, drive, motion, wrench, h, first_step, steps_per_sample, qs, qds):
-    """Fill rows 1 … of `qs`, `qds` (samples, n) from row 0, at step number `first_step`.
+def integrate(chain, work, tableau, drive, motion, wrench, h, first_step, steps_per_sample, qs, qds):
+    """Fill rows 1 … of `qs`, `qds` (samples, n) from row 0, at step number `first_step`, with scratch of a solver.
 
     Returns the number of steps done; it is smaller than asked for if the state left the finite numbers, and then
-    the row of that sample holds the last, non-finite state.
+    the row of that sample holds the last, non-finite state. With scratch of eight chains side by side the states are
+    (samples, n, 8), and the first chain that leaves the finite numbers stops all.
     """
-    A, b, c = tableau
-    stages, n = len(c), len(chain.hinges)
     q, qd = qs[0].copy(), qds[0].copy()
-    q_stage, tau = np.empty(n), np.zeros(n)
-    K, L = np.empty((stages, n)), np.empty((stages, n))
-    work = forward_workspace(chain, solver)
+    stages = np.empty((2, len(tableau[2]), *q.shape))
+    K, L = stages[0], stages[1]
+    q_stage, tau = np.empty_like(q), np.zeros_like(q)
     done = 0
     for row in range(1, len(qs)):
         for _ in range(steps_per_sample):
-            t = (first_step + done) * h
-            for i in range(stages):
-                q_stage[:] = q
-                L[i] = qd
-                for j in range(i):
-                    a = A[i, j] * h
-                    if a != 0.0:
-                        for k in range(n):
-                            q_stage[k] += a * L[j, k]
-                            L[i, k] += a * K[j, k]
-                follow(motion, t + c[i] * h, q_stage, L[i], K[i])
-                drive_torque(drive, t + c[i] * h, q_stage, L[i], tau)
-                forward_dynamics(chain, solver, wrench, q_stage, L[i], tau, K[i], work)
-            total = 0.0
-            for i in range(stages):
-                for k in range(n):
-                    q[k] += b[i] * h * L[i, k]
-                    qd[k] += b[i] * h * K[i, k]
-            follow(motion, (first_step + done + 1) * h, q, qd, K[0])
-            for k in range(n):
-                total += q[k] - q[k] + qd[k] - qd[k]  # 0 if finite, nan otherwise
+            step(chain, work, tableau, drive, motion, wrench, h, first_step + done, q, qd, q_stage, tau, K, L)
             done += 1
-            if total != 0.0:
+            if not is_finite(q, qd):
                 qs[row], qds[row] = q, qd
                 return done
         qs[row], qds[row] = q, qd
     return done
+
+
+@recursion
+def step(chain, work, tableau, drive, motion, wrench, h, number, q, qd, q_stage, tau, K, L):
+    """Advance q and q̇ (n,) from t = number · h by h."""
+    A, b, c = tableau
+    for i in range(len(c)):
+        t = (number + c[i]) * h
+        q_dot, q_dot_dot = L[i], K[i]
+        for k in range(len(q)):
+            angle, rate = at(q, k), at(qd, k)
+            for j in range(i):
+                angle += A[i, j] * h * at(L, j, k)
+                rate += A[i, j] * h * at(K, j, k)
+            put_at(q_stage, angle, k)
+            put_at(q_dot, rate, k)
+        follow(motion, t, q_stage, q_dot, q_dot_dot)
+        drive_torque(drive, t, q_stage, q_dot, tau)
+        forward_dynamics(chain, wrench, q_stage, q_dot, tau, q_dot_dot, work)
+    for k in range(len(q)):
+        angle, rate = at(q, k), at(qd, k)
+        for i in range(len(c)):
+            angle += b[i] * h * at(L, i, k)
+            rate += b[i] * h * at(K, i, k)
+        put_at(q, angle, k)
+        put_at(qd, rate, k)
+    follow(motion, (number + 1) * h, q, qd, K[0])
+
+
+@recursion
+def is_finite(q, qd):
+    """Whether all of q and q̇ are finite: x − x is 0 then, and nan otherwise."""
+    total = zero_of(q)
+    for k in range(len(q)):
+        total += (at(q, k) - at(q, k)) + (at(qd, k) - at(qd, k))
+    return all_zero(total)

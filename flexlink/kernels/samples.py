@@ -4,7 +4,7 @@ import numpy as np
 
 from flexlink.kernels.compiler import kernel
 from flexlink.kernels.energy import energies
-from flexlink.kernels.forward import forward_dynamics, forward_workspace
+from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.kinematics import kinematics
@@ -23,16 +23,16 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 
 @kernel
-def drive_torques(chain, solver, drive, motion, wrench, ts, qs, qds, taus):
+def drive_torques(chain, work, drive, motion, wrench, ts, qs, qds, taus):
     """T_EX (samples, n): what the drive gives, and M q̈ + T_GC + T_FL + T_FR at prescribed joints."""
-    qdd, work = np.zeros(len(chain.hinges)), forward_workspace(chain, solver)
+    qdd = np.zeros(len(chain.hinges))
     taus[:] = 0.0
     for row in range(len(ts)):
         q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
         drive_torque(drive, ts[row], q, qd, tau)
         if len(motion.joints) > 0:
             follow(motion, ts[row], q, qd, qdd)
-            forward_dynamics(chain, solver, wrench, q, qd, tau, qdd, work)
+            forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
             torque = inverse_dynamics(chain, wrench, q, qd, qdd)
             for k in motion.joints:
                 tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel
+from flexlink.kernels.compiler import recursion
 
 
-@kernel
+@recursion
 def solve_lu(A, b):
     """x with A x = b, by LU with partial pivoting (the paper's way); overwrites A, leaves x in b."""
     n = len(b)
@@ -30,7 +30,7 @@ def solve_lu(A, b):
         b[i] = total / A[i, i]
 
 
-@kernel
+@recursion
 def solve_cholesky(A, b):
     """x with A x = b, A symmetric positive definite, by A = L Lᵀ; overwrites A, leaves x in b, nan if A is not."""
     n = len(b)
