@@ -129,7 +129,7 @@ class Link(Spec, frozen=True):
     section: str | None = None
     section_tip: str | None = None
     segments: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 1
-    lumping: str = "paper"
+    lumping: str = "gauss"
     joint: Joint = Joint()
     mount: Mount = Mount()
     hub: Payload = Payload()  # turns with the joint: motor housing, bearing

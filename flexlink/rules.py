@@ -95,7 +95,9 @@ class LumpingRule(Spec, frozen=True):
         assert self.element is not None
         size = len(self.element.nodes)
         if count % size:
-            raise SceneError(f"segments = {count + 1}: this rule takes a multiple of {size} hinges, plus 1 segments")
+            below = count - count % size
+            near = " or ".join(str(k + 1) for k in (below, below + size) if k)
+            raise SceneError(f"segments = {count + 1}: the rule takes its hinges in groups of {size}; near are {near}")
         elements = count // size
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements

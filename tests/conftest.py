@@ -17,7 +17,7 @@ SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
 
 def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) -> Link:
     """A flexible aluminium link of 1.25 m, as in the paper's figure 5."""
-    defaults = {"length": 1.25, "material": "aluminium", "section": "square"}
+    defaults = {"length": 1.25, "material": "aluminium", "section": "square", "lumping": "paper"}
     return Link(name=name, flex=flex, segments=segments, **{**defaults, **fields})
 
 

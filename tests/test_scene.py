@@ -36,7 +36,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
                      ["link[1].lumping", "'papr'", "midpoint"]),
     "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                           'segments = 4\nflex = "z"\nlumping = "gauss"',
-                          ["link[1].segments", "4", "multiple of 2"]),
+                          ["link[1].segments", "4", "groups of 2", "near are 3 or 5"]),
     "sample no multiple": ("sample   = 0.005", "sample = 0.00123", ["run.sample", "0.00123", "multiple of step"]),
     "step no divisor": ("step     = 1e-4", "step = 3e-4", ["run.sample", "0.005", "multiple of step"]),
     "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
