@@ -15,6 +15,7 @@ from flexlink.spec import Spec, decode
 HERE = Path(__file__).parent
 CASES = HERE / "cases"
 MODELS = HERE.parent / "models"
+BENCHMARKS = HERE / "scenes"
 
 
 class Quantity(Spec, frozen=True):
@@ -35,7 +36,7 @@ class Case(Spec, frozen=True):
     title: str
     about: str
     quantity: dict[str, Quantity]
-    scenes: tuple[str, ...] = ()  # names of files in models/
+    scenes: tuple[str, ...] = ()  # names of files in models/ or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
 
     def load_scenes(self) -> list[Scene]:
@@ -50,7 +51,8 @@ class Case(Spec, frozen=True):
     @property
     def scene_files(self) -> list[Path]:
         """The scenes' files."""
-        return [MODELS / f"{name}.toml" for name in self.scenes]
+        benchmarks = {path.stem: path for path in BENCHMARKS.glob("*.toml")}
+        return [benchmarks.get(name, MODELS / f"{name}.toml") for name in self.scenes]
 
 
 class Measured(NamedTuple):

@@ -99,7 +99,7 @@ def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
-        for path in sorted([*folder.rglob("*.py"), *folder.glob("data/**/*.toml")]):
+        for path in sorted([*folder.rglob("*.py"), *folder.glob("data/**/*.toml"), *folder.glob("reference/*.json")]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest.digest()
 

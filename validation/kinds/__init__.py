@@ -10,6 +10,7 @@ from validation.case import Case, Measured
 from validation.kinds import (
     convergence,
     energy_drift,
+    frequencies,
     identities,
     integrators,
     judge,
@@ -36,6 +37,7 @@ class Kind(Protocol):
 KINDS: dict[str, Kind] = {
     "convergence": convergence,
     "energy_drift": energy_drift,
+    "frequencies": frequencies,
     "identities": identities,
     "integrators": integrators,
     "judge": judge,

@@ -1,0 +1,126 @@
+"""Natural frequencies against the continuous beam: error by rule and hinges, published numbers, MuJoCo's frequencies.
+
+Rigid modes, one for each joint that is free, are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import engines
+from flexlink.chain import Chain
+from flexlink.dynamics import mass_matrix
+from flexlink.modal import natural_frequencies, stable_step
+from flexlink.scene import Scene
+from validation.benchmarks.parity import load_stiffness, quiet, springs, symmetric_squares
+from validation.benchmarks.published import Pair, published
+from validation.benchmarks.reference import numbers
+from validation.benchmarks.sweep import Point, Sweep, report
+from validation.benchmarks.variant import Rule, Variant, existing, grid
+from validation.case import Case, Measured
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+
+
+class Settings(Sweep, frozen=True, kw_only=True):
+    """What to compare.
+
+    The error of a mode in the sweep is the worst of the variants. `best` is the chain whose numbers stand beside the
+    published ones. Values of the reference file are ω if `power` is 1 and √ω if it is 2, in rad/s or Hz. `axes` are
+    the hinge axes that move, 1 twist, 2 and 3 bending. `price` adds stable steps.
+    """
+
+    reference: str
+    best: Rule
+    variant: tuple[Variant, ...]
+    modes: int = 3
+    power: Literal[1, 2] = 1
+    unit: Literal["rad/s", "Hz"] = "rad/s"
+    axes: tuple[int, ...] = (1, 2, 3)
+    price: bool = False
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """The sweep over rules and hinges, then every variant with the best chain, native and in MuJoCo."""
+    points = []
+    for at in grid(settings.rules):
+        scenes = [existing(case, variant, at) for variant in settings.variant]
+        if None in scenes:
+            continue
+        errors = [
+            _frequencies(scene, variant, settings) / _exact(variant, settings) - 1
+            for scene, variant in zip(scenes, settings.variant, strict=True)
+            if scene is not None
+        ]
+        worst = np.abs(errors).max(axis=0)
+        points.append(Point(at, {f"mode {k + 1}": float(e) for k, e in enumerate(worst)}))
+    yield from report(settings, points)
+    if settings.price:
+        yield from _price(case, settings, points)
+    pairs = []
+    for variant in settings.variant:
+        scene = variant.build(case, settings.best)
+        ours, exact = _frequencies(scene, variant, settings), _exact(variant, settings)
+        for k in range(settings.modes):
+            pair = Pair(", ".join(part for part in (variant.name, f"mode {k + 1}") if part), exact[k], ours[k])
+            pairs.append(pair)
+            note = f"{ours[k]:.8g} {settings.unit}, published or exact {exact[k]:.8g}."
+            error = abs(ours[k] / exact[k] - 1)
+            yield Measured(f"error of mode {k + 1}", error, variant.name, setting=str(settings.best), note=note)
+        yield _parity(scene, variant, settings)
+    yield published(pairs, f"{case.title}: ω [{settings.unit}], {settings.best}")
+
+
+def _exact(variant: Variant, settings: Settings) -> Array:
+    return numbers(settings.reference, *variant.keys)[: settings.modes] ** settings.power
+
+
+def _state(scene: Scene, variant: Variant, settings: Settings) -> tuple[Chain, Array, list[int], int]:
+    """Chain, posture, what does not move, and the number of rigid modes."""
+    chain = scene.chain()
+    held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
+    still = [k for k, c in enumerate(chain.coordinates) if c.axis and c.axis not in settings.axes]
+    return chain, scene.initial_state(chain)[0], held + still, len(chain.active) - len(held)
+
+
+def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
+    chain, q, locked, rigid = _state(scene, variant, settings)
+    ω = natural_frequencies(chain, q, locked=locked)[rigid : rigid + settings.modes]
+    ω = np.append(ω, np.full(settings.modes - len(ω), np.inf))  # modes that so short a chain does not have
+    return ω / (2 * np.pi) if settings.unit == "Hz" else ω
+
+
+def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
+    """Largest difference of ω² in units of 10 · eps · cond(M) · ω_max²: the bar of q̈ = −M⁻¹ K q."""
+    chain, q, locked, rigid = _state(scene, variant, settings)
+    free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
+    with quiet():
+        engine = engines.load("mujoco", chain)
+        theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
+    ours = np.nan_to_num(natural_frequencies(chain, q, locked=locked)) ** 2  # nan: a rigid mode, ω² = −rounding
+    unit = 10 * EPS * np.linalg.cond(mass_matrix(chain, q)[np.ix_(free, free)]) * ours.max()
+    first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
+    note = f"The first {settings.modes} frequencies differ by at most {first:.1g} of themselves."
+    value = float(np.abs(theirs - ours).max() / unit)
+    return Measured("MuJoCo's frequencies", value, variant.name, "mujoco", str(settings.best), note=note)
+
+
+def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[Measured | Series]:
+    """Largest stable RK4 step of every chain of the first variant, and hinges times steps a second at that step."""
+    rows = []
+    for point in points:
+        step = stable_step(settings.variant[0].build(case, point.at).chain())
+        rows.append((point.at.rule, point.at.hinges / step, point.errors["mode 1"]))
+        if point.at.hinges == settings.best.hinges:
+            yield Measured("stable step", step, setting=str(point.at))
+    columns = table(("rule", "hinges × steps per second", "error"), rows)
+    yield Series(
+        "price", "Price of the first mode", columns, "hinges × steps per second", "hinges × RK4 steps per second",
+        "error of mode 1", "log", "log", group="rule",
+    )  # fmt: skip
