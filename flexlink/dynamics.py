@@ -8,7 +8,8 @@ All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in s
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.lanes import LANES
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
@@ -167,14 +169,15 @@ def forward_dynamics(
     method: str = "articulated",
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
-    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²].
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,).
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or all (b, n): "articulated" then takes
+        eight states side by side.
     method
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
@@ -189,12 +192,50 @@ def forward_dynamics(
         M is singular at this posture.
     """
     n = chain.n
-    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     solver = solver_for(chain, method)
+    if np.ndim(q) == 2:
+        return _forward_dynamics_of_many(chain, solver, q, qd, tau, _wrench(tip_wrench))
+    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     qdd: Array = solver.accelerations(chain.arrays, _wrench(tip_wrench), q, qd, tau)
     if not is_finite(qdd):
         raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
     return qdd
+
+
+def _forward_dynamics_of_many(
+    chain: Chain, solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
+) -> Array:
+    shape = np.shape(q)[0], chain.n
+    given = {"q": q, "qd": qd, "tau": tau}
+    for name, value in given.items():
+        if np.shape(value) != shape:
+            raise ArgumentError(f"{name} has shape {np.shape(value)}; expected {shape}")
+    states = [vector(name, np.ravel(value), shape[0] * chain.n).reshape(shape) for name, value in given.items()]
+    if shape[0] == 0:
+        return np.zeros(shape)
+    if solver.lanes_workspace is None:
+        qdd: Array = np.array(
+            [solver.accelerations(chain.arrays, wrench, *state) for state in zip(*states, strict=True)]
+        )
+    else:
+        work = lanes_workspace(solver, [chain])
+        qdd = forward.accelerations_of_many(chain.arrays, work, wrench, *states)
+    if not is_finite(qdd.reshape(-1)):
+        state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
+        raise SingularMassError(
+            f"mass matrix of {chain.name!r} is singular at q[{state}] = {states[0][state].tolist()}"
+        )
+    return qdd
+
+
+def lanes_workspace(solver: forward.Solver, chains: Sequence[Chain]) -> Any:
+    """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
+    if solver.lanes_workspace is None:
+        raise ArgumentError("method: only 'articulated' takes chains side by side")
+    eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
+    return solver.lanes_workspace(
+        np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
+    )
 
 
 def solver_for(chain: Chain, method: str) -> forward.Solver:

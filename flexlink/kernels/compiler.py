@@ -61,7 +61,7 @@ def _compile(function: Callable[..., Any], **options: Any) -> Any:
     numba.config.CACHE_DIR = str(_FOLDER)
     try:
         # `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
-        return numba.njit(cache=True, error_model="numpy", fastmath={"contract"}, **options)(function)
+        return numba.njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, **options)(function)
     finally:
         numba.config.CACHE_DIR = before
 

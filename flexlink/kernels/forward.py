@@ -10,11 +10,12 @@ import numpy as np
 from numba.extending import overload
 
 from flexlink.kernels.articulated import articulated
-from flexlink.kernels.articulated_rows import ArticulatedWork, articulated_workspace
+from flexlink.kernels.articulated_rows import ArticulatedWork, articulated_lanes_workspace, articulated_workspace
 from flexlink.kernels.compiler import INLINED, kernel, recursion
 from flexlink.kernels.joint_torques import elastic, friction
+from flexlink.kernels.lanes import LANES
 from flexlink.kernels.mass import composite, composite_workspace
-from flexlink.kernels.planar import PlanarWork, planar, planar_workspace
+from flexlink.kernels.planar import PlanarWork, planar, planar_lanes_workspace, planar_workspace
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.solve import solve_cholesky, solve_lu
 from flexlink.kernels.vec3 import vector
@@ -82,6 +83,7 @@ class Solver(NamedTuple):
 
     workspace: Callable[..., Any]  # (chain) -> scratch
     accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
+    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity) of eight chains -> scratch
 
 
 @kernel
@@ -132,5 +134,24 @@ def _cholesky(chain, wrench, q, qd, tau):
     return qdd
 
 
+@kernel
+def accelerations_of_many(chain, work, wrench, q, qd, tau):
+    """q̈ of many states (b, n) of one chain, eight side by side; the last state fills up the last eight."""
+    b, n = q.shape
+    qdd = np.zeros((b, n))
+    state = np.zeros((4, n, LANES))
+    for start in range(0, b, LANES):
+        for lane in range(LANES):
+            i = min(start + lane, b - 1)
+            for k in range(n):
+                state[0, k, lane], state[1, k, lane], state[2, k, lane] = q[i, k], qd[i, k], tau[i, k]
+        forward_dynamics(chain, wrench, state[0], state[1], state[2], state[3], work)
+        for i in range(start, min(start + LANES, b)):
+            for k in range(n):
+                qdd[i, k] = state[3, k, i - start]
+    return qdd
+
+
 LU, CHOLESKY = Solver(_lu_work, _lu), Solver(_cholesky_work, _cholesky)
-ARTICULATED, PLANAR = Solver(_articulated_work, _articulated), Solver(_planar_work, _planar)
+ARTICULATED = Solver(_articulated_work, _articulated, articulated_lanes_workspace)
+PLANAR = Solver(_planar_work, _planar, planar_lanes_workspace)

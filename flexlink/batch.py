@@ -1,0 +1,98 @@
+"""simulate_many(scenes): members of one layout side by side, eight in one pass of the compiled loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from flexlink.chain import Chain
+from flexlink.dynamics import lanes_workspace, solver_for
+from flexlink.errors import ArgumentError
+from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.kernels.lanes import LANES
+from flexlink.kernels.runge_kutta import integrate
+from flexlink.scene import Scene
+from flexlink.simulate import simulate
+from flexlink.tableaus import tableau
+from flexlink.trajectory import Trajectory
+
+
+def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]:
+    """Simulate many scenes; neighbours in the list that are alike run eight side by side.
+
+    Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
+    hinges, same drive, motion, wrench and run settings, with dynamics "articulated". Others run one by one. The numbers
+    are those of single runs.
+
+    Parameters
+    ----------
+    scenes
+        The scenes.
+    threads
+        Number of threads that share the work.
+
+    Returns
+    -------
+    list of Trajectory
+        In the order of the scenes.
+
+    Raises
+    ------
+    ArgumentError
+        `threads` is less than 1.
+    DivergenceError
+        The state of a member left the finite numbers.
+    """
+    if threads < 1:
+        raise ArgumentError(f"threads = {threads!r}: must be at least 1")
+    members = [(scene, scene.chain()) for scene in scenes]
+    with ThreadPoolExecutor(threads) as pool:
+        return [run for block in pool.map(_simulate_block, list(_blocks(members))) for run in block]
+
+
+Member = tuple[Scene, Chain]
+
+
+def _blocks(members: Sequence[Member]) -> Iterator[list[Member]]:
+    block: list[Member] = []
+    for member in members:
+        if block and (len(block) == LANES or not _alike(block[0], member)):
+            yield block
+            block = []
+        block.append(member)
+    if block:
+        yield block
+
+
+def _alike(a: Member, b: Member) -> bool:
+    (scene, chain), (other, its) = a, b
+    return (
+        (scene.run, scene.drive, scene.motion, scene.wrench) == (other.run, other.drive, other.motion, other.wrench)
+        and len(chain.bodies) == len(its.bodies)
+        and all(np.array_equal(chain.bodies[name], its.bodies[name]) for name in ("first", "stop"))
+        and all(np.array_equal(chain.hinges[name], its.hinges[name]) for name in ("axis", "prescribed"))
+        and chain.is_planar == its.is_planar
+    )
+
+
+def _simulate_block(block: Sequence[Member]) -> list[Trajectory]:
+    scene, chain = block[0]
+    run, solver = scene.run, solver_for(chain, scene.run.dynamics)
+    if len(block) == 1 or solver.lanes_workspace is None:
+        return [simulate(member) for member, _ in block]
+    q, qd = np.empty((2, run.samples, chain.n, LANES))
+    for lane in range(LANES):
+        member, its = block[min(lane, len(block) - 1)]
+        q[0, :, lane], qd[0, :, lane] = member.initial_state(its)
+    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    work = lanes_workspace(solver, [its for _, its in block])
+    steps = (run.samples - 1) * run.steps_per_sample
+    arrays = chain.arrays, work, tableau(run.method).arrays
+    if integrate(*arrays, *inputs, run.step, 0, run.steps_per_sample, q, qd) < steps:
+        return [simulate(member) for member, _ in block]  # one of them diverges; it says so itself
+    return [
+        Trajectory.from_states(member, its, run.times, *(np.ascontiguousarray(x[:, :, lane]) for x in (q, qd)))
+        for lane, (member, its) in enumerate(block)
+    ]

@@ -1,0 +1,76 @@
+"""Many states and many scenes at once give the numbers of single ones."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, nasty_scene, random_state
+
+import flexlink as fl
+from flexlink.batch import simulate_many
+
+
+@pytest.mark.parametrize("states", [1, 7, 8, 21])
+@pytest.mark.parametrize("method", ["articulated", "lu"])
+def test_many_states_have_the_accelerations_of_single_ones(
+    chain: fl.Chain, states: int, method: str, rng: np.random.Generator
+) -> None:
+    q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
+    tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
+    many = fl.forward_dynamics(chain, q, qd, tau, method, wrench)
+    for row, state in zip(many, zip(q, qd, tau, strict=True), strict=True):
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method, wrench))
+
+
+def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
+    q = np.zeros((3, chain.n))
+    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected \(3, {chain.n}\)"):
+        fl.forward_dynamics(chain, q, q, q[:2])
+
+
+def members(flex: str, count: int) -> list[fl.Scene]:
+    """Arms of different lengths, angles and gravity under the same drive."""
+    drive = fl.Drive(kind="pd", kp=(50.0, 20.0), kd=(1.0, 1.0), target_deg=(10.0, 20.0))
+    wrench = fl.Wrench(force=(1.0, 2.0, 3.0))
+    return [
+        make_scene(
+            flexible("a", flex, 3, length=1.0 + 0.1 * i, joint=fl.Joint(coulomb=0.1 * (i % 2))),
+            flexible("b", flex, 3, mount=fl.Mount(rpy_deg=(0.0 if flex == "z" else 40.0, 0.0, 5.0 * i))),
+            gravity=(0.0, 9.0 + i, 1.0),
+            initial=fl.Initial(joint_deg=(-80.0 + i, 3.0 * i)),
+            drive=drive,
+            wrench=wrench,
+            run=fl.Run(step=2e-5, sample=1e-3, duration=0.01),
+        )
+        for i in range(count)
+    ]
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
+    scenes = members(flex, 11)
+    for scene, many in zip(scenes, simulate_many(scenes, threads), strict=True):
+        one = fl.simulate(scene)
+        for name in ("t", "q", "qd", "tau", "tip"):
+            np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
+
+
+def test_unlike_scenes_run_one_by_one() -> None:
+    settings = fl.Run(step=1e-5, sample=1e-4, duration=1e-3)
+    scenes = [msgspec.structs.replace(s, run=settings) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
+    scenes.append(msgspec.structs.replace(scenes[0], run=msgspec.structs.replace(settings, dynamics="lu")))
+    for scene, many in zip(scenes, simulate_many(scenes), strict=True):
+        np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
+
+
+def test_a_member_that_diverges_says_so() -> None:
+    scenes = [msgspec.structs.replace(s, run=fl.Run(step=1e-2, sample=1e-2, duration=5.0)) for s in members("z", 3)]
+    with pytest.raises(fl.DivergenceError, match="no longer finite"):
+        simulate_many(scenes)
+
+
+def test_no_threads_is_refused() -> None:
+    with pytest.raises(fl.ArgumentError, match="threads = 0: must be at least 1"):
+        simulate_many([], threads=0)
