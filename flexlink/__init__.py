@@ -1,6 +1,7 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
 from flexlink.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.batch import simulate_many
 from flexlink.chain import Chain, Coordinate
 from flexlink.dynamics import (
     Energy,
@@ -81,6 +82,7 @@ __all__ = [
     "modes",
     "natural_frequencies",
     "simulate",
+    "simulate_many",
     "solve_static",
     "stable_step",
     "tip_position",

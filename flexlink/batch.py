@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -47,15 +47,25 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     """
     if threads < 1:
         raise ArgumentError(f"threads = {threads!r}: must be at least 1")
-    members = [(scene, scene.chain()) for scene in scenes]
     with ThreadPoolExecutor(threads) as pool:
-        return [run for block in pool.map(_simulate_block, list(_blocks(members))) for run in block]
+        return [run for block in pool.map(_simulate_block, list(_blocks(_members(scenes)))) for run in block]
 
 
 Member = tuple[Scene, Chain]
 
 
-def _blocks(members: Sequence[Member]) -> Iterator[list[Member]]:
+def _members(scenes: Sequence[Scene]) -> Iterator[Member]:
+    """Scenes with their chains; neighbours that differ in nothing a chain is made of share one."""
+    made_of: tuple[object, ...] = ()
+    for scene in scenes:
+        locked = [a for a, link in zip(scene.initial.joint_deg, scene.arm.links, strict=True) if link.joint.locked]
+        parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
+        if parts != made_of:
+            made_of, chain = parts, scene.chain()
+        yield scene, chain
+
+
+def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
     block: list[Member] = []
     for member in members:
         if block and (len(block) == LANES or not _alike(block[0], member)):

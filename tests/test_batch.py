@@ -8,7 +8,6 @@ import pytest
 from conftest import flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
-from flexlink.batch import simulate_many
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -51,7 +50,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
     scenes = members(flex, 11)
-    for scene, many in zip(scenes, simulate_many(scenes, threads), strict=True):
+    for scene, many in zip(scenes, fl.simulate_many(scenes, threads), strict=True):
         one = fl.simulate(scene)
         for name in ("t", "q", "qd", "tau", "tip"):
             np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
@@ -61,16 +60,16 @@ def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.Run(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [msgspec.structs.replace(s, run=settings) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
     scenes.append(msgspec.structs.replace(scenes[0], run=msgspec.structs.replace(settings, dynamics="lu")))
-    for scene, many in zip(scenes, simulate_many(scenes), strict=True):
+    for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
 
 def test_a_member_that_diverges_says_so() -> None:
     scenes = [msgspec.structs.replace(s, run=fl.Run(step=1e-2, sample=1e-2, duration=5.0)) for s in members("z", 3)]
     with pytest.raises(fl.DivergenceError, match="no longer finite"):
-        simulate_many(scenes)
+        fl.simulate_many(scenes)
 
 
 def test_no_threads_is_refused() -> None:
     with pytest.raises(fl.ArgumentError, match="threads = 0: must be at least 1"):
-        simulate_many([], threads=0)
+        fl.simulate_many([], threads=0)
