@@ -8,8 +8,10 @@ from typing import Any, Protocol
 from flexlink.spec import Spec
 from validation.case import Case, Measured
 from validation.kinds import (
+    buckling,
     convergence,
     energy_drift,
+    finite_chains,
     frequencies,
     identities,
     integrators,
@@ -18,6 +20,7 @@ from validation.kinds import (
     pointwise,
     rounding_growth,
     speed,
+    statics,
     trajectory,
 )
 from validation.store import Series
@@ -35,8 +38,10 @@ class Kind(Protocol):
 
 
 KINDS: dict[str, Kind] = {
+    "buckling": buckling,
     "convergence": convergence,
     "energy_drift": energy_drift,
+    "finite_chains": finite_chains,
     "frequencies": frequencies,
     "identities": identities,
     "integrators": integrators,
@@ -45,5 +50,6 @@ KINDS: dict[str, Kind] = {
     "pointwise": pointwise,
     "rounding_growth": rounding_growth,
     "speed": speed,
+    "statics": statics,
     "trajectory": trajectory,
 }

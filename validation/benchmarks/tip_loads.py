@@ -1,0 +1,53 @@
+"""Loads on the tip with the exact tip displacement, from the reference files: one function a benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from validation.benchmarks.reference import look_up, numbers
+
+Array = NDArray[np.float64]
+
+
+class TipLoad(NamedTuple):
+    """A dead load on the tip, and where the tip goes."""
+
+    name: str
+    wrench: Array  # (6,) [N, N m], axes of frame 0
+    displacement: Array  # (3,) [m]
+
+
+def elastica() -> Iterator[TipLoad]:
+    """Transverse dead force α = PL²/EI on a beam with EI = L = 1 (Bisshopp & Drucker 1945)."""
+    for key, exact in look_up("elastica_tip_load").items():
+        u, w = float(exact["u/L (tip shortening)"]), float(exact["w/L (transverse tip deflection)"])
+        yield TipLoad(f"PL²/EI = {key}", np.array([0, float(key), 0, 0, 0, 0]), np.array([-u, w, 0]))
+
+
+def roll_up() -> Iterator[TipLoad]:
+    """End moment ML/2πEI on a beam with EI = L = 1: a full turn closes the circle."""
+    for key in look_up("rollup_end_moment", "continuum"):
+        x, y = (float(numbers("rollup_end_moment", "continuum", key, name)) for name in ("x/L", "y/L"))
+        turns = float(key.split("=")[1])
+        yield TipLoad(f"{turns:g} turns", np.array([0, 0, 0, 0, 0, 2 * np.pi * turns]), np.array([x - 1, y, 0]))
+
+
+def princeton() -> Iterator[TipLoad]:
+    """Princeton beam (Dowell & Traybar 1975): three weights at seven angles β to the height of the section."""
+    for key, exact in look_up("princeton_beam", "kirchhoff").items():
+        force, angle = float(key[2:].split("N")[0]), float(key.split("beta=")[1])
+        β = np.radians(angle)
+        wrench = np.array([0, -force * np.cos(β), force * np.sin(β), 0, 0, 0])
+        displacement = np.array([exact["ux"], exact["uy(height dir)"], exact["uz(flap dir)"]])
+        yield TipLoad(f"{force:g} N, β = {angle:g}°", wrench, displacement)
+
+
+TIP_LOADS: dict[str, Callable[[], Iterator[TipLoad]]] = {
+    "elastica": elastica,
+    "roll_up": roll_up,
+    "princeton": princeton,
+}

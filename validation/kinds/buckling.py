@@ -1,0 +1,109 @@
+"""Critical loads of clamped beams: dead loads by linear buckling, a follower load by flutter; the same in MuJoCo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+import flexlink as fl
+from flexlink.engines.mujoco import MujocoEngine
+from flexlink.spec import Spec, Vector3
+from validation.benchmarks.parity import follower_stiffness, load_stiffness, quiet, springs, squares
+from validation.benchmarks.published import Pair, published
+from validation.benchmarks.reference import numbers
+from validation.benchmarks.sweep import Point, Sweep, report
+from validation.benchmarks.variant import Rule, Variant, existing, grid
+from validation.case import Case, Measured
+from validation.store import Series
+
+Array = NDArray[np.float64]
+BISECTIONS = 40  # of the flutter load: to rounding
+
+
+class Load(Spec, frozen=True):
+    """A load and its critical value: a unit tip force, gravity as the variant's change has it, or a follower force.
+
+    `bracket` holds loads below and above the onset of flutter.
+    """
+
+    name: str
+    key: str
+    variant: Variant = Variant()
+    force: Vector3 = (0.0, 0.0, 0.0)
+    instability: Literal["buckling", "flutter"] = "buckling"
+    bracket: tuple[float, float] = (0.0, 0.0)
+
+
+class Settings(Sweep, frozen=True, kw_only=True):
+    """Loads; the sweep has one measure a load. `best` is the chain whose numbers stand beside the published ones."""
+
+    load: tuple[Load, ...]
+    best: Rule
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """The sweep, then every load on the best chain, native and in MuJoCo."""
+    exact = {load.name: float(numbers("critical_loads", load.key)) for load in settings.load}
+    points = []
+    for at in grid(settings.rules):
+        scenes = [existing(case, load.variant, at) for load in settings.load]
+        errors = {
+            load.name: _critical(scene.chain(), load) / exact[load.name] - 1
+            for scene, load in zip(scenes, settings.load, strict=True)
+            if scene is not None
+        }
+        if len(errors) == len(settings.load):
+            points.append(Point(at, errors))
+    yield from report(settings, points)
+    pairs = []
+    for load in settings.load:
+        chain = load.variant.build(case, settings.best).chain()
+        ours = _critical(chain, load)
+        pairs.append(Pair(load.name, exact[load.name], ours))
+        note = f"{ours:.8g}, published or exact {exact[load.name]:.8g}."
+        setting = str(settings.best)
+        yield Measured("critical load", abs(ours / exact[load.name] - 1), load.name, setting=setting, note=note)
+        with quiet():
+            theirs = _critical_in_mujoco(chain, load)
+        yield Measured("MuJoCo's critical load", abs(theirs / ours - 1), load.name, "mujoco", setting)
+    yield published(pairs, f"{case.title}: critical loads, {settings.best}")
+
+
+def _wrench(load: Load, size: float) -> Array:
+    return np.array([*(size * np.array(load.force)), 0.0, 0.0, 0.0])
+
+
+def _critical(chain: fl.Chain, load: Load) -> float:
+    if load.instability == "buckling":
+        return float(fl.buckling_loads(chain, tip_wrench=_wrench(load, 1.0))[0])
+    return bisect(lambda size: fl.modes(chain, tip_wrench=_wrench(load, size), follower=True).stable, load.bracket)
+
+
+def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
+    """Largest stable load."""
+    low, high = bracket
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if stable(middle) else (low, middle)
+    return low
+
+
+def _critical_in_mujoco(chain: fl.Chain, load: Load) -> float:
+    engine, q = MujocoEngine(chain), np.zeros(chain.n)
+    elastic = springs(engine)
+    if load.instability == "buckling":
+        inverse = linalg.eigvals(-load_stiffness(engine, q, _wrench(load, 1.0)), elastic)
+        real = inverse.real[(np.abs(inverse.imag) <= 1e-9 * np.abs(inverse).max()) & (inverse.real > 0)]
+        return float(1 / real.max())
+    geometric = follower_stiffness(engine, q, np.array(load.force))  # linear in the force, no gravity
+    every = np.arange(chain.n)
+
+    def stable(size: float) -> bool:
+        ω2 = squares(engine, q, elastic + size * geometric, every)
+        return bool(np.abs(np.sqrt(-ω2.astype(complex)).real).max() <= 1e-8 * np.sqrt(np.abs(ω2).max()))
+
+    return bisect(stable, load.bracket)

@@ -1,0 +1,118 @@
+"""Chains of a few cells against their own exact values: theory and code describe the same thing, to rounding.
+
+Nothing is approximated here, so that any wrong mass, arm or spring shows, however small.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import flexlink as fl
+from flexlink.rules import lumping_rule
+from flexlink.spec import Spec
+from validation.benchmarks.reference import look_up, numbers
+from validation.benchmarks.variant import Rule, Variant
+from validation.case import Case, Measured
+from validation.oracles import bending_chain, hencky
+
+Array = NDArray[np.float64]
+
+TORSION = "torsion_bar"
+TWO_LINKS = "unit_two_links"
+NAMES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal_2k"}  # of the rules in hencky_closed_forms
+ELASTICA = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
+
+
+class Settings(Spec, frozen=True):
+    """Numbers of cells n of the chains; loads of the elastica α = PL²/EI; number of hinges compared in 40 digits."""
+
+    cells: tuple[int, ...]
+    elastica_cells: tuple[int, ...]
+    elastica_loads: tuple[str, ...]
+    turns: tuple[str, ...]
+    rules: tuple[str, ...]
+    hinges: int
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest error of each quantity and chain."""
+    yield from _frequencies(case, settings)
+    yield from _arm(case)
+    yield from _buckling(case, settings)
+    yield from _elastica(case, settings)
+    yield from _roll_up(case, settings)
+
+
+def _chain(case: Case, rule: str, cells: int, scene: str = "") -> fl.Chain:
+    hinges = cells - 1 if rule == "paper" else cells
+    return Variant(scene=scene).build(case, Rule(rule=rule, hinges=hinges)).chain()
+
+
+def _relative(found: ArrayLike, exact: ArrayLike) -> float:
+    return float(np.abs(np.asarray(found) / np.asarray(exact) - 1).max())
+
+
+def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
+    for rule, name in NAMES.items():
+        for n in settings.cells:
+            setting = f"{rule}, n = {n}"
+            exact = numbers("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
+            found = fl.natural_frequencies(_chain(case, rule, n))[: len(exact)]
+            yield Measured("bending frequencies", _relative(found, exact), setting=setting)
+            if rule != "hencky":  # its root disc would need half an inertia
+                bar = _chain(case, rule, n, TORSION)
+                bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
+                found = fl.natural_frequencies(bar, locked=bending)
+                yield Measured("twisting frequencies", _relative(found, hencky.twist(rule, n)), setting=setting)
+    for rule in settings.rules:
+        at = Rule(rule=rule, hinges=settings.hinges)
+        exact = bending_chain.frequencies(*lumping_rule(rule).hinges(at.hinges))
+        found = fl.natural_frequencies(Variant().build(case, at).chain())
+        yield Measured("all bending modes, 40 digits", _relative(found, exact), setting=str(at))
+
+
+def _arm(case: Case) -> Iterator[Measured]:
+    """The errors that an independent program found for the straight arm with a locked elbow."""
+    exact = numbers("two_link_locked_lumped", "exact_omega")
+    for rule in ("paper", "midpoint"):
+        for n, errors in look_up("two_link_locked_lumped", "rel_error_first3", rule).items():
+            chain = _chain(case, rule, int(n), TWO_LINKS)
+            found = fl.natural_frequencies(chain, locked=[int(k) for k in chain.active])[:3]
+            yield Measured(
+                "two-link arm", _relative(found, exact * (1 + np.array(errors))), setting=f"{rule}, n = {n} a link"
+            )
+
+
+def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
+    for rule in NAMES:
+        for n in settings.cells:
+            loads = fl.buckling_loads(_chain(case, rule, n), tip_wrench=[-1.0, 0, 0, 0, 0, 0])
+            yield Measured("buckling loads", _relative(loads, hencky.buckling(rule, n)), setting=f"{rule}, n = {n}")
+
+
+def _elastica(case: Case, settings: Settings) -> Iterator[Measured]:
+    for rule, name in ELASTICA.items():
+        for load in settings.elastica_loads:
+            for n in settings.elastica_cells:
+                exact = look_up("discrete_elastica", f"alpha={load},rule={name}", str(n))
+                chain = _chain(case, rule, n)
+                q = fl.solve_static(chain, tip_wrench=[0, float(load), 0, 0, 0, 0]).q
+                x, y, _ = fl.tip_position(chain, q)
+                error = np.array([y, 1 - x, q.sum()]) - np.array([exact[k] for k in ("w/L", "u/L", "theta_tip")], float)
+                setting = f"{rule}, n = {n}, PL²/EI = {load}"
+                yield Measured("discrete elastica", float(np.abs(error).max()), setting=setting)
+
+
+def _roll_up(case: Case, settings: Settings) -> Iterator[Measured]:
+    for turns in settings.turns:
+        for n in settings.cells[1:]:
+            values = look_up("rollup_end_moment", "discrete_closed_form", f"n={n},ML/2piEI={turns}")
+            for rule, exact in values.items():
+                chain = _chain(case, rule, n)
+                q = fl.solve_static(chain, tip_wrench=[0, 0, 0, 0, 0, 2 * np.pi * float(turns)]).q
+                x, y, _ = fl.tip_position(chain, q)
+                error = np.array([x, y, q.sum()]) - np.array([exact[k] for k in ("x/L", "y/L", "theta_tip")], float)
+                yield Measured("roll-up", float(np.abs(error).max()), setting=f"{rule}, n = {n}, {turns} turns")

@@ -1,0 +1,84 @@
+"""Large static deflection under a tip load: error by rule and hinges; equilibrium in MuJoCo's torques."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink import engines
+from flexlink.engines import Engine
+from flexlink.errors import SceneError
+from validation.benchmarks.parity import quiet
+from validation.benchmarks.published import Pair, published
+from validation.benchmarks.sweep import Point, Sweep, report
+from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
+from validation.benchmarks.variant import Rule, Variant, existing, grid
+from validation.case import Case, Measured
+from validation.store import Series
+
+Array = NDArray[np.float64]
+
+
+class Settings(Sweep, frozen=True, kw_only=True):
+    """Which loads of which benchmark; `best` is the chain whose numbers stand beside the published ones.
+
+    An error is relative to the length of the beam or to the exact displacement of the tip; the error of the sweep is
+    the worst of all loads.
+    """
+
+    loads: str
+    only: tuple[str, ...] = ()  # names of loads; default: all
+    best: Rule
+    relative_to: Literal["length", "displacement"] = "length"
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """The sweep, then every load on the best chain, native and in MuJoCo."""
+    if settings.loads not in TIP_LOADS:
+        raise SceneError(f"{case.path}: settings.loads = {settings.loads!r}: allowed are {', '.join(TIP_LOADS)}")
+    loads = [load for load in TIP_LOADS[settings.loads]() if not settings.only or load.name in settings.only]
+    points = []
+    for at in grid(settings.rules):
+        scene = existing(case, Variant(), at)
+        if scene is not None:
+            chain = scene.chain()
+            worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
+            points.append(Point(at, {"tip": worst}))
+    yield from report(settings, points)
+    chain = Variant().build(case, settings.best).chain()
+    with quiet():
+        engine = engines.load("mujoco", chain)
+    pairs, setting = [], str(settings.best)
+    for load in loads:
+        q = _equilibrium(chain, load)
+        u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
+        pairs.append(Pair(load.name, float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
+        note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m."
+        yield Measured("tip error", _error(settings, chain, load, q), load.name, setting=setting, note=note)
+        yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), load.name, "mujoco", setting)
+    yield published(pairs, f"{case.title}: displacement of the tip [m], {settings.best}")
+
+
+def _equilibrium(chain: fl.Chain, load: TipLoad) -> Array:
+    return fl.solve_static(chain, tip_wrench=load.wrench).q
+
+
+def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> float:
+    rest = fl.tip_position(chain, np.zeros(chain.n))
+    size = np.linalg.norm(rest if settings.relative_to == "length" else load.displacement)
+    return float(np.linalg.norm(fl.tip_position(chain, q) - rest - load.displacement) / size)
+
+
+def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
+    """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
+    with quiet():
+        left = engine.bias_torque(q, np.zeros(chain.n), load.wrench) + engine.elastic_torque(q)
+    return float(np.abs(left).max() / np.abs(engine.elastic_torque(q)).max())
+
+
+def _list(u: Array) -> str:
+    return "(" + ", ".join(f"{x:.6g}" for x in u) + ")"

@@ -1,0 +1,28 @@
+"""Closed forms of the chain of n equal cells (Hencky 1920): twist and buckling, all eigenvalues; roll-up is a polygon.
+
+`paper` is the paper's layout, n segments and n − 1 hinges; `midpoint` and `hencky` have n hinges and the same values.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def half_angles(rule: str, n: int) -> Array:
+    """Half the wave numbers of the eigenvectors."""
+    if rule == "paper":
+        return np.asarray((2 * np.arange(1, n) - 1) * np.pi / (2 * (2 * n - 1)))
+    return np.asarray((2 * np.arange(1, n + 1) - 1) * np.pi / (4 * n))
+
+
+def twist(rule: str, n: int) -> Array:
+    """ω of a clamped bar with GJ = ρ I_p = L = 1."""
+    return np.asarray(2 * n * np.sin(half_angles(rule, n)))
+
+
+def buckling(rule: str, n: int) -> Array:
+    """Axial loads at which a clamped column with EI = L = 1 buckles."""
+    return np.asarray(4 * n**2 * np.sin(half_angles(rule, n)) ** 2)
