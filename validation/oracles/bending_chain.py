@@ -7,6 +7,7 @@ eigenvalues of W½ M W½ are 1/ω².
 from __future__ import annotations
 
 import itertools
+
 import mpmath
 import numpy as np
 from numpy.typing import NDArray

@@ -1,0 +1,71 @@
+"""Rigid pendulums and the paper's link against trajectories of 18 and more digits; the same runs in MuJoCo.
+
+RK10 leaves nothing but rounding; MuJoCo, which has no such method, is compared with our RK4 at the same step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink import engines
+from flexlink.scene import Scene
+from flexlink.spec import Positive, Spec
+from validation.benchmarks.parity import quiet
+from validation.benchmarks.reference import look_up
+from validation.benchmarks.variant import Rule, Variant
+from validation.case import Case, Measured
+from validation.kinds.motion import with_run
+from validation.store import Series
+
+Array = NDArray[np.float64]
+
+
+class Trial(Spec, frozen=True):
+    """A run, the reference file that knows it, and the step [s] of RK4 beside MuJoCo."""
+
+    reference: str
+    variant: Variant
+    rk4_step: Positive
+
+
+class Settings(Spec, frozen=True):
+    """The runs, and the lumping of a flexible link among them."""
+
+    run: tuple[Trial, ...]
+    chain: Rule
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Tip error, its change with half the step, and the difference to MuJoCo."""
+    for trial in settings.run:
+        scene = trial.variant.build(case, settings.chain)
+        name = trial.variant.name or scene.name
+        times, exact = _exact(trial)
+        ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)
+        rows = np.searchsorted(ours.t, times - 1e-9)
+        setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
+        error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
+        yield Measured("tip error", float(error.max()), name, setting=setting)
+        change = float(np.abs(half.tip - ours.tip).max())
+        yield Measured("time integration error", change, name, setting=setting)
+        yield _parity(with_run(scene, method="RK4", step=trial.rk4_step), name)
+
+
+def _exact(trial: Trial) -> tuple[Array, Array]:
+    """Times (m,) and places of the tip (m, 2)."""
+    found = look_up(trial.reference, *trial.variant.keys)
+    rows = found["rows"] if "rows" in found else [(entry["t"], entry["tip_x"], entry["tip_y"]) for entry in found]
+    table = np.array(rows, dtype=np.float64)
+    return table[:, 0], table[:, 1:]
+
+
+def _parity(scene: Scene, name: str) -> Measured:
+    ours = fl.simulate(scene)
+    with quiet():
+        _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
+    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", setting)

@@ -1,0 +1,152 @@
+"""Motions of flexible arms against continuous references: tip error by rule and hinges; the same run in MuJoCo.
+
+A prescribed joint has no counterpart in MuJoCo. There the torque that we found is applied, at sampled states of the
+run, and must give our accelerations back, the prescribed one included.
+
+The reference files hold runs of the same chains by an independent program in absolute angles, which must be met, too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink import engines
+from flexlink.inputs import motion_arrays
+from flexlink.kernels.inputs import follow
+from flexlink.scene import Scene
+from flexlink.spec import Positive
+from flexlink.trajectory import Trajectory
+from validation.benchmarks.inputs import INPUTS
+from validation.benchmarks.parity import quiet
+from validation.benchmarks.published import Pair, published
+from validation.benchmarks.reference import look_up, numbers
+from validation.benchmarks.sweep import Point, Sweep, report
+from validation.benchmarks.variant import Rule, Variant, existing, grid
+from validation.case import Case, Measured
+from validation.kinds.motion import with_run
+from validation.store import Series
+
+Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+
+
+class Settings(Sweep, frozen=True, kw_only=True):
+    """What to compare.
+
+    `best` is the chain judged; `beside` a second one in the figure; `parity` the one run in MuJoCo. `columns` are the
+    places of the tip's x and y in the reference. With `lag` the tip is seen from the first joint's frame. Every chain
+    runs at the part `of_stable` of its largest stable step.
+    """
+
+    reference: str
+    best: Rule
+    beside: Rule
+    parity: Rule
+    input: str = "none"
+    columns: tuple[int, int] = (0, 1)
+    lag: bool = False
+    of_stable: Positive = 0.5
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """The sweep, the best chain with its time integration error, and MuJoCo."""
+    exact = numbers(settings.reference, "values")[:, list(settings.columns)]
+    points = []
+    for at in grid(settings.rules):
+        if existing(case, Variant(), at) is not None:
+            points.append(Point(at, _errors(settings, fl.simulate(_scene(case, settings, at)), exact)))
+    yield from report(settings, points, "m")
+    scene = _scene(case, settings, settings.best)
+    ours = fl.simulate(scene)
+    setting = f"{settings.best}, {scene.run.method} h={scene.run.step:.3g} s"
+    for measure, error in _errors(settings, ours, exact).items():
+        yield Measured(f"{measure} error", error, scene.name, setting=setting)
+    half = fl.simulate(scene, step=scene.run.step / 2)
+    change = float(np.abs(half.tip - ours.tip).max())
+    yield Measured(
+        "time integration error", change, scene.name, setting=setting, note=f"{scene.run.step:.3g} s halved."
+    )
+    yield from _motion(case, settings, ours, exact)
+    yield from _independent(case, settings)
+    yield from _parity(_scene(case, settings, settings.parity), str(settings.parity))
+
+
+def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
+    """The scene with its input and a step that divides the time between samples."""
+    scene = INPUTS[settings.input](Variant().build(case, at))
+    chain = scene.chain()
+    stable = fl.stable_step(chain, scene.run.method, scene.initial_state(chain)[0])
+    return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))
+
+
+def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, float]:
+    found = {"tip": float(np.linalg.norm(run.tip[:, :2] - exact, axis=1).max())}
+    if settings.lag:
+        θ = run.q[:, 0]
+        ours, theirs = _lag(run.tip[:, :2], θ), _lag(exact, θ)
+        found["largest lag"] = abs(float(ours.min() / theirs.min()) - 1)
+    return found
+
+
+def _lag(tip: Array, θ: Array) -> Array:
+    """Tip across the arm's own direction [m], shape (samples,)."""
+    return np.asarray(-np.sin(θ) * tip[:, 0] + np.cos(θ) * tip[:, 1])
+
+
+def _motion(case: Case, settings: Settings, ours: Trajectory, exact: Array) -> Iterator[Series]:
+    beside = fl.simulate(_scene(case, settings, settings.beside))
+    curves = {"reference": exact, str(settings.beside): beside.tip[:, :2], str(settings.best): ours.tip[:, :2]}
+    seen = {name: _lag(tip, ours.q[:, 0]) if settings.lag else tip[:, 1] for name, tip in curves.items()}
+    label = "tip across the arm [m]" if settings.lag else "tip y [m]"
+    yield Series("motion", case.title, {"time [s]": ours.t} | seen, "time [s]", "time [s]", label)
+    worst = np.abs(seen["reference"]).argmax()
+    pair = Pair(f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst])
+    yield published([pair], f"{case.title}, {settings.best}")
+
+
+def _independent(case: Case, settings: Settings) -> Iterator[Measured]:
+    """The chains that the independent program ran, largest distance of the two tips."""
+    for rule, runs in look_up(settings.reference, "lumped").items():
+        for n, theirs in runs.items():
+            at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
+            if rule in settings.rules:
+                ours = fl.simulate(_scene(case, settings, at)).tip[:, :2]
+                distance = np.linalg.norm(ours - np.array(theirs["tip_xy"]), axis=1).max()
+                yield Measured("independent program", float(distance), case.scenes[0], setting=str(at))
+
+
+def _parity(scene: Scene, setting: str) -> Iterator[Measured]:
+    ours = fl.simulate(scene)
+    label = f"{setting}, {scene.run.method} h={scene.run.step:.3g} s"
+    if scene.motion:
+        free = msgspec.structs.replace(scene, motion=()).chain()
+        value = max(_acceleration_errors(scene, ours, free))
+        yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", label)
+        return
+    with quiet():
+        _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    yield Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", label)
+
+
+def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:
+    """Of each sample but the first, at rest: max |Δq̈| in units of 10 · eps · |M⁻¹| · (largest torque).
+
+    Where a straight arm spins, the terms of T_GC, of the size of q̇·M·q̇, cancel: their size counts, not the sum's.
+    """
+    motion, engine = motion_arrays(scene, run.chain), engines.load("mujoco", free)
+    for t, q, qd, tau in list(zip(run.t, run.q, run.qd, run.tau, strict=True))[1:]:
+        wanted, given = fl.forward_dynamics(free, q, qd, tau), np.zeros(free.n)
+        follow(motion, t, q.copy(), qd.copy(), given)
+        wanted[motion.joints] = given[motion.joints]
+        with quiet():
+            theirs = engine.forward_dynamics(q, qd, tau)
+        M = fl.mass_matrix(free, q)
+        torque = max(np.abs([tau, fl.elastic_torque(free, q)]).max(), qd @ M @ qd)
+        unit = 10 * EPS * np.linalg.norm(np.linalg.inv(M), 2) * torque
+        yield float(np.abs(theirs - wanted).max() / unit)
