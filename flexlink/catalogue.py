@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from flexlink.errors import SceneError
+from flexlink.spec import decode
+
+T = TypeVar("T")
 
 DATA = Path(__file__).parent / "data"
 LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
@@ -42,16 +46,39 @@ def names(folder: str) -> list[str]:
     return sorted(path.stem for path in (DATA / folder).glob("*.toml"))
 
 
-def find(folder: str, name: str) -> Path:
-    """Path of a named data file, or of the user's own if `name` ends in ".toml".
+def load(folder: str, key: str, name: str, kind: type[T]) -> T:
+    """Description of a type of `Spec` by name, or from the user's own file if `name` ends in ".toml".
+
+    Parameters
+    ----------
+    folder
+        "tableaus" or "lumping".
+    key
+        Key of the scene that holds `name`, for messages.
+    name
+        Name of a description that comes with flexlink, or a path.
+    kind
+        What to decode.
 
     Raises
     ------
     SceneError
-        No such name; the message lists those that exist.
+        No such name (the message lists those that exist), or a file that is not a valid description.
     """
-    if name.endswith(".toml"):
-        return Path(name)
-    if name not in names(folder):
-        raise SceneError(f"{name!r}: unknown; allowed are {', '.join(names(folder))} or a path ending in .toml")
-    return DATA / folder / f"{name}.toml"
+    own = name.endswith(".toml")
+    path = Path(name) if own else DATA / folder / f"{name}.toml"
+    if not own and name not in names(folder):
+        allowed = ", ".join(names(folder))
+        raise SceneError(f"{key} = {name!r}: unknown; allowed are {allowed} or a path ending in .toml")
+    changed = path.stat().st_mtime_ns if path.exists() else 0
+    found: T = _decoded(path, changed, kind)
+    return found
+
+
+@functools.lru_cache(maxsize=64)
+def _decoded(path: Path, _changed: int, kind: Any) -> Any:
+    """Decode a file once for each time it was changed."""
+    try:
+        return decode(read_toml(path), kind)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None

@@ -8,14 +8,12 @@ no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_iner
 
 from __future__ import annotations
 
-import functools
-
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.spec import NonNegative, Positive, Spec, decode
+from flexlink.spec import NonNegative, Positive, Spec
 
 Array = NDArray[np.float64]
 
@@ -138,7 +136,6 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     return x, np.asarray(weighted / ((1 - x) ** jacobi.tip * x**jacobi.root), dtype=np.float64)
 
 
-@functools.cache
 def lumping_rule(name: str) -> LumpingRule:
     """Load a rule that comes with flexlink, or the user's own TOML file.
 
@@ -147,11 +144,4 @@ def lumping_rule(name: str) -> LumpingRule:
     SceneError
         Unknown name, or a file that is not a valid rule.
     """
-    try:
-        path = catalogue.find("lumping", name)
-    except SceneError as error:
-        raise SceneError(f"lumping = {error}") from None
-    try:
-        return decode(catalogue.read_toml(path), LumpingRule)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return catalogue.load("lumping", "lumping", name, LumpingRule)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from fractions import Fraction
 from typing import Annotated
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.spec import Spec, decode
+from flexlink.spec import Spec
 
 Array = NDArray[np.float64]
 
@@ -67,7 +66,6 @@ class Tableau(Spec, frozen=True):
         return np.array(A, dtype=np.float64), np.array(b, dtype=np.float64), np.array(c, dtype=np.float64)
 
 
-@functools.cache
 def tableau(name: str) -> Tableau:
     """Load a method that comes with flexlink ("RK2", "RK4", "RK10"), or the user's own TOML file.
 
@@ -76,11 +74,4 @@ def tableau(name: str) -> Tableau:
     SceneError
         Unknown name, or a file that is not a valid tableau.
     """
-    try:
-        path = catalogue.find("tableaus", name)
-    except SceneError as error:
-        raise SceneError(f"method = {error}") from None
-    try:
-        return decode(catalogue.read_toml(path), Tableau)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    return catalogue.load("tableaus", "method", name, Tableau)

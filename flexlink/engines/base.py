@@ -14,7 +14,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import Chain
 from flexlink.errors import DivergenceError
 from flexlink.inputs import drive_arrays
 from flexlink.kernels.inputs import drive_torque
