@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from flexlink.errors import SceneError
 from flexlink.spec import decode
@@ -71,7 +71,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         allowed = ", ".join(names(folder))
         raise SceneError(f"{key} = {name!r}: unknown; allowed are {allowed} or a path ending in .toml")
     changed = path.stat().st_mtime_ns if path.exists() else 0
-    found: T = _decoded(path, changed, kind)
+    found: T = _decoded(path, changed, cast("Any", kind))
     return found
 
 
