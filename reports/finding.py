@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+SHORT = 24  # characters; what is no longer may be a number with its unit
+
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
@@ -26,3 +28,12 @@ class Finding:
     sentences: tuple[str, ...]
     heads: tuple[str, ...]
     lines: tuple[tuple[str | float | None, ...], ...]
+
+    @property
+    def words(self) -> frozenset[int]:
+        """Columns of words, by number, which are set to the left and wrapped; numbers stand to the right."""
+        return frozenset(k for line in self.lines for k, cell in enumerate(line) if _is_words(cell, k))
+
+
+def _is_words(cell: str | float | None, column: int) -> bool:
+    return isinstance(cell, str) and (column == 0 or len(cell) > SHORT)

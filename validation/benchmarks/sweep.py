@@ -52,8 +52,8 @@ def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
     return found
 
 
-def report(sweep: Sweep, points: Sequence[Point], unit: str = "1") -> Iterator[Measured | Series]:
-    """A series a measure, a row for each fitted order, and rows for the needs.
+def report(sweep: Sweep, points: Sequence[Point], about: str, unit: str = "1") -> Iterator[Measured | Series]:
+    """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs.
 
     `hinges needed` is the smallest number tried from which on the error stays within; a rule that never gets there has
     a row of `hinges not enough` instead. `fewest hinges: NAME` is the smallest number of all rules.
@@ -63,7 +63,7 @@ def report(sweep: Sweep, points: Sequence[Point], unit: str = "1") -> Iterator[M
         rows = [(rule, n, e) for rule, found in errors.items() for n, e in found.items()]
         columns = table(("rule", "hinges", "error"), rows)
         yield Series(
-            f"sweep.{measure}", measure, columns, "hinges", "hinges a link", f"error [{unit}]", "log", "log",
+            f"sweep.{measure}", about, columns, "hinges", "hinges a link", f"error of {measure} [{unit}]", "log", "log",
             group="rule",
         )  # fmt: skip
         for rule, found in errors.items():

@@ -58,7 +58,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         }
         if len(errors) == len(settings.load):
             points.append(Point(at, errors))
-    yield from report(settings, points)
+    yield from report(settings, points, case.about)
     pairs = []
     for load in settings.load:
         chain = load.variant.build(case, settings.best).chain()
@@ -70,7 +70,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         with quiet():
             theirs = _critical_in_mujoco(chain, load)
         yield Measured("MuJoCo's critical load", abs(theirs / ours - 1), load.name, "mujoco", setting)
-    yield published(pairs, f"{case.title}: critical loads, {settings.best}")
+    yield published(pairs, f"{case.title} ({settings.best})")
 
 
 def _wrench(load: Load, size: float) -> Array:

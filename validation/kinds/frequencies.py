@@ -60,7 +60,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         ]
         worst = np.abs(errors).max(axis=0)
         points.append(Point(at, {f"mode {k + 1}": float(e) for k, e in enumerate(worst)}))
-    yield from report(settings, points)
+    yield from report(settings, points, case.about)
     if settings.price:
         yield from _price(case, settings, points)
     pairs = []
@@ -74,7 +74,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             error = abs(ours[k] / exact[k] - 1)
             yield Measured(f"error of mode {k + 1}", error, variant.name, setting=str(settings.best), note=note)
         yield _parity(scene, variant, settings)
-    yield published(pairs, f"{case.title}: ω [{settings.unit}], {settings.best}")
+    yield published(pairs, f"{case.title} ({settings.best})")
 
 
 def _exact(variant: Variant, settings: Settings) -> Array:

@@ -61,7 +61,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for at in grid(settings.rules):
         if existing(case, Variant(), at) is not None:
             points.append(Point(at, _errors(settings, fl.simulate(_scene(case, settings, at)), exact)))
-    yield from report(settings, points, "m")
+    yield from report(settings, points, case.about, "m")
     scene = _scene(case, settings, settings.best)
     ours = fl.simulate(scene)
     setting = f"{settings.best}, {scene.run.method} h={scene.run.step:.3g} s"
@@ -107,7 +107,7 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, exact: Array) -> I
     yield Series("motion", case.title, {"time [s]": ours.t} | seen, "time [s]", "time [s]", label)
     worst = np.abs(seen["reference"]).argmax()
     pair = Pair(f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst])
-    yield published([pair], f"{case.title}, {settings.best}")
+    yield published([pair], f"{case.title} ({settings.best})")
 
 
 def _independent(case: Case, settings: Settings) -> Iterator[Measured]:

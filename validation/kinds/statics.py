@@ -48,7 +48,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             chain = scene.chain()
             worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
             points.append(Point(at, {"tip": worst}))
-    yield from report(settings, points)
+    yield from report(settings, points, case.about)
     chain = Variant().build(case, settings.best).chain()
     with quiet():
         engine = engines.load("mujoco", chain)
@@ -60,7 +60,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m."
         yield Measured("tip error", _error(settings, chain, load, q), load.name, setting=setting, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), load.name, "mujoco", setting)
-    yield published(pairs, f"{case.title}: displacement of the tip [m], {settings.best}")
+    yield published(pairs, f"{case.title} ({settings.best})")
 
 
 def _equilibrium(chain: fl.Chain, load: TipLoad) -> Array:

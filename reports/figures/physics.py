@@ -1,0 +1,96 @@
+"""The chain against the beam: error by rule and number of hinges, its price, and the motions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from reports.curves import curves
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels, tidy_logs
+from validation.store import Row, Series
+
+SECTION = "physics"
+TAKES = ("sweep.*", "price", "motion", "published")
+LOOKS = {  # colour, marker, line of a rule, the same in all figures
+    "paper": (VERMILION, "s", "-"),
+    "midpoint": (BLUE, "o", "-"),
+    "gauss": (GREEN, "^", "-"),
+    "legendre": (PURPLE, "D", "-"),
+    "gregory": (ORANGE, "v", "-"),
+    "gauss_matched": (INK, "P", "-"),
+    "clamped": (SKY, "P", "-"),
+    "hencky": (GREY, "o", "--"),
+    "open": (GREY, "s", ":"),
+}
+PLAIN = (GREY, ".", "-")
+ROUNDING = 1e-15  # errors below say nothing
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """For each case its sweeps, then what it has of price and motion."""
+    for case, found in results.series.items():
+        rows = results.cases[case]
+        sweeps = [series for name, series in found.items() if name.startswith("sweep.")]
+        if sweeps:
+            yield Picture(f"{case}.sweep", _sweeps(sweeps, rows), f"{rows[0].title}. {sweeps[0].title} {READ}")
+        if "price" in found:
+            yield Picture(f"{case}.price", _price(found["price"]), f"{rows[0].title}. {PRICE}")
+        if "motion" in found and sweeps:
+            yield Picture(f"{case}.motion", _motion(found["motion"]), f"{rows[0].title}: {MOTION}")
+
+
+READ = (
+    "Lines join the numbers of hinges that were tried; the number beside a rule is its order, fitted to the last three "
+    "(of the first panel)."
+)
+PRICE = (
+    "Error of the first mode against what an explicit method pays: hinges times steps a second at RK4's largest stable "
+    "step (EI = ρA = L = 1). Short segments at the ends of a link, as legendre has them, cost small steps."
+)
+MOTION = "continuous reference, the judged chain, and the chain beside it."
+
+
+def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
+    orders = {row.setting: row.value for row in rows if row.quantity == "fitted order"}
+    figure, all_axes = panels(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
+    for place, (axes, series) in enumerate(zip(all_axes, sweeps, strict=True)):
+        measure = series.name.removeprefix("sweep.")
+        _rules(axes, series, {rule: orders.get(f"{rule}, {measure}") for rule in LOOKS})
+        axes.set(xlabel=series.x_label if place == len(sweeps) - 1 else "", ylabel=series.y_label)
+    legend_above(figure, all_axes[0], 2)
+    return figure
+
+
+def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
+    for curve in curves(series, next(name for name in series.columns if name.startswith("error"))):
+        colour, marker, line = LOOKS.get(curve.label, PLAIN)
+        order = orders.get(curve.label)
+        seen = np.isfinite(curve.y) & (curve.y > ROUNDING)
+        label = curve.label if order is None else f"{curve.label}: {order:.1f}"
+        axes.plot(curve.x[seen], curve.y[seen], line, marker=marker, color=colour, label=label, markersize=4)
+    axes.set(xscale="log", yscale="log")
+    tidy_logs(axes)
+
+
+def _price(series: Series) -> Figure:
+    figure, (axes,) = panels(1, 3.4)
+    _rules(axes, series, {})
+    axes.set(xlabel=series.x_label, ylabel=series.y_label)
+    legend_above(figure, axes, 3)
+    return figure
+
+
+def _motion(series: Series) -> Figure:
+    figure, (axes,) = panels(1, 2.9)
+    for curve, (colour, line, marker) in zip(
+        curves(series), ((INK, "", "o"), (VERMILION, "--", ""), (BLUE, "-", "")), strict=True
+    ):
+        axes.plot(curve.x, curve.y, linestyle=line or "none", marker=marker or None, color=colour, label=curve.label)
+    axes.set(xlabel=series.x_label, ylabel=series.y_label)
+    legend_above(figure, axes, 2)
+    return figure

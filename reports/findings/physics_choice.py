@@ -1,0 +1,99 @@
+"""Which lumping rule, and how many hinges, for which need; where the paper's own layout is enough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from reports.finding import Finding
+from reports.numbers import JOIN, number
+from reports.results import Results
+
+SECTION = "physics"
+GENERAL = ("paper", "midpoint", "gregory", "gauss", "legendre")  # for any joint and load; a column each
+NEAR = 2.0  # times the fewest hinges that still count as enough
+
+
+class Need(NamedTuple):
+    """Rule → hinges needed, and rule → hinges that were not enough."""
+
+    needed: Mapping[str, float]
+    missed: Mapping[str, float]
+
+
+def find(results: Results) -> Iterator[Finding]:
+    """One table over all cases."""
+    needs = _needs(results)
+    if not needs:
+        return
+    heads = ("need", *GENERAL, "others")
+    lines = tuple(
+        (name.replace(" %", f"{JOIN}%"), *(_cell(need, rule) for rule in GENERAL), _others(need))
+        for name, need in needs.items()
+    )
+    sentences = (*_winners(needs), *_steps(results, needs), *_paper(needs), READ)
+    yield Finding("physics_choice", "Which rule, how many hinges a link, for which need", sentences, heads, lines)
+
+
+READ = "A number with > was not enough, and no larger one was tried; an empty cell means that the rule was not tried."
+
+
+def _needs(results: Results) -> dict[str, Need]:
+    found: dict[str, Need] = {}
+    for row in results.rows:
+        if row.quantity in ("hinges needed", "hinges not enough") and row.value is not None:
+            rule, _, name = row.setting.partition(", ")
+            need = found.setdefault(name, Need({}, {}))
+            part = need.needed if row.quantity == "hinges needed" else need.missed
+            part[rule] = row.value  # type: ignore[index]
+    return found
+
+
+def _cell(need: Need, rule: str) -> str:
+    if rule in need.needed:
+        return number(need.needed[rule])
+    return f"> {number(need.missed[rule])}" if rule in need.missed else ""
+
+
+def _others(need: Need) -> str:
+    return ", ".join(f"{rule} {_cell(need, rule)}" for rule in (*need.needed, *need.missed) if rule not in GENERAL)
+
+
+def _winners(needs: Mapping[str, Need]) -> Iterator[str]:
+    for rule in ("gauss", "legendre"):
+        tried = [need for need in needs.values() if rule in need.needed or rule in need.missed]
+        met = [need.needed[rule] for need in tried if rule in need.needed]
+        if met:
+            most = number(max(met))
+            yield f"{rule} meets {len(met)} of the {len(tried)} needs it was tried on, with at most {most} hinges."
+
+
+def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
+    enough = [
+        f"{name} ({number(need.needed['paper'])})"
+        for name, need in needs.items()
+        if "paper" in need.needed and need.needed["paper"] <= NEAR * min(need.needed.values())
+    ]
+    missed = sum("paper" in need.missed for need in needs.values())
+    if enough:
+        yield (
+            f"The paper’s own layout is enough, at no more than {number(NEAR)} times the fewest hinges, for: "
+            f"{'; '.join(enough)}. These are joints free of torque."
+            if all(word.startswith("free joint") for word in enough)
+            else f"The paper’s own layout is enough for: {'; '.join(enough)}."
+        )
+    yield f"It misses {missed} of {len(needs)} needs altogether: at a clamped, held or driven joint its order is 1."
+
+
+def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
+    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step" and row.value}
+    pairs = {setting.partition(", ")[0]: (setting, step) for setting, step in steps.items()}
+    if "gauss" in pairs and "legendre" in pairs:
+        (setting, gauss), (_, legendre) = pairs["gauss"], pairs["legendre"]
+        hinges, times = setting.partition(", ")[2], number(gauss / legendre, 2)
+        fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
+        yield (
+            f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end segments "
+            f"make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): for modes and statics it is the "
+            "better bargain, for motion gauss is, the default of new links."
+        )

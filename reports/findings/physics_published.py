@@ -1,0 +1,48 @@
+"""Published numbers beside ours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from reports.finding import Finding
+from reports.numbers import number, plural
+from reports.results import Results
+
+SECTION = "physics"
+SHOWN = 4  # of a case; all stand in the notes of its table
+DIGITS = 7
+
+
+def find(results: Results) -> Iterator[Finding]:
+    """One table over all cases: the first numbers of each, and the largest difference of all of them."""
+    lines: list[tuple[str | float | None, ...]] = []
+    compared = cases = 0
+    for case, series in results.series_named("published"):
+        columns = (series.columns[name].tolist() for name in ("what", "published", "ours"))
+        pairs = list(zip(*columns, strict=True))
+        compared, cases = compared + len(pairs), cases + 1
+        name = case.removeprefix("physics_").replace("_", " ")
+        lines += [(f"{name}: {what}", *_line(theirs, ours)) for what, theirs, ours in pairs[:SHOWN]]
+        if len(pairs) > SHOWN:
+            worst = max(abs(ours / theirs - 1) for _, theirs, ours in pairs)
+            lines.append((f"{name}: {len(pairs) - SHOWN} more", "", "", f"at most {_percent(worst)}"))
+    if lines:
+        heads = ("benchmark", "published or exact", "ours", "difference")
+        yield Finding(
+            "physics_published", "Published numbers beside ours", (_said(compared, cases),), heads, tuple(lines)
+        )
+
+
+def _said(compared: int, cases: int) -> str:
+    return (
+        f"{plural(compared, 'number')} of {cases} benchmarks; the tables below say with which rule and how many "
+        "hinges, and hold all of them in their notes."
+    )
+
+
+def _line(theirs: float, ours: float) -> tuple[str, str, str]:
+    return f"{theirs:.{DIGITS}g}", f"{ours:.{DIGITS}g}", _percent(ours / theirs - 1)
+
+
+def _percent(part: float) -> str:
+    return f"{number(100 * part, 2)} %"
