@@ -175,7 +175,7 @@ def test_a_bar_that_nothing_measures_is_an_error(study, capsys):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    (('"order_conditions"', '"orders"'), "kind = 'orders': unknown; allowed are convergence, "),
+    (('"order_conditions"', '"orders"'), "kind = 'orders': unknown; allowed are buckling, convergence, "),
     (('["RK2"]', '["RK3"]'), "method = 'RK3': unknown; allowed are "),
     (("settings.methods", "settings.method"), "settings.method = ['RK2']: unknown key; allowed are methods"),
 ])  # fmt: skip

@@ -93,7 +93,7 @@ def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
         hinges, times = setting.partition(", ")[2], number(gauss / legendre, 2)
         fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
         yield (
-            f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end segments "
-            f"make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): for modes and statics it is the "
-            "better bargain, for motion gauss is, the default of new links."
+            f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end "
+            f"segments make RK4’s largest stable step {times} times smaller than gauss’s ({hinges}): for modes and "
+            "statics it is the better bargain, for motion gauss is, the default of new links."
         )

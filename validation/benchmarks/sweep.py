@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
 
 import msgspec
@@ -52,7 +53,9 @@ def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
     return found
 
 
-def report(sweep: Sweep, points: Sequence[Point], about: str, unit: str = "1") -> Iterator[Measured | Series]:
+def report(
+    sweep: Sweep, points: Sequence[Point], about: str, units: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[Measured | Series]:
     """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs.
 
     `hinges needed` is the smallest number tried from which on the error stays within; a rule that never gets there has
@@ -62,10 +65,9 @@ def report(sweep: Sweep, points: Sequence[Point], about: str, unit: str = "1") -
         errors = by_rule(points, measure)
         rows = [(rule, n, e) for rule, found in errors.items() for n, e in found.items()]
         columns = table(("rule", "hinges", "error"), rows)
-        yield Series(
-            f"sweep.{measure}", about, columns, "hinges", "hinges a link", f"error of {measure} [{unit}]", "log", "log",
-            group="rule",
-        )  # fmt: skip
+        y_label = f"error of {measure} [{units.get(measure, 1)}]"
+        name = f"sweep.{measure}"
+        yield Series(name, about, columns, "hinges", "hinges a link", y_label, "log", "log", group="rule")
         for rule, found in errors.items():
             yield from _order(sweep, measure, rule, found)
     for need in sweep.needs:
@@ -108,5 +110,6 @@ def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
         else:
             yield Measured("hinges not enough", max(errors), setting=f"{rule}, {need.name}")
     if needed:
-        best = min(needed, key=lambda rule: needed[rule])
-        yield Measured(f"fewest hinges: {need.name}", needed[best], note=f"With {best}.")
+        fewest = min(needed.values())
+        best = ", ".join(rule for rule, n in needed.items() if n == fewest)
+        yield Measured(f"fewest hinges: {need.name}", fewest, note=f"With {best}.")

@@ -8,8 +8,9 @@ The reference files hold runs of the same chains by an independent program in ab
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 import numpy as np
@@ -57,13 +58,11 @@ class Settings(Sweep, frozen=True, kw_only=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
     exact = numbers(settings.reference, "values")[:, list(settings.columns)]
-    points = []
-    for at in grid(settings.rules):
-        if existing(case, Variant(), at) is not None:
-            points.append(Point(at, _errors(settings, fl.simulate(_scene(case, settings, at)), exact)))
-    yield from report(settings, points, case.about, "m")
-    scene = _scene(case, settings, settings.best)
-    ours = fl.simulate(scene)
+    run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
+    tried = [at for at in grid(settings.rules) if existing(case, Variant(), at) is not None]
+    points = [Point(at, _errors(settings, run(at), exact)) for at in tried]
+    yield from report(settings, points, case.about, {"tip": "m"})
+    scene, ours = _scene(case, settings, settings.best), run(settings.best)
     setting = f"{settings.best}, {scene.run.method} h={scene.run.step:.3g} s"
     for measure, error in _errors(settings, ours, exact).items():
         yield Measured(f"{measure} error", error, scene.name, setting=setting)
@@ -72,8 +71,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield Measured(
         "time integration error", change, scene.name, setting=setting, note=f"{scene.run.step:.3g} s halved."
     )
-    yield from _motion(case, settings, ours, exact)
-    yield from _independent(case, settings)
+    yield from _motion(case, settings, ours, run(settings.beside), exact)
+    yield from _independent(case, settings, run)
     yield from _parity(_scene(case, settings, settings.parity), str(settings.parity))
 
 
@@ -99,8 +98,7 @@ def _lag(tip: Array, θ: Array) -> Array:
     return np.asarray(-np.sin(θ) * tip[:, 0] + np.cos(θ) * tip[:, 1])
 
 
-def _motion(case: Case, settings: Settings, ours: Trajectory, exact: Array) -> Iterator[Series]:
-    beside = fl.simulate(_scene(case, settings, settings.beside))
+def _motion(case: Case, settings: Settings, ours: Trajectory, beside: Trajectory, exact: Array) -> Iterator[Series]:
     curves = {"reference": exact, str(settings.beside): beside.tip[:, :2], str(settings.best): ours.tip[:, :2]}
     seen = {name: _lag(tip, ours.q[:, 0]) if settings.lag else tip[:, 1] for name, tip in curves.items()}
     label = "tip across the arm [m]" if settings.lag else "tip y [m]"
@@ -110,13 +108,13 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, exact: Array) -> I
     yield published([pair], f"{case.title} ({settings.best})")
 
 
-def _independent(case: Case, settings: Settings) -> Iterator[Measured]:
+def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajectory]) -> Iterator[Measured]:
     """The chains that the independent program ran, largest distance of the two tips."""
     for rule, runs in look_up(settings.reference, "lumped").items():
         for n, theirs in runs.items():
             at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
             if rule in settings.rules:
-                ours = fl.simulate(_scene(case, settings, at)).tip[:, :2]
+                ours = run(at).tip[:, :2]
                 distance = np.linalg.norm(ours - np.array(theirs["tip_xy"]), axis=1).max()
                 yield Measured("independent program", float(distance), case.scenes[0], setting=str(at))
 

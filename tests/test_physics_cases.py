@@ -1,0 +1,220 @@
+"""The physics cases: sweeps, benchmark scenes, inputs, references, MuJoCo's side, and what the report makes of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from conftest import ROOT, nasty_scene
+
+import flexlink as fl
+from flexlink.engines import load
+from flexlink.errors import SceneError
+from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.rules import lumping_rule
+from flexlink.tangent import stiffness_matrix
+from reports.findings import physics_choice
+from reports.results import Results
+from validation.benchmarks import inputs, parity, reference
+from validation.benchmarks.sweep import Need, Point, Sweep, order, report
+from validation.benchmarks.tip_loads import TIP_LOADS
+from validation.benchmarks.variant import Rule, Variant, existing, overlay
+from validation.case import BENCHMARKS, load_cases
+from validation.oracles import bending_chain, hencky
+from validation.store import Row, Series, Store
+
+CASES = {case.name: case for case in load_cases("physics_*")}
+SCENES = sorted(path.stem for path in BENCHMARKS.glob("*.toml"))
+SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validation/benchmarks") for path in
+           sorted((ROOT / folder).glob("*.*")) if path.suffix in {".toml", ".py"}]  # fmt: skip
+
+
+# --- sweeps ----------------------------------------------------------------------------------------------------------
+
+
+def rows(sweep, errors):
+    points = [Point(Rule(rule=rule, hinges=n), {"tip": e}) for rule, found in errors.items() for n, e in found.items()]
+    found = list(report(sweep, points, "about"))
+    return {(m.quantity, m.setting): m.value for m in found if not isinstance(m, Series)}
+
+
+@pytest.mark.parametrize("power", [1, 2, 4])
+def test_the_fitted_order_of_a_power_law_is_its_power(power):
+    assert order({n: 3.0 * n**-power for n in (5, 7, 12)}) == pytest.approx(power, rel=1e-12)
+
+
+def test_hinges_needed_are_those_from_which_on_the_error_stays_within():
+    errors = {"lucky": {2: 0.5, 3: 0.001, 4: 0.3, 5: 0.001, 6: 0.0005}, "poor": {2: 0.5, 9: 0.2}}
+    found = rows(Sweep(rules={}, needs=(Need(name="need", measures=("tip",), within=0.01),)), errors)
+    assert found["hinges needed", "lucky, need"] == 5  # 3 was luck
+    assert found["hinges not enough", "poor, need"] == 9
+    assert found["fewest hinges: need", ""] == 5
+
+
+def test_an_order_that_theory_does_not_expect_is_seen():
+    errors = {"gauss": {n: n**-2.0 for n in (4, 8, 16)}}
+    found = rows(Sweep(rules={}, orders={"tip": {"gauss": 4.0}}), errors)
+    assert found["fitted order", "gauss, tip"] == pytest.approx(2)
+    assert found["|order − theory|", "gauss, tip"] == pytest.approx(2)
+
+
+def test_modes_that_a_short_chain_does_not_have_are_left_out_of_the_order():
+    found = rows(Sweep(rules={}), {"paper": {1: np.inf, 4: 4**-2.0, 8: 8**-2.0}})
+    assert found["fitted order", "paper, tip"] == pytest.approx(2)
+
+
+# --- scenes, references, cases ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
+    assert fl.load_scene(BENCHMARKS / f"{name}.toml").name == name
+    assert any(name in case.scenes for case in CASES.values())
+
+
+@pytest.mark.parametrize("path", sorted(reference.FOLDER.glob("*.json")), ids=lambda path: path.stem)
+def test_every_reference_file_is_used(path):
+    assert any(path.stem in source.read_text(encoding="utf-8") for source in SOURCES)
+
+
+@pytest.mark.parametrize("name", sorted(set(CASES) - {"physics_finite_chains"}))
+def test_every_benchmark_also_runs_in_mujoco(name):
+    quantities = [q for key, q in CASES[name].quantity.items() if key.startswith("MuJoCo")]
+    assert quantities
+    assert all(q.tolerance is not None for q in quantities)
+
+
+def test_changes_are_laid_over_tables_key_by_key_and_over_lists_of_tables_one_by_one():
+    below = {"tip": {"mass": 1.0, "inertia": [0, 0, 1]}, "link": [{"name": "a"}, {"name": "b", "flex": "z"}]}
+    above = {"tip": {"inertia": [1, 1, 1]}, "link": [{}, {"flex": "yz"}], "gravity": [0, 0, 0]}
+    assert overlay(below, above) == {
+        "tip": {"mass": 1.0, "inertia": [1, 1, 1]},
+        "link": [{"name": "a"}, {"name": "b", "flex": "yz"}],
+        "gravity": [0, 0, 0],
+    }
+    assert below["link"][1]["flex"] == "z"
+
+
+def test_a_variant_cuts_every_flexible_link_by_the_rule():
+    case = CASES["physics_two_links"]
+    arm = Variant().build(case, Rule(rule="gauss", hinges=6)).arm
+    assert [(link.lumping, link.segments) for link in arm.links] == [("gauss", 7)] * 2
+    assert existing(case, Variant(), Rule(rule="gauss", hinges=5)) is None
+    with pytest.raises(SceneError, match="lumping"):
+        existing(case, Variant(), Rule(rule="none such", hinges=6))
+    with pytest.raises(SceneError, match="mas = 1"):
+        existing(case, Variant(change={"tip": {"mas": 1.0}}), Rule(rule="gauss", hinges=6))
+
+
+@pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
+def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
+    with pytest.raises(SceneError, match=r"no.such.*there are"):
+        reference.look_up(*keys)
+
+
+def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across():
+    loads = list(TIP_LOADS["princeton"]())
+    assert len(loads) == 21
+    assert {round(float(np.linalg.norm(load.wrench[:3])), 6) for load in loads} == {4.448, 8.896, 13.345}
+    assert all(load.wrench[0] == 0 and load.displacement @ load.wrench[:3] > 0 for load in loads)
+
+
+# --- inputs by formula -----------------------------------------------------------------------------------------------
+
+
+def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
+    scene = inputs.torque_pulse(fl.load_scene(BENCHMARKS / "torque_pulse.toml"))
+    chain = scene.chain()
+    drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
+    for t in np.linspace(0, 2, 777):
+        drive_torque(drive, t, q, q, tau)
+        exact = 4 * np.sin(2 * np.pi * t / 1.2) ** 3 if t < 1.2 else 0.0
+        assert tau[0] == pytest.approx(exact, abs=2e-6)
+
+
+def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
+    scene = inputs.spin_up(fl.load_scene(BENCHMARKS / "spin_up.toml"))
+    motion, (q, qd, qdd) = motion_arrays(scene, scene.chain()), np.zeros((3, scene.chain().n))
+    for t in np.linspace(0, 20, 777):
+        follow(motion, t, q, qd, qdd)
+        ramp = 6 / 15 * (t**2 / 2 + (15 / (2 * np.pi)) ** 2 * (np.cos(2 * np.pi * t / 15) - 1))
+        assert q[0] == pytest.approx(ramp if t < 15 else 6 * t - 45, abs=1e-12 * max(1.0, q[0]))
+
+
+# --- MuJoCo's side ---------------------------------------------------------------------------------------------------
+
+
+def test_slopes_by_riesz_of_mujocos_torques_are_the_tangent_of_ours():
+    chain, rng = nasty_scene().chain(), np.random.default_rng(5)
+    q, wrench = rng.uniform(-1, 1, chain.n), rng.uniform(-5, 5, 6)
+    engine, rest = load("mujoco", chain), np.zeros(chain.n)
+    K = stiffness_matrix(chain, q, rest, wrench)
+    found = parity.load_stiffness(engine, q, wrench) + parity.springs(engine)
+    assert found == pytest.approx(K, abs=1e-12 * np.abs(K).max())
+    force = wrench[:3]
+    K = stiffness_matrix(chain, q, rest, np.concatenate([force, np.zeros(3)]), follower=True)
+    found = parity.follower_stiffness(engine, q, force) + parity.springs(engine)
+    assert found == pytest.approx(K, abs=1e-12 * np.abs(K).max())
+
+
+# --- exact finite chains ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [3, 5, 10])
+def test_closed_forms_are_those_of_the_reference(n):
+    values = reference.look_up("hencky_closed_forms", "closed_form_values")
+    for rule, twist, columns in (
+        ("midpoint", "torsion_CF_root2k", "buckling_CF_root2k"),
+        ("paper", "torsion_CF_paper", "buckling_CF_paper"),
+    ):
+        for start, found in ((twist, hencky.twist(rule, n)), (columns, hencky.buckling(rule, n))):
+            exact = next(np.array(v[f"n={n}"], float) for key, v in values.items() if key.startswith(start))
+            assert found[: len(exact)] == pytest.approx(exact, rel=1e-14)
+
+
+@pytest.mark.parametrize("field", ["stiffness", "mass"])
+def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_bar_of_finite_chains(field):
+    case = CASES["physics_finite_chains"]
+    chain = Variant().build(case, Rule(rule="midpoint", hinges=6)).chain()
+    exact = bending_chain.frequencies(*lumping_rule("midpoint").hinges(6))
+    bar = case.quantity["all bending modes, 40 digits"].tolerance
+    assert np.abs(fl.natural_frequencies(chain) / exact - 1).max() < bar
+    bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
+    (hinges if field == "stiffness" else bodies)[field][2] *= 1 + 1e-8
+    wrong = dataclasses.replace(chain, bodies=bodies, hinges=hinges)
+    assert np.abs(fl.natural_frequencies(wrong) / exact - 1).max() > bar
+
+
+# --- the report ------------------------------------------------------------------------------------------------------
+
+
+def row(quantity, setting, value):
+    return Row(
+        case="physics_x", kind="frequencies", title="t", scene="", engine="native", setting=setting, quantity=quantity,
+        metric="m", value=value, unit="1", tolerance=None, passed=None, reason="", seconds=0.0, key="",
+    )  # fmt: skip
+
+
+def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
+    stored = (
+        row("hinges needed", "gauss, clamped, mode 1 within 1 %", 4.0),
+        row("hinges not enough", "paper, clamped, mode 1 within 1 %", 100.0),
+        row("hinges needed", "paper, free joint, mode 1 within 1 %", 4.0),
+        row("hinges needed", "gauss, free joint, mode 1 within 1 %", 6.0),
+        row("stable step", "gauss, 10 hinges", 3e-3),
+        row("stable step", "legendre, 10 hinges", 5e-4),
+    )
+    (finding,) = physics_choice.find(Results(stored, {}, Store(tmp_path)))
+    text = " ".join(finding.sentences)
+    assert "gauss meets 2 of the 2 needs it was tried on, with at most 6 hinges" in text
+    assert re.search(r"own layout is enough.*free joint, mode 1 within 1 % \(4\).*free of torque", text)
+    assert "misses 1 of 2 needs" in text
+    assert "6 times smaller" in text
+    assert finding.lines[0][1] == "> 100"
+
+
+def test_without_physics_in_the_study_the_report_says_nothing_of_rules(tmp_path):
+    assert not list(physics_choice.find(Results((), {}, Store(tmp_path))))
