@@ -11,6 +11,7 @@ from reports.results import Results
 
 SECTION = "physics"
 GENERAL = ("paper", "midpoint", "gregory", "gauss", "legendre")  # for any joint and load; a column each
+FREE, CLAMPED = "physics_pinned", "physics_clamped"  # cases
 NEAR = 2.0  # times the fewest hinges that still count as enough
 
 
@@ -31,7 +32,7 @@ def find(results: Results) -> Iterator[Finding]:
         (name.replace(" %", f"{JOIN}%"), *(_cell(need, rule) for rule in GENERAL), _others(need))
         for name, need in needs.items()
     )
-    sentences = (*_winners(needs), *_steps(results, needs), *_paper(needs), READ)
+    sentences = (*_winners(needs), *_steps(results, needs), *_paper(needs), *_orders(results), READ)
     yield Finding("physics_choice", "Which rule, how many hinges a link, for which need", sentences, heads, lines)
 
 
@@ -82,7 +83,21 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
             if all(word.startswith("free joint") for word in enough)
             else f"The paper’s own layout is enough for: {'; '.join(enough)}."
         )
-    yield f"It misses {missed} of {len(needs)} needs altogether: at a clamped, held or driven joint its order is 1."
+    yield f"It misses {missed} of {len(needs)} needs altogether."
+
+
+def _orders(results: Results) -> Iterator[str]:
+    """Where the paper's layout loses its order."""
+    orders = {
+        row.case: number(row.value, 2)
+        for row in results.rows
+        if row.quantity == "fitted order" and row.setting == "paper, mode 1"
+    }
+    if FREE in orders and CLAMPED in orders:
+        yield (
+            f"Its order in the first mode is {orders[FREE]} where both ends are free of torque, as in its figure 5, "
+            f"and {orders[CLAMPED]} at a clamped, held or driven joint, where no hinge stands for the half segments."
+        )
 
 
 def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:

@@ -63,6 +63,16 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
     return slope(torque, q)
 
 
+def chain_frequencies(engine: Engine) -> Array:
+    """All ω of a straight chain in which every joint has a spring, from K^−½ M K^−½, whose eigenvalues are 1/ω².
+
+    This form keeps the slow modes exact to rounding, however fast the others are.
+    """
+    compliance = 1 / np.sqrt(np.diag(springs(engine)))
+    S = engine.mass_matrix(np.zeros(engine.n)) * np.outer(compliance, compliance)
+    return np.asarray(1 / np.sqrt(linalg.eigvalsh(S)[::-1]))
+
+
 def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.complex128]:
     """ω² of K φ = ω² M φ on the coordinates `free`, in order of the real part."""
     block = np.ix_(free, free)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from validation.benchmarks.reference import look_up, numbers
 
 Array = NDArray[np.float64]
+ANGLES = range(0, 91, 15)  # deg, of the Princeton beam
 
 
 class TipLoad(NamedTuple):
@@ -19,6 +20,7 @@ class TipLoad(NamedTuple):
     name: str
     wrench: Array  # (6,) [N, N m], axes of frame 0
     displacement: Array  # (3,) [m]
+    note: str = ""  # what others published
 
 
 def elastica() -> Iterator[TipLoad]:
@@ -38,12 +40,17 @@ def roll_up() -> Iterator[TipLoad]:
 
 def princeton() -> Iterator[TipLoad]:
     """Princeton beam (Dowell & Traybar 1975): three weights at seven angles β to the height of the section."""
+    ansys = look_up("princeton_beam", "ansys_beam_tip |uy|,uz (m) for beta=0..90 step 15")
     for key, exact in look_up("princeton_beam", "kirchhoff").items():
         force, angle = float(key[2:].split("N")[0]), float(key.split("beta=")[1])
         β = np.radians(angle)
         wrench = np.array([0, -force * np.cos(β), force * np.sin(β), 0, 0, 0])
         displacement = np.array([exact["ux"], exact["uy(height dir)"], exact["uz(flap dir)"]])
-        yield TipLoad(f"{force:g} N, β = {angle:g}°", wrench, displacement)
+        note = ""
+        if f"{force:g}" in ansys:
+            y, z = (ansys[f"{force:g}"][axis][ANGLES.index(angle)] for axis in "yz")
+            note = f"ANSYS, with shear and stretch: |uy| = {y:.6g} m, uz = {z:.6g} m."
+        yield TipLoad(f"{force:g} N, β = {angle:g}°", wrench, displacement, note)
 
 
 TIP_LOADS: dict[str, Callable[[], Iterator[TipLoad]]] = {

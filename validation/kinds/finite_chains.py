@@ -9,10 +9,13 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
 
 import flexlink as fl
+from flexlink import engines
 from flexlink.rules import lumping_rule
 from flexlink.spec import Spec
+from validation.benchmarks.parity import chain_frequencies, load_stiffness, quiet, springs
 from validation.benchmarks.reference import look_up, numbers
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
@@ -23,6 +26,7 @@ Array = NDArray[np.float64]
 TORSION = "torsion_bar"
 TWO_LINKS = "unit_two_links"
 NAMES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal_2k"}  # of the rules in hencky_closed_forms
+PUSH = np.array([-1.0, 0, 0, 0, 0, 0])  # N on the tip, along the chain
 ELASTICA = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 
 
@@ -55,13 +59,21 @@ def _relative(found: ArrayLike, exact: ArrayLike) -> float:
     return float(np.abs(np.asarray(found) / np.asarray(exact) - 1).max())
 
 
+def _both(chain: fl.Chain) -> Iterator[tuple[str, Array]]:
+    """Frequencies of a clamped chain by us and by MuJoCo, from the exported file."""
+    yield "native", fl.natural_frequencies(chain)
+    with quiet():
+        yield "mujoco", chain_frequencies(engines.load("mujoco", chain))
+
+
 def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule, name in NAMES.items():
         for n in settings.cells:
             setting = f"{rule}, n = {n}"
             exact = numbers("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
-            found = fl.natural_frequencies(_chain(case, rule, n))[: len(exact)]
-            yield Measured("bending frequencies", _relative(found, exact), setting=setting)
+            chain = _chain(case, rule, n)
+            for engine, found in _both(chain):
+                yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, setting)
             if rule != "hencky":  # its root disc would need half an inertia
                 bar = _chain(case, rule, n, TORSION)
                 bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
@@ -70,8 +82,8 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule in settings.rules:
         at = Rule(rule=rule, hinges=settings.hinges)
         exact = bending_chain.frequencies(*lumping_rule(rule).hinges(at.hinges))
-        found = fl.natural_frequencies(Variant().build(case, at).chain())
-        yield Measured("all bending modes, 40 digits", _relative(found, exact), setting=str(at))
+        for engine, found in _both(Variant().build(case, at).chain()):
+            yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, str(at))
 
 
 def _arm(case: Case) -> Iterator[Measured]:
@@ -89,8 +101,14 @@ def _arm(case: Case) -> Iterator[Measured]:
 def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule in NAMES:
         for n in settings.cells:
-            loads = fl.buckling_loads(_chain(case, rule, n), tip_wrench=[-1.0, 0, 0, 0, 0, 0])
-            yield Measured("buckling loads", _relative(loads, hencky.buckling(rule, n)), setting=f"{rule}, n = {n}")
+            chain, exact, setting = _chain(case, rule, n), hencky.buckling(rule, n), f"{rule}, n = {n}"
+            loads = fl.buckling_loads(chain, tip_wrench=PUSH)
+            yield Measured("buckling loads", _relative(loads, exact), setting=setting)
+            with quiet():
+                engine = engines.load("mujoco", chain)
+                geometric = load_stiffness(engine, np.zeros(chain.n), PUSH)
+                loads = np.sort(1 / linalg.eigvals(-geometric, springs(engine)).real)
+            yield Measured("buckling loads", _relative(loads, exact), "", "mujoco", setting)
 
 
 def _elastica(case: Case, settings: Settings) -> Iterator[Measured]:

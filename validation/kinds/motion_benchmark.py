@@ -109,11 +109,11 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, beside: Trajectory
 
 
 def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajectory]) -> Iterator[Measured]:
-    """The chains that the independent program ran, largest distance of the two tips."""
+    """The chains of the sweep that the independent program ran, too: largest distance of the two tips."""
     for rule, runs in look_up(settings.reference, "lumped").items():
         for n, theirs in runs.items():
             at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
-            if rule in settings.rules:
+            if at.hinges in settings.rules.get(rule, ()):
                 ours = run(at).tip[:, :2]
                 distance = np.linalg.norm(ours - np.array(theirs["tip_xy"]), axis=1).max()
                 yield Measured("independent program", float(distance), case.scenes[0], setting=str(at))

@@ -57,7 +57,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
         pairs.append(Pair(load.name, float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
-        note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m."
+        note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
         yield Measured("tip error", _error(settings, chain, load, q), load.name, setting=setting, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), load.name, "mujoco", setting)
     yield published(pairs, f"{case.title} ({settings.best})")
