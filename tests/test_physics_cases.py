@@ -16,7 +16,7 @@ from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.rules import lumping_rule
 from flexlink.tangent import stiffness_matrix
-from reports.findings import physics_choice
+from reports.findings import physics_choice, physics_price
 from reports.results import Results
 from validation.benchmarks import inputs, parity, reference
 from validation.benchmarks.sweep import Need, Point, Sweep, order, report
@@ -204,8 +204,8 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
         row("hinges not enough", "paper, clamped, mode 1 within 1 %", 100.0),
         row("hinges needed", "paper, free joint, mode 1 within 1 %", 4.0),
         row("hinges needed", "gauss, free joint, mode 1 within 1 %", 6.0),
-        row("stable step", "gauss, 10 hinges", 3e-3),
-        row("stable step", "legendre, 10 hinges", 5e-4),
+        row("stable step of RK4", "gauss, 10 hinges", 3e-3),
+        row("stable step of RK4", "legendre, 10 hinges", 5e-4),
     )
     (finding,) = physics_choice.find(Results(stored, {}, Store(tmp_path)))
     text = " ".join(finding.sentences)
@@ -218,3 +218,14 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
 
 def test_without_physics_in_the_study_the_report_says_nothing_of_rules(tmp_path):
     assert not list(physics_choice.find(Results((), {}, Store(tmp_path))))
+
+
+def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):
+    stored = (
+        row("stable step of RK4", "gauss, 10 hinges", 3e-3),
+        row("stable step of RK4", "legendre, 10 hinges", 5e-4),
+        row("stable step", "RK10", 1.5),
+    )
+    (finding,) = physics_price.find(Results(stored, {}, Store(tmp_path)))
+    assert [line[0] for line in finding.lines] == ["gauss", "legendre"]
+    assert "legendre takes 6 times as many" in finding.sentences[0]

@@ -101,7 +101,7 @@ def _orders(results: Results) -> Iterator[str]:
 
 
 def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
-    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step" and row.value}
+    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step of RK4" and row.value}
     pairs = {setting.partition(", ")[0]: (setting, step) for setting, step in steps.items()}
     if "gauss" in pairs and "legendre" in pairs:
         (setting, gauss), (_, legendre) = pairs["gauss"], pairs["legendre"]

@@ -14,7 +14,7 @@ HEADS = ("rule", "largest stable RK4 step [s]", "of the longest", "chain")
 
 def find(results: Results) -> Iterator[Finding]:
     """One table: the rules by stable step, with the same number of hinges each."""
-    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step" and row.value}
+    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step of RK4" and row.value}
     if not steps:
         return
     longest = max(steps.values())

@@ -118,7 +118,7 @@ def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[
         step = stable_step(settings.variant[0].build(case, point.at).chain())
         rows.append((point.at.rule, point.at.hinges / step, point.errors["mode 1"]))
         if point.at.hinges == settings.best.hinges:
-            yield Measured("stable step", step, setting=str(point.at))
+            yield Measured("stable step of RK4", step, setting=str(point.at))
     columns = table(("rule", "hinges × steps per second", "error"), rows)
     yield Series(
         "price", "Price of the first mode", columns, "hinges × steps per second", "hinges × RK4 steps per second",
