@@ -15,6 +15,10 @@ from validation.case import Measured
 from validation.store import Series, table
 
 
+Errors = dict[int, float]
+"""hinges → |error|."""
+
+
 class Need(Spec, frozen=True):
     """What a user may want: these errors within a bar."""
 
@@ -34,6 +38,10 @@ class Sweep(Spec, frozen=True, kw_only=True):
     orders: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
     fitted: int = 3
 
+    def last(self, errors: Errors) -> Errors:
+        """The errors that an order is fitted to."""
+        return dict([(n, e) for n, e in sorted(errors.items()) if np.isfinite(e)][-self.fitted :])
+
 
 class Point(NamedTuple):
     """Errors of one chain by measure."""
@@ -42,11 +50,8 @@ class Point(NamedTuple):
     errors: Mapping[str, float]
 
 
-Errors = dict[int, float]
-
-
 def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
-    """rule → hinges → |error|."""
+    """rule → errors."""
     found: dict[str, Errors] = {}
     for point in points:
         found.setdefault(point.at.rule, {})[point.at.hinges] = abs(point.errors[measure])
@@ -81,7 +86,7 @@ def order(errors: Errors) -> float:
 
 
 def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Measured]:
-    last = dict([(n, e) for n, e in sorted(errors.items()) if np.isfinite(e)][-sweep.fitted :])
+    last = sweep.last(errors)
     if len(last) < 2:
         return
     fitted, setting = order(last), f"{rule}, {measure}"

@@ -19,7 +19,7 @@ from flexlink.scene import Scene
 from validation.benchmarks.parity import load_stiffness, quiet, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference import numbers
-from validation.benchmarks.sweep import Point, Sweep, report
+from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.store import Series, table
@@ -61,6 +61,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         worst = np.abs(errors).max(axis=0)
         points.append(Point(at, {f"mode {k + 1}": float(e) for k, e in enumerate(worst)}))
     yield from report(settings, points, case.about)
+    first = settings.last(by_rule(points, "mode 1").get(settings.best.rule, {}))
+    if len(first) > 1:
+        yield Measured("order of the best rule in mode 1", order(first), setting=settings.best.rule)
     if settings.price:
         yield from _price(case, settings, points)
     pairs = []
