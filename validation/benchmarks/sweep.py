@@ -14,7 +14,6 @@ from validation.benchmarks.variant import Rule
 from validation.case import Measured
 from validation.store import Series, table
 
-
 Errors = dict[int, float]
 """hinges → |error|."""
 
