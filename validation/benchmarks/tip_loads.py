@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from validation.benchmarks.reference import look_up, numbers
 
 Array = NDArray[np.float64]
-ANGLES = range(0, 91, 15)  # deg, of the Princeton beam
+ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg, of the Princeton beam
 
 
 class TipLoad(NamedTuple):
