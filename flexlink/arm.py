@@ -192,6 +192,8 @@ class Arm(Spec, frozen=True):
                     raise SceneError(
                         f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
                     )
+        if all(link.joint.locked and link.flex == "rigid" for link in self.links):
+            raise SceneError("link: every joint is locked and every link rigid; at least one must move")
 
     def number(self, name: str) -> int:
         """Number of the link called `name`, from 1.

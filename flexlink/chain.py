@@ -1,8 +1,9 @@
 """Chain: the arm as rigid bodies and one-axis hinges, read-only arrays, the only input of every algorithm.
 
 A body is a rigid segment. It hangs on the body before it by a fixed placement (`rotation`, `translation`)
-followed by its hinges, all at one point, in the order X, Y, Z. The last body has no hinge and no inertia:
-it is the tip frame, where the tip wrench acts.
+followed by its hinges, all at one point, in the order of their numbers: X, Y, Z, or, at every second hinge of a
+lumping rule with `alternate_axes`, Z, Y, X. The last body has no hinge and no inertia: it is the tip frame, where the
+tip wrench acts.
 """
 
 from __future__ import annotations
@@ -91,6 +92,10 @@ class Chain:
     def __post_init__(self) -> None:
         for array in (self.bodies, self.hinges, self.gravity):
             array.flags.writeable = False
+
+    def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only, which the compiled kernels expect."""
+        return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:

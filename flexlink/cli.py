@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import io
+import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from flexlink import catalogue
-from flexlink.chain import Chain
 from flexlink.compare import compare
-from flexlink.errors import DivergenceError, FlexlinkError
+from flexlink.dynamics import SOLVERS
+from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, InterruptedRunError
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
 from flexlink.modal import eigenvalues, modes, stable_step
 from flexlink.output import write_somewhere, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
-from flexlink.trajectory import Trajectory, output_format, plotting
+from flexlink.trajectory import Trajectory, output_format, picture_format, plotting
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -34,20 +41,38 @@ EXAMPLES = """examples:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 interrupted."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # q̈ on a terminal that cannot show it
     options = _parser().parse_args(arguments)
     try:
-        code: int = options.command(options)
+        with np.errstate(all="ignore"):  # numbers beyond float64 are refused where they arise
+            code: int = options.command(options)
+        print(end="", flush=True)  # so that a full disk or a closed pipe is noticed here
         return code
-    except FlexlinkError as error:
+    except BrokenPipeError:  # the reader has seen enough: `flexlink info scene.toml | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (FlexlinkError, OSError) as error:
         print(f"flexlink: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("flexlink: interrupted", file=sys.stderr)
+    except MemoryError as error:
+        print(f"flexlink: not enough memory: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as error:
+        print(f"flexlink: {str(error) or 'interrupted'}", file=sys.stderr)
         return 130
 
 
+class _Parser(argparse.ArgumentParser):
+    """A wrong option, too, is answered in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="flexlink",
         description="Robot arms whose links bend: simulate, export, compare.",
         epilog=EXAMPLES,
@@ -69,7 +94,7 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--step", type=float, help="integration step [s]")
     run.add_argument("--duration", type=float, help="simulated time [s]")
     run.add_argument("--sample", type=float, help="time between stored samples [s], a multiple of the step")
-    run.add_argument("--dynamics", help="forward dynamics: " + ", ".join(SOLVER_NAMES))
+    run.add_argument("--dynamics", help="forward dynamics: " + ", ".join(SOLVERS))
     run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
     run.add_argument("--plot", type=Path, help="draw angles, tip and energy to this .png, .svg or .pdf file")
 
@@ -92,11 +117,24 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-SOLVER_NAMES = ("articulated", "lu", "cholesky")
+@contextlib.contextmanager
+def _about(path: Path) -> Iterator[None]:
+    """Let what goes wrong with a scene after it was read name its file, too."""
+    try:
+        yield
+    except FlexlinkError as error:
+        error.args = (f"{path}: {error}",)
+        raise
 
 
 def _info(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
+    with _about(options.scene):
+        _show(scene)
+    return 0
+
+
+def _show(scene: Scene) -> None:
     chain = scene.chain()
     q0, _ = scene.initial_state(chain)
     print(f"{scene.name}: {scene.about}")
@@ -110,7 +148,6 @@ def _info(options: argparse.Namespace) -> int:
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     for method in catalogue.names("tableaus"):
         print(f"largest stable step, {method:<5} {stable_step(chain, method, q0):.4g} s")
-    return 0
 
 
 def _some(values: np.ndarray) -> str:
@@ -123,43 +160,47 @@ def _simulate(options: argparse.Namespace) -> int:
     overrides = {name: getattr(options, name) for name in Run.__struct_fields__ if getattr(options, name) is not None}
     if options.out is not None:
         output_format(options.out)
-        _require_folder(options.out)
-    if options.plot is not None:
-        _require_folder(options.plot)
+        _require_place(options.out)
+    _require_picture(options.plot)
     if not is_warm():
         print("compiling the solver for this machine (once; about half a minute at most) …", file=sys.stderr)
     bar = _Bar(scene.name)
     started = time.perf_counter()
     try:
-        run = simulate(scene, progress=bar, **overrides)
-    except DivergenceError as error:
+        with _about(options.scene):
+            run = simulate(scene, progress=bar, **overrides)
+    except (DivergenceError, InterruptedRunError) as error:
         bar.close()
         _save(error.trajectory, options.out)
         raise
     seconds = time.perf_counter() - started
     bar.close()
-    _summary(scene, run, seconds)
     _save(run, options.out)
+    _summary(scene, run, seconds)
     if options.plot is not None:
-        figure = run.plot()
-        print(f"plot: {write_somewhere(options.plot, lambda path: figure.savefig(path, dpi=150))}")
+        _draw(run.plot(), options.plot)
     return 0
 
 
 def _modes(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
-    chain = scene.chain()
-    if options.plot is not None:
-        _require_folder(options.plot)
-    locked = [chain.index(scene.arm.number(name), 0, 0) for name in options.lock]
-    found = modes(chain, scene.initial_state(chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
+    _require_picture(options.plot)
+    if options.count < 1:
+        raise ArgumentError(f"--count = {options.count}: must be at least 1")
+    with _about(options.scene):
+        chain = scene.chain()
+        locked = [chain.index(scene.arm.number(name), 0, 0) for name in options.lock]
+        found = modes(chain, scene.initial_state(chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
     print("mode  frequency [Hz]  damping ratio")
     for k in range(min(options.count, len(found.eigenvalues))):
         print(f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}")
     if options.plot is not None:
-        figure = plotting().plot_modes(found, scene.name, options.count)
-        print(f"plot: {write_somewhere(options.plot, lambda path: figure.savefig(path, dpi=150))}")
+        _draw(plotting().plot_modes(found, scene.name, options.count), options.plot)
     return 0
+
+
+def _draw(figure: Figure, path: Path) -> None:
+    print(f"plot: {write_somewhere(path, lambda place: figure.savefig(place, dpi=150))}")
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
@@ -177,9 +218,19 @@ def _save(run: Trajectory, out: Path | None) -> None:
         print(f"samples: {kept}{note}")
 
 
-def _require_folder(path: Path) -> None:
+def _require_place(path: Path) -> None:
+    """What can be known before the work: that the folder is there, and that no folder has the file's name."""
     if not path.parent.is_dir():
-        raise FlexlinkError(f"{path}: the folder {str(path.parent)!r} does not exist")
+        raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist")
+    if path.is_dir():
+        raise ArgumentError(f"{path}: is a folder; name a file")
+
+
+def _require_picture(path: Path | None) -> None:
+    if path is not None:
+        picture_format(path)
+        _require_place(path)
+        plotting()
 
 
 class _Bar:
@@ -201,12 +252,16 @@ class _Bar:
 def _export(options: argparse.Namespace) -> int:
     texts: dict[Path, str] = {}
     for path in options.scenes:
-        chain: Chain = load_scene(path).chain()
-        for name in options.format or FORMATS:
+        scene = load_scene(path)
+        for name in dict.fromkeys(options.format or FORMATS):
             convert, ending = FORMATS[name]
-            texts[options.out / (path.stem + ending)] = convert(chain)
+            target = options.out / (path.stem + ending)
+            if target in texts:
+                raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
+            with _about(path):
+                texts[target] = convert(scene.chain())
     for path, text in texts.items():
-        _require_folder(path)
+        _require_place(path)
         write_text(path, text)
         print(path)
     return 0
@@ -214,7 +269,8 @@ def _export(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
-    comparison = compare(scene, tuple(options.engines), samples=options.samples, seed=options.seed)
+    with _about(options.scene):
+        comparison = compare(scene, tuple(options.engines), samples=options.samples, seed=options.seed)
     print(comparison)
     return 0 if comparison.passed else 1
 

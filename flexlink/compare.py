@@ -12,6 +12,7 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -157,7 +158,7 @@ def compare(
     Parameters
     ----------
     scene
-        The scene; its chain and gravity are used, its initial state and drive are not.
+        The scene; its chain and gravity are used, its initial state, drive and motions are not.
     engines
         Names that `flexlink.engines.load` knows.
     samples
@@ -168,13 +169,15 @@ def compare(
     Raises
     ------
     ArgumentError
-        `samples` < 1, or an unknown engine.
+        `samples` < 1, `seed` < 0, or an unknown engine.
     MissingDependencyError
         An engine is not installed.
     """
     if samples < 1:
         raise ArgumentError(f"samples = {samples}: must be at least 1")
-    chain = scene.chain()
+    if seed < 0:
+        raise ArgumentError(f"seed = {seed}: must not be negative")
+    chain = msgspec.structs.replace(scene, motion=()).chain()  # prescribed joints are free in the exported files
     native = load("native", chain)
     loaded = [load(name, chain) for name in engines]
     return Comparison(scene.name, samples, compare_engines(chain, native, loaded, random_states(chain, samples, seed)))

@@ -193,7 +193,7 @@ def forward_dynamics(
     """
     n = chain.n
     solver = solver_for(chain, method)
-    if np.ndim(q) == 2:
+    if _dimensions(q) == 2:
         return _forward_dynamics_of_many(chain, solver, q, qd, tau, _wrench(tip_wrench))
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     qdd: Array = solver.accelerations(chain.arrays, _wrench(tip_wrench), q, qd, tau)
@@ -206,11 +206,12 @@ def _forward_dynamics_of_many(
     chain: Chain, solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
 ) -> Array:
     shape = np.shape(q)[0], chain.n
-    given = {"q": q, "qd": qd, "tau": tau}
-    for name, value in given.items():
-        if np.shape(value) != shape:
-            raise ArgumentError(f"{name} has shape {np.shape(value)}; expected {shape}")
-    states = [vector(name, np.ravel(value), shape[0] * chain.n).reshape(shape) for name, value in given.items()]
+    states = []
+    for name, value in (("q", q), ("qd", qd), ("tau", tau)):
+        array = _as_array(name, value, shape)
+        if array.shape != shape:
+            raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
+        states.append(vector(name, array.reshape(-1), array.size).reshape(shape))
     if shape[0] == 0:
         return np.zeros(shape)
     if solver.lanes_workspace is None:
@@ -290,7 +291,7 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
         The message names the argument, the shape got and the shape expected.
     """
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
-        value = _as_array(name, value, size)
+        value = _as_array(name, value, (size,))
     if value.shape != (size,):
         raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
     if not is_finite(value):
@@ -299,15 +300,23 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     return value
 
 
-def _as_array(name: str, value: ArrayLike, size: int) -> Array:
+def _as_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
     try:
         array = np.array(value)
     except ValueError as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected shape ({size},)") from None
+        raise ArgumentError(f"{name}: not an array: {error}; expected shape {shape}") from None
     if array.dtype.kind not in "fiu":
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape ({size},)")
+        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape {shape}")
     return np.ascontiguousarray(array, np.float64)
+
+
+def _dimensions(value: ArrayLike) -> int:
+    """Number of dimensions; 1 for what is no array, which `vector` then refuses."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        return 1
 
 
 def choice(name: str, value: str, allowed: dict[str, T]) -> T:
@@ -318,7 +327,7 @@ def choice(name: str, value: str, allowed: dict[str, T]) -> T:
     ArgumentError
         There is none; the message lists what is allowed.
     """
-    if value not in allowed:
+    if not isinstance(value, str) or value not in allowed:
         raise ArgumentError(f"{name} = {value!r}: unknown; allowed are {', '.join(allowed)}")
     return allowed[value]
 

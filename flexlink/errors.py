@@ -43,6 +43,14 @@ class DivergenceError(FlexlinkError, ArithmeticError):
         self.trajectory = trajectory
 
 
+class InterruptedRunError(KeyboardInterrupt):
+    """Ctrl-C during a run; `trajectory` holds every sample up to there. A KeyboardInterrupt for all who stop at one."""
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        super().__init__(f"interrupted; {len(trajectory.t)} samples kept")
+        self.trajectory = trajectory
+
+
 class ConvergenceError(FlexlinkError, ArithmeticError):
     """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load."""
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.errors import SceneError
 from flexlink.scene import Motion, Scene
 
 Array = NDArray[np.float64]
@@ -35,7 +36,13 @@ class MotionArrays(NamedTuple):
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
-    """The scene's drive; no driven joint at all where it has nothing to say."""
+    """The scene's drive; no driven joint at all where it has nothing to say.
+
+    Raises
+    ------
+    SceneError
+        The torques change by more than float64 can hold.
+    """
     drive = scene.drive
     joints = chain.active if drive.kind != "none" else chain.active[:0]
     links = [chain.coordinate(int(k)).link - 1 for k in joints]
@@ -45,12 +52,14 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     degree = 3 if drive.smooth else 1
     coefficients = np.zeros((len(times), degree + 1, len(joints)))
     coefficients[:, 0] = torques
-    if drive.smooth:
-        from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
-
-        coefficients[:-1] = CubicSpline(times, torques).c[::-1].transpose(1, 0, 2)
-    else:
+    with np.errstate(over="ignore", invalid="ignore"):
         coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
+        if drive.smooth and np.isfinite(coefficients).all():
+            from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
+
+            coefficients[:-1] = CubicSpline(times, torques).c[::-1].transpose(1, 0, 2)
+    if not np.isfinite(coefficients).all():
+        raise SceneError("drive.torques: change faster from one time to the next than float64 can hold")
 
     def of_joints(per_link: tuple[float, ...] | None) -> Array:
         return np.array(per_link or zero)[links]

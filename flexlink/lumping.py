@@ -13,7 +13,8 @@ from scipy import linalg
 
 from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
-from flexlink.errors import ArgumentError, SceneError
+from flexlink.dynamics import vector
+from flexlink.errors import SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.rules import lumping_rule
 
@@ -53,28 +54,31 @@ def lump(
     Raises
     ------
     SceneError
-        Nothing in the arm can move.
+        The dimensions lead to a mass, inertia or stiffness beyond float64, or `prescribed` names no link.
     ArgumentError
         `locked_deg` does not have one angle per link, or `gravity` is not three finite numbers.
     """
-    angles = [0.0] * len(arm.links) if locked_deg is None else list(locked_deg)
-    if len(angles) != len(arm.links):
-        raise ArgumentError(f"locked_deg has {len(angles)} values; expected one per link, {len(arm.links)}")
-    g = np.array(gravity, float)
-    if g.shape != (3,) or not np.isfinite(g).all():
-        raise ArgumentError(f"gravity = {gravity!r}: expected three finite numbers")
+    links = len(arm.links)
+    angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
+    g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
+    for link_name in prescribed:
+        arm.number(link_name)
     builder = _Builder()
-    for number, link in enumerate(arm.links, start=1):
-        _add_link(builder, arm, link, number, angles[number - 1], link.name in prescribed)
-    builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below, by name
+        for number, link in enumerate(arm.links, start=1):
+            _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
+        builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
     builder.start_body()
-    if not builder.hinges:
-        raise SceneError("link: every joint is locked and every link rigid; at least one must move")
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
+    hinges = np.array(builder.hinges, dtype=HINGE)
+    for array in (bodies, hinges):
+        for field in array.dtype.names or ():
+            if not np.isfinite(array[field]).all():
+                raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
     return Chain(
         name=name,
         bodies=bodies,
-        hinges=np.array(builder.hinges, dtype=HINGE),
+        hinges=hinges,
         gravity=g,
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from flexlink.chain import Chain
 from flexlink.dynamics import frames, mass_matrix, vector
-from flexlink.errors import SceneError, SingularMassError
+from flexlink.errors import ArgumentError, SceneError, SingularMassError
 from flexlink.tableaus import Tableau, tableau
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
 
@@ -105,6 +105,8 @@ def modes(
     ------
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
     """
     n = chain.n
     q = chain.rest.copy() if q is None else vector("q", q, n)
@@ -112,7 +114,7 @@ def modes(
     wrench = np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)
     free = unlocked(chain, locked)
     block = np.ix_(free, free)
-    M = mass_matrix(chain, q)[block]
+    M = _regular_mass(chain, q, free)
     K = stiffness_matrix(chain, q, rates, wrench, follower)[block]
     C = (gyroscopic_matrix(chain, q, rates) + np.diag(_damping(chain)))[block]
     λ, vectors = _general(M, C, K) if C.any() else _undamped(M, K)
@@ -138,8 +140,10 @@ def natural_frequencies(
 
 def _undamped(M: Array, K: Array) -> tuple[Complex, NDArray[np.inexact]]:
     """K φ = μ M φ, λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
+    if not np.isfinite(K).all():
+        raise ArgumentError("the loads lead to a stiffness beyond float64")
     if np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max():  # conservative loads; the bound is rounding of K
-        μ, vectors = _eigh((K + K.T) / 2, M)
+        μ, vectors = linalg.eigh((K + K.T) / 2, M)
     else:
         μ, vectors = linalg.eig(K, M)
     order = np.argsort(μ.real, kind="stable")
@@ -147,22 +151,40 @@ def _undamped(M: Array, K: Array) -> tuple[Complex, NDArray[np.inexact]]:
     return np.where(λ.imag < 0, -λ, λ), vectors[:, order]
 
 
-def _eigh(K: Array, M: Array) -> tuple[Array, Array]:
-    try:
-        μ, vectors = linalg.eigh(K, M)
-    except linalg.LinAlgError:
-        raise SingularMassError("the mass matrix is singular at this posture: some joint moves no inertia") from None
-    return μ, vectors
+def _regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
+    """M of the free coordinates, of which each must move inertia of its own.
+
+    Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
+    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.)
+    """
+    M = mass_matrix(chain, q)[np.ix_(free, free)]
+    factor, stopped = linalg.lapack.dpotrf(M, lower=1)
+    good = np.diag(factor) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
+    if stopped or not good.all():
+        k = free[stopped - 1 if stopped else int(np.argmin(good))]
+        raise SingularMassError(
+            f"{chain.name}: joint {chain.joint_name(int(k))!r} moves no inertia of its own at this posture, or one "
+            "beyond float64; M must be positive definite"
+        )
+    return np.asarray(M)
 
 
 def _general(M: Array, C: Array, K: Array) -> tuple[Complex, Complex]:
     """(λ² M + λ C + K) φ = 0 through the linear problem in (φ, λφ); one of each conjugate pair."""
-    zero, one = np.zeros_like(M), np.eye(len(M))
-    A = np.block([[zero, one], [-linalg.solve(M, K, assume_a="pos"), -linalg.solve(M, C, assume_a="pos")]])
-    λ, vectors = linalg.eig(A)
+    λ, vectors = linalg.eig(_first_order(M, C, K))
     kept = λ.imag >= 0
     order = np.argsort(np.abs(λ[kept]), kind="stable")
     return λ[kept][order], vectors[: len(M), kept][:, order]
+
+
+def _first_order(M: Array, C: Array, K: Array) -> Array:
+    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
+    factor = linalg.cho_factor(M)
+    lower = [-linalg.cho_solve(factor, right, check_finite=False) for right in (K, C)]
+    A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
+    if not np.isfinite(A).all():
+        raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
+    return A
 
 
 def _damping(chain: Chain) -> Array:
@@ -179,16 +201,16 @@ def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
     """
     q = vector("q", q, chain.n)
-    M = mass_matrix(chain, q)
-    D = _damping(chain)
+    M = _regular_mass(chain, q, np.arange(chain.n))
+    K, D = np.diag(chain.stiffness), _damping(chain)
     if not D.any():
-        ω = np.sqrt(np.maximum(_eigh(np.diag(chain.stiffness), M)[0], 0.0))
+        ω = np.sqrt(np.maximum(linalg.eigh(K, M, eigvals_only=True), 0.0))
         return np.concatenate([1j * ω, -1j * ω])
-    zero, one = np.zeros_like(M), np.eye(chain.n)
-    A = np.block([[zero, one], [-linalg.solve(M, np.diag(chain.stiffness)), -linalg.solve(M, np.diag(D))]])
-    values: Complex = linalg.eigvals(A)
+    values: Complex = linalg.eigvals(_first_order(M, np.diag(D), K))
     return values
 
 

@@ -8,6 +8,9 @@ no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_iner
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +19,7 @@ from flexlink.errors import SceneError
 from flexlink.spec import NonNegative, Positive, Spec
 
 Array = NDArray[np.float64]
+Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 
 
 class Grid(Spec, frozen=True):
@@ -42,6 +46,8 @@ class Element(Spec, frozen=True):
             raise SceneError(f"weights = {self.weights}: must be as many as nodes = {self.nodes}, at least one")
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
             raise SceneError(f"nodes = {self.nodes}: must increase within [0, 1]")
+        if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
+            raise SceneError(f"weights = {self.weights}: must sum to 1; together they stand for the whole element")
 
 
 class Jacobi(Spec, frozen=True):
@@ -50,8 +56,8 @@ class Jacobi(Spec, frozen=True):
     The rule of N hinges is exact for bending moments (1 − x)^tip x^root · (polynomial of degree 2N − 1).
     """
 
-    root: NonNegative = 0.0
-    tip: NonNegative = 0.0
+    root: Exponent = 0.0
+    tip: Exponent = 0.0
 
 
 class LumpingRule(Spec, frozen=True):

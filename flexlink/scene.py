@@ -238,7 +238,8 @@ def load_scene(path: str | Path) -> Scene:
     Parameters
     ----------
     path
-        A TOML file in the format of the scenes in `models/`.
+        A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
+        from its own folder.
 
     Raises
     ------
@@ -247,10 +248,19 @@ def load_scene(path: str | Path) -> Scene:
     """
     path = Path(path)
     raw = catalogue.read_toml(path)
+    _find_beside(path, raw.get("run"), "method")
+    for link in raw["link"] if isinstance(raw.get("link"), list) else ():
+        _find_beside(path, link, "lumping")
     try:
         return scene_from(raw)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
+
+
+def _find_beside(scene: Path, table: object, key: str) -> None:
+    """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
+    if isinstance(table, dict) and isinstance(table.get(key), str) and table[key].endswith(".toml"):
+        table[key] = str(scene.parent / table[key])
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain import Chain
 from flexlink.dynamics import solver_for
-from flexlink.errors import ArgumentError, DivergenceError
+from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.modal import largest_frequency, stable_step
@@ -50,27 +50,44 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         A run setting with a value that is not allowed.
     DivergenceError
         The state left the finite numbers; the error's `trajectory` holds the samples up to there.
+    InterruptedRunError
+        Ctrl-C; its `trajectory` holds the samples up to there.
     """
     scene = _override(scene, overrides)
     run, chain = scene.run, scene.chain()
-    q, qd = np.empty((run.samples, chain.n)), np.empty((run.samples, chain.n))
+    try:
+        times, q, qd = run.times, *np.empty((2, run.samples, chain.n))
+    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+        raise SceneError(
+            f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
+        ) from None
     q[0], qd[0] = scene.initial_state(chain)
     inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
     method = tableau(run.method).arrays
     work = solver_for(chain, run.dynamics).workspace(chain.arrays)
     piece = max(1, (run.samples - 1) // PIECES)
-    for start in range(0, run.samples - 1, piece):
-        rows = slice(start, min(start + piece + 1, run.samples))
-        wanted = (rows.stop - 1 - start) * run.steps_per_sample
-        first = start * run.steps_per_sample
-        done = integrate(
-            chain.arrays, work, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
-        )
-        if done < wanted:
-            raise _diverged(scene, chain, q, qd, first + done)
-        if progress is not None:
-            progress((rows.stop - 1) / (run.samples - 1))
-    return Trajectory.from_states(scene, chain, run.times, q, qd)
+    start = 0  # number of the last finished sample
+    try:
+        while start < run.samples - 1:
+            rows = slice(start, min(start + piece + 1, run.samples))
+            wanted = (rows.stop - 1 - start) * run.steps_per_sample
+            first = start * run.steps_per_sample
+            done = integrate(
+                chain.arrays, work, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
+            )
+            if done < wanted:
+                raise _diverged(scene, chain, q, qd, first + done)
+            start = rows.stop - 1
+            if progress is not None:
+                progress(start / (run.samples - 1))
+    except KeyboardInterrupt:
+        raise InterruptedRunError(_first(start + 1, scene, chain, q, qd)) from None
+    return Trajectory.from_states(scene, chain, times, q, qd)
+
+
+def _first(kept: int, scene: Scene, chain: Chain, q: Array, qd: Array) -> Trajectory:
+    """The first samples of a run that ended early."""
+    return Trajectory.from_states(scene, chain, *(array[:kept].copy() for array in (scene.run.times, q, qd)))
 
 
 def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
@@ -90,5 +107,5 @@ def _diverged(scene: Scene, chain: Chain, q: Array, qd: Array, steps: int) -> Di
         f"{chain.name}: no longer finite at t = {steps * run.step:.6g} s (step {steps}, joint {joint!r}); "
         f"omega_max * step = {ω * run.step:.3g}, largest stable step of {run.method} is {h:.3g} s "
         f"(got {run.step:.3g} s); {last + 1} samples kept",
-        Trajectory.from_states(scene, chain, *(array[: last + 1].copy() for array in (run.times, q, qd))),
+        _first(last + 1, scene, chain, q, qd),
     )

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
+import numpy as np
 
 from flexlink.errors import SceneError
 
@@ -31,13 +32,14 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     def __post_init__(self) -> None:
         for field in msgspec.structs.fields(type(self)):
             value = getattr(self, field.name)
+            if isinstance(value, np.ndarray):
+                value = value.tolist()
             _check_finite(value, field.encode_name)
             try:
-                msgspec.convert(value, field.type)
+                kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
             except msgspec.ValidationError as error:
-                reason, path = _split(str(error))
-                allowed = _allowed(field.type) or _lower(reason)
-                raise SceneError(f"{field.encode_name}{path} = {value!r}: {allowed}") from None
+                raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
+            msgspec.structs.force_setattr(self, field.name, kept)
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
@@ -57,26 +59,33 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     SceneError
         Unknown key, wrong type, value out of range or not finite.
     """
-    _check_finite(raw, path)
+    try:
+        _check_finite(raw, path)
+    except RecursionError:
+        raise SceneError(f"{path}: nested too deeply") from None
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        reason, tail = _split(str(error))
-        raise SceneError(_explain(raw, kind, path, tail, reason)) from None
+        raise SceneError(_explain(raw, kind, path, error)) from None
 
 
-def _explain(raw: object, kind: Any, path: str, tail: str, reason: str) -> str:
+def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
+    """Key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
+    reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
+    tail = tail.rstrip("`")
     value: Any = raw
     for part in re.findall(r"\w+|\.\.\.", tail):
         key = part
         if part == "...":  # msgspec does not name the key of a dict
             key = next(k for k, item in value.items() if not _fits(item, _type_below(kind, k)))
             tail = tail.replace("[...]", f".{key}", 1)
-        value = value[int(key)] if isinstance(value, list) else value[key]
+        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
         kind = _type_below(kind, key)
     where = (path + tail).lstrip(".")
+    if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
+        return f"{where}.{error.__cause__}".lstrip(".")
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         name, allowed = unknown[1], [field.encode_name for field in msgspec.structs.fields(kind)]
@@ -84,8 +93,6 @@ def _explain(raw: object, kind: Any, path: str, tail: str, reason: str) -> str:
         hint = f"; did you mean {close[0]!r}?" if close else ""
         key = f"{where}.{name}".lstrip(".")
         return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{hint}"
-    if " = " in reason:  # a Spec below already said which field, with its value
-        return f"{where}.{reason}".lstrip(".")
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
@@ -126,17 +133,16 @@ def _check_finite(value: object, path: str) -> None:
             _check_finite(item, f"{path}[{k}]")
 
 
-def _split(message: str) -> tuple[str, str]:
-    """Split msgspec's "reason - at `$.path`" into reason and path."""
-    reason, _, path = message.partition(" - at `$")
-    return reason, path.rstrip("`")
-
-
 def _lower(reason: str) -> str:
-    return (reason[:1].lower() + reason[1:]).replace("`", "")
+    """msgspec's reason in the words of TOML."""
+    plain = (reason[:1].lower() + reason[1:]).replace("`", "")
+    return plain.replace(" | null", "").replace("object", "table")
 
 
 def short(value: object) -> str:
     """`repr` cut to a length that fits on one line of a message."""
-    text = repr(value)
+    try:
+        text = repr(value)
+    except RecursionError:
+        return "…"
     return text if len(text) <= 60 else text[:57] + "…"

@@ -221,13 +221,11 @@ def _direction(slopes: Array, before: Array) -> Array:
 
 def _correct(equations: _Equations, target: Array, row: Array, tolerance: float) -> tuple[Array | None, int]:
     """Newton back to the path in the plane row · (x − target) = 0; None if it does not converge."""
-    x = target.copy()
-    for k in range(1, CORRECTIONS + 1):
+    x, k = target.copy(), 0
+    while k < CORRECTIONS and np.isfinite(x).all() and np.linalg.norm(x - target) <= 100 * LARGEST_ARC:
         left = np.append(equations.value(x), row @ (x - target))
         change = _solve(np.vstack([equations.slopes(x), row]), left)
-        x = x - change
-        if not np.isfinite(x).all() or np.linalg.norm(x - target) > 100 * LARGEST_ARC:
-            break
+        x, k = x - change, k + 1
         if np.abs(change).max() <= tolerance:
             return x, k
     return None, CORRECTIONS
@@ -235,4 +233,6 @@ def _correct(equations: _Equations, target: Array, row: Array, tolerance: float)
 
 def _solve(A: Array, b: Array) -> Array:
     """Shortest least-squares solution: a joint that nothing holds and nothing pushes stays where it is."""
+    if not (np.isfinite(A).all() and np.isfinite(b).all()):
+        return np.full(A.shape[1], np.nan)  # which the corrector gives up on
     return np.asarray(np.linalg.lstsq(A, b)[0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from typing import Annotated
 
@@ -14,6 +15,10 @@ from flexlink.errors import SceneError
 from flexlink.spec import Spec
 
 Array = NDArray[np.float64]
+
+
+COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
+"""Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
 
 
 class Tableau(Spec, frozen=True):
@@ -37,6 +42,9 @@ class Tableau(Spec, frozen=True):
         stages = len(self.c)
         if len(self.b) != stages or [len(row) for row in self.A] != list(range(stages)):
             raise SceneError(f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1}")
+        for x in (*self.b, *self.c, *(x for row in self.A for x in row)):
+            if not COEFFICIENT.fullmatch(x):
+                raise SceneError(f"A, b, c: {x!r}: a coefficient is a decimal or a fraction such as '1/6'")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > Fraction(1, 10**15):
             raise SceneError(f"b = {self.b}: must sum to 1")
@@ -52,11 +60,8 @@ class Tableau(Spec, frozen=True):
     @property
     def exact(self) -> tuple[list[list[Fraction]], list[Fraction], list[Fraction]]:
         """A (square, strictly lower), b and c as exact fractions of their strings."""
-        try:
-            rows = [[Fraction(x) for x in row] for row in self.A]
-            b, c = [Fraction(x) for x in self.b], [Fraction(x) for x in self.c]
-        except (ValueError, ZeroDivisionError) as error:
-            raise SceneError(f"A, b, c: {error}; coefficients are decimals or fractions") from None
+        rows = [[Fraction(x) for x in row] for row in self.A]
+        b, c = [Fraction(x) for x in self.b], [Fraction(x) for x in self.c]
         return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
 
     @property

@@ -151,10 +151,21 @@ class _Writer:
                 )  # fmt: skip
             return
         rows = zip(*(column.tolist() for column in run.columns.values()), strict=True)
-        header = ",".join(f'"{name}"' for name in run.columns)
+        header = ",".join('"' + name.replace('"', '""') + '"' for name in run.columns)
         with path.open("w", encoding="utf-8") as file:
             file.write(header + "\n")
             file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def picture_format(path: Path) -> str:
+    """Format of a picture, from the ending of `path`.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of .png, .svg, .pdf.
+    """
+    return _ending(path, (".png", ".svg", ".pdf"), "a picture")
 
 
 def output_format(path: Path) -> str:
@@ -165,6 +176,10 @@ def output_format(path: Path) -> str:
     ArgumentError
         It is neither.
     """
-    if path.suffix not in {".npz", ".csv"}:
-        raise ArgumentError(f"{str(path)!r}: unknown format; a trajectory is saved as .npz or .csv")
+    return _ending(path, (".npz", ".csv"), "a trajectory")
+
+
+def _ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
+    if path.suffix not in allowed:
+        raise ArgumentError(f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}")
     return path.suffix

@@ -71,7 +71,7 @@ def test_a_bad_scene_is_refused_in_one_line_that_helps(what: str, tmp_path: Path
         (b"name = ", "not TOML"),
         (b"{ json: true }", "not TOML"),
         (b"name = '\xff\xfe'", "not UTF-8"),
-        (b"#" * 1_000_001, "1000001 bytes"),
+        (b"#" * 1_000_001, "more than 1000000 bytes"),
     ],
 )
 def test_a_file_that_is_no_scene_is_refused(content: bytes, wanted: str, tmp_path: Path) -> None:

@@ -1,0 +1,327 @@
+"""Input that no one means: one line that names file, key, value and what is allowed, exit code 2, nothing written."""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+from conftest import ROOT, flexible, make_scene
+
+import flexlink as fl
+from flexlink.cli import main
+
+Edit = Callable[[dict], object]
+T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
+RK4 = tomllib.loads((ROOT / "flexlink" / "data" / "tableaus" / "RK4.toml").read_text(encoding="utf-8"))
+
+
+def write(path: Path, edit: Edit = lambda _: None) -> str:
+    """A scene file: the spatial arm, edited."""
+    raw = copy.deepcopy(T3)
+    edit(raw)
+    path.write_text(tomli_w.dumps(raw), encoding="utf-8")
+    return str(path)
+
+
+def refusal(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:
+    """The one line with which the command is refused."""
+    assert main(arguments) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if not line.startswith("compiling")]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def massless(raw: dict) -> None:
+    raw["link"] = [{"name": link["name"]} for link in raw["link"]]
+    del raw["tip"]
+
+
+def coaxial(raw: dict) -> None:
+    raw["link"][:2] = [{"name": "waist"}, {"name": "upper"}]
+
+
+def static(raw: dict) -> None:
+    raw["initial"]["passive"], raw["gravity"] = "static", [1e308] * 3
+
+
+def joint(**fields: float) -> Edit:
+    return lambda raw: raw["link"][1].update(joint=fields)
+
+
+def drive(**fields: object) -> Edit:
+    return lambda raw: raw.update(drive={"kind": "table", **fields})
+
+
+STEEP = {"times": [0.0, 5e-324, 1.0], "torques": [[0.0] * 3, [1e308] * 3, [0.0] * 3]}
+
+
+@pytest.mark.parametrize("command", ["info", "simulate", "modes"])
+@pytest.mark.parametrize(
+    ("edit", "wanted"),
+    [
+        (massless, "joint 'waist' moves no inertia"),
+        (coaxial, "joint 'upper' moves no inertia"),
+        (lambda raw: raw["link"][1].update(length=1e300), "beyond the numbers of float64"),
+        (lambda raw: raw["link"][1]["mount"].update(xyz=[1e308, 0.0, 0.0]), "beyond float64"),
+        (lambda raw: raw["tip"].update(mass=1e308), "beyond float64"),
+        (static, "no equilibrium found"),
+    ],
+)
+def test_an_arm_that_cannot_be_computed_is_refused_by_file_and_joint(
+    command: str, edit: Edit, wanted: str, tmp_path: Path, capsys
+) -> None:
+    path = write(tmp_path / "scene.toml", edit)
+    line = refusal([command, path], capsys)
+    assert line.startswith(f"flexlink: {path}: ")
+    assert wanted in line
+
+
+@pytest.mark.parametrize("edit", [drive(**STEEP), drive(**STEEP, smooth=True)])
+def test_torques_that_change_faster_than_float64_are_refused(edit: Edit, tmp_path: Path, capsys) -> None:
+    assert "drive.torques: change faster" in refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys)
+
+
+def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
+    assert "beyond float64" in refusal(["modes", write(tmp_path / "a.toml", joint(viscous=1e308))], capsys)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("gravity = " + "[" * 5000 + "]" * 5000, "not TOML"),
+        ("gravity = [1" + "0" * 5000 + ", 0, 0]", "not TOML"),
+        ("a" + ".a" * 20000 + " = 1", "a = …: unknown key"),
+        ("name = 'a'\nlink = [{name = 'b'}]\ninitial" + ".a" * 5000 + " = 1", "initial: nested too deeply"),
+        ("name = 'a'\nname = 'b'", "not TOML"),
+        ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link[0] = 1: expected table, got int"),
+    ],
+    ids=["arrays", "digits", "unknown", "known", "twice", "no table"],
+)
+def test_text_that_breaks_parsers_is_refused(text: str, wanted: str, tmp_path: Path, capsys) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    line = refusal(["info", str(path)], capsys)
+    assert line.startswith(f"flexlink: {path}: ")
+    assert wanted in line
+    assert len(line) < 400
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")
+def test_a_file_without_end_is_refused_at_once(capsys) -> None:
+    assert "more than 1000000 bytes" in refusal(["info", "/dev/zero"], capsys)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_scene_may_come_through_a_pipe(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    text = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
+    writer = threading.Thread(target=pipe.write_text, args=(text,))
+    writer.start()
+    assert fl.load_scene(pipe).name == "paper_fig5"
+    writer.join()
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        ({"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]}, "rows of A of 0, 1, …, 3"),
+        ({"A": [], "b": [], "c": []}, "must sum to 1"),
+        ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': a coefficient is a decimal or a fraction"),
+        ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': a coefficient"),
+        ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': a coefficient"),
+        ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': a coefficient"),
+    ],
+    ids=["implicit", "no stages", "letter", "zero", "exponent", "beyond float64"],
+)
+def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text(tomli_w.dumps(RK4 | fields), encoding="utf-8")
+    path = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(method="own.toml"))
+    line = refusal(["info", path], capsys)
+    assert line.startswith(f"flexlink: {path}: run.method = ")
+    assert line.count(f": {own}: ") == 1
+    assert wanted in line
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        ({"element": {"nodes": [0.5], "weights": [2.0]}}, "element.weights = (2.0,): must sum to 1"),
+        ({"jacobi": {"tip": 1e5}}, "jacobi.tip = 100000.0: expected float <= 100.0"),
+        ({}, "grid, element, jacobi: a rule has exactly one of the three"),
+    ],
+)
+def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
+    own = tmp_path / "rule.toml"
+    own.write_text(tomli_w.dumps({"about": "wrong", "source": "here"} | fields), encoding="utf-8")
+    path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="rule.toml"))
+    line = refusal(["info", path], capsys)
+    assert line.startswith(f"flexlink: {path}: link[1].lumping = ")
+    assert line.count(f": {own}: ") == 1
+    assert wanted in line
+
+
+def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "own.toml").write_text(tomli_w.dumps(RK4), encoding="utf-8")
+    rule = {"about": "one in the middle", "source": "here", "element": {"nodes": [0.5], "weights": [1.0]}}
+    (tmp_path / "rule.toml").write_text(tomli_w.dumps(rule), encoding="utf-8")
+
+    def name_them(raw: dict) -> None:
+        raw["run"]["method"], raw["link"][1]["lumping"] = "own.toml", "rule.toml"
+
+    path = write(tmp_path / "scene.toml", name_them)
+    monkeypatch.chdir(ROOT)
+    assert fl.simulate(fl.load_scene(path), duration=0.005).q.shape == (2, 21)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "wanted"),
+    [
+        (["simulate", "--plot", "a.foo"], "a picture is saved as .png or .svg or .pdf"),
+        (["simulate", "--plot", "a"], "a picture is saved as"),
+        (["simulate", "--plot", "no/a.png"], "the folder 'no' does not exist"),
+        (["simulate", "--out", "folder.npz"], "folder.npz: is a folder"),
+        (["simulate", "--duration", "1e9"], "samples of 21 joints do not fit into memory"),
+        (["simulate", "--duration", "4e13"], "samples of 21 joints do not fit into memory"),
+        (["modes", "--count", "0"], "--count = 0: must be at least 1"),
+        (["modes", "--plot", "a.foo"], "a picture is saved as"),
+        (["compare", "--seed", "-1"], "seed = -1: must not be negative"),
+        (["export", "--out", "no"], "the folder 'no' does not exist"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_before_it_is_begun(
+    arguments: list[str], wanted: str, tmp_path: Path, capsys, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.npz").mkdir()
+    scene = write(tmp_path / "scene.toml", lambda raw: raw["run"].update(step=0.005))
+    assert wanted in refusal([arguments[0], scene, *arguments[1:]], capsys)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["folder.npz", "scene.toml"]
+
+
+def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Path, capsys) -> None:
+    paths = []
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        paths.append(write(tmp_path / folder / "arm.toml"))
+    assert "arm.urdf, too" in refusal(["export", *paths, "--out", str(tmp_path)], capsys)
+    assert not list(tmp_path.glob("arm*"))
+
+
+def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
+    for arguments in ([], ["foo"], ["simulate", "a.toml", "--step", "abc"], ["export", "a.toml", "--format", "sdf"]):
+        with pytest.raises(SystemExit) as caught:
+            main(arguments)
+        assert caught.value.code == 2
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) -> None:
+    def stop_at_half(self: object, fraction: float) -> None:
+        if fraction >= 0.5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("flexlink.cli._Bar.__call__", stop_at_half)
+    out = tmp_path / "run.npz"
+    assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
+    assert "interrupted; 11 samples kept" in capsys.readouterr().err
+    np.testing.assert_allclose(np.load(out)["t"], np.arange(11) * 0.005, atol=1e-15)
+
+
+def test_a_terminal_that_cannot_show_a_letter_stops_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
+    env = os.environ | {"PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert r"\xd7 real time" in done.stdout
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
+def test_a_full_terminal_log_loses_no_samples(tmp_path: Path) -> None:
+    out = tmp_path / "run.npz"
+    command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*command, "--out", str(out)], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert np.load(out)["q"].shape == (2, 21)
+
+
+def test_quotes_in_names_stay_inside_their_csv_column(tmp_path: Path) -> None:
+    scene = make_scene(flexible('a "b", c', segments=2))
+    path = fl.simulate(scene, duration=0.0).save(tmp_path / "run.csv")
+    header = np.loadtxt(io.StringIO(path.read_text(encoding="utf-8")), str, delimiter=",", quotechar='"', max_rows=1)
+    assert header[1] == 'q a "b", c [rad]'
+
+
+def test_motions_do_not_make_engines_disagree() -> None:
+    motion = fl.Motion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
+    comparison = fl.compare.compare(make_scene(flexible("upper")), samples=1)
+    moved = fl.compare.compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
+    assert comparison.passed
+    assert moved.rows[-1].error == comparison.rows[-1].error
+
+
+def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
+    link = fl.Link(name="a", joint={"viscous": 1}, mount=fl.Mount(xyz=np.ones(3)))
+    assert link == fl.Link(name="a", joint=fl.Joint(viscous=1.0), mount=fl.Mount(xyz=(1.0, 1.0, 1.0)))
+    scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.Initial(joint_deg=[1]))
+    assert scene.gravity == (0.0, 0.0, 9.81)
+    assert scene.initial.joint_deg == (1.0,)
+    with pytest.raises(fl.SceneError, match=r"^joint\.viscous = -1: expected float >= 0\.0"):
+        fl.Link(name="a", joint={"viscous": -1})
+
+
+@pytest.mark.parametrize("clone", [lambda c: pickle.loads(pickle.dumps(c)), copy.copy, copy.deepcopy])
+def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain], models) -> None:
+    """Writable arrays are another type to numba: a worker process would compile everything anew."""
+    chain = fl.load_scene(models / "t3_spatial.toml").chain()
+    twin = clone(chain)
+    assert not any(array.flags.writeable for array in twin.arrays)
+    np.testing.assert_array_equal(fl.mass_matrix(twin, np.ones(twin.n)), fl.mass_matrix(chain, np.ones(chain.n)))
+
+
+@pytest.mark.parametrize(
+    "wrong", [[[0.0], [0.0, 1.0]], np.zeros((2, 11)), np.zeros((2, 10), bool), np.full((2, 10), np.nan)]
+)
+@pytest.mark.parametrize("place", range(3))
+def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
+    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    states: list = [np.zeros((2, 10))] * 3
+    states[place] = wrong
+    with pytest.raises(fl.ArgumentError, match=r"q|qd|tau"):
+        fl.forward_dynamics(chain, *states)
+
+
+def test_lump_names_what_it_cannot_use(models) -> None:
+    arm = fl.load_scene(models / "paper_fig5.toml").arm
+    with pytest.raises(fl.ArgumentError, match=r"gravity has shape \(2,\); expected \(3,\)"):
+        fl.lump(arm, [0.0, 0.0])
+    with pytest.raises(fl.ArgumentError, match="gravity has dtype"):
+        fl.lump(arm, "down")  # type: ignore[arg-type]
+    with pytest.raises(fl.ArgumentError, match=r"locked_deg\[0\] = nan"):
+        fl.lump(arm, (0.0, 0.0, 9.81), [np.nan] * 3)
+    with pytest.raises(fl.SceneError, match="link = 'elbow': not in this arm"):
+        fl.lump(arm, (0.0, 0.0, 9.81), prescribed=["elbow"])
+
+
+def test_methods_that_are_no_text_are_refused(models) -> None:
+    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    with pytest.raises(fl.ArgumentError, match="method = \\[\\]: unknown"):
+        fl.mass_matrix(chain, np.zeros(10), method=[])  # type: ignore[arg-type]
+    with pytest.raises(fl.SceneError, match="method = 5: unknown"):
+        fl.stable_step(chain, 5)  # type: ignore[arg-type]
