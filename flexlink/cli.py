@@ -74,29 +74,39 @@ class _Parser(argparse.ArgumentParser):
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(
         prog="flexlink",
-        description="Robot arms whose links bend: simulate, export, compare.",
+        description="Robot arms whose links bend: simulate, find modes, export, compare. SI units.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(required=True, metavar="command")
 
     def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
-        command = commands.add_parser(name, help=text, description=text)
+        own = [line for line in EXAMPLES.splitlines() if line.startswith(f"  flexlink {name} ")]
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=text,
+            epilog="\n".join(["examples:", *own]),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
         command.set_defaults(command=run)
         return command
 
     info = add("info", _info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")
     info.add_argument("scene", type=Path, help="scene file (.toml)")
 
+    own = "the scene's"
     run = add("simulate", _simulate, "Simulate a scene with the native solver.")
     run.add_argument("scene", type=Path, help="scene file (.toml)")
-    run.add_argument("--method", help=f"{', '.join(catalogue.names('tableaus'))}, or a tableau file (.toml)")
-    run.add_argument("--step", type=float, help="integration step [s]")
-    run.add_argument("--duration", type=float, help="simulated time [s]")
-    run.add_argument("--sample", type=float, help="time between stored samples [s], a multiple of the step")
-    run.add_argument("--dynamics", help="forward dynamics: " + ", ".join(SOLVERS))
+    run.add_argument("--method", help=f"{', '.join(catalogue.names('tableaus'))}, or a file (.toml); default: {own}")
+    run.add_argument("--step", type=float, help=f"integration step [s]; default: {own}")
+    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
+    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
+    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
     run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
-    run.add_argument("--plot", type=Path, help="draw angles, tip and energy to this .png, .svg or .pdf file")
+    run.add_argument(
+        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
+    )
 
     shapes = add("modes", _modes, "Natural frequencies and mode shapes about the initial posture, with gravity.")
     shapes.add_argument("scene", type=Path, help="scene file (.toml)")

@@ -171,6 +171,8 @@ def forward_dynamics(
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
 
+    A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
+
     Parameters
     ----------
     chain

@@ -92,7 +92,7 @@ def modes(
     q
         Posture [rad], shape (n,); default: springs slack, joints at zero.
     locked
-        Sequential indices of the coordinates that do not move, such as servo-held joints.
+        Sequential indices of the coordinates that do not move, such as servo-held joints. Prescribed joints never do.
     tip_wrench
         Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     follower
@@ -193,9 +193,10 @@ def _damping(chain: Chain) -> Array:
 
 
 def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
-    """Eigenvalues λ of the springs and the friction about posture `q`, gravity left out, shape (2n,) [1/s].
+    """Eigenvalues λ of the springs and the friction about posture `q`, gravity left out [1/s], 2 per free joint.
 
-    λ² M + λ D + K = 0 with D the slope of T_FR at rest. |Im λ| ≈ ω of lightly damped modes.
+    λ² M + λ D + K = 0 with D the slope of T_FR at rest. |Im λ| ≈ ω of lightly damped modes. Joints whose motion is
+    prescribed do not take part.
 
     Raises
     ------
@@ -205,8 +206,9 @@ def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
         A coordinate moves no inertia of its own at this posture.
     """
     q = vector("q", q, chain.n)
-    M = _regular_mass(chain, q, np.arange(chain.n))
-    K, D = np.diag(chain.stiffness), _damping(chain)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    M = _regular_mass(chain, q, free)
+    K, D = np.diag(chain.stiffness[free]), _damping(chain)[free]
     if not D.any():
         ω = np.sqrt(np.maximum(linalg.eigh(K, M, eigvals_only=True), 0.0))
         return np.concatenate([1j * ω, -1j * ω])
@@ -216,7 +218,7 @@ def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
 
 def largest_frequency(chain: Chain, q: ArrayLike) -> float:
     """Largest |λ| of `eigenvalues` [rad/s]: what the step of an explicit method has to follow."""
-    return float(np.abs(eigenvalues(chain, q)).max())
+    return float(np.abs(eigenvalues(chain, q)).max(initial=0.0))
 
 
 def stability_polynomial(method: Tableau) -> Array:
@@ -241,7 +243,7 @@ def stable_step(chain: Chain, method: str = "RK4", q: ArrayLike | None = None) -
         Unknown method, or `q` with a wrong shape.
     """
     λ = eigenvalues(chain, np.zeros(chain.n) if q is None else q)
-    λ = λ[np.abs(λ) > 1e-9 * max(np.abs(λ).max(), 1e-300)]
+    λ = λ[np.abs(λ) > 1e-9 * np.abs(λ).max(initial=1e-300)]
     if len(λ) == 0:
         return np.inf
     r = stability_polynomial(tableau(method))

@@ -27,7 +27,7 @@ _WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(_SHIFTS / 2) ** 2)
 
 
 def unlocked(chain: Chain, locked: Sequence[int]) -> NDArray[np.intp]:
-    """Sequential indices of the coordinates that may move.
+    """Sequential indices of the coordinates that may move: neither locked nor moving as prescribed.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def unlocked(chain: Chain, locked: Sequence[int]) -> NDArray[np.intp]:
     wrong = [k for k in locked if k not in range(chain.n)]
     if wrong:
         raise ArgumentError(f"locked = {list(locked)}: {wrong[0]!r} is no coordinate; allowed are 0 … {chain.n - 1}")
-    free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
+    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), np.array(locked, dtype=np.intp))
     if not len(free):
         raise ArgumentError(f"locked = {list(locked)}: nothing is left to move")
     return free

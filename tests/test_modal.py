@@ -6,13 +6,15 @@ import dataclasses
 import itertools
 
 import mpmath
+import msgspec
 import numpy as np
 import pytest
 from beams import cantilever, order, reference, thin_arm, thin_link, torsion_bar
-from conftest import make_scene, nasty_scene
+from conftest import flexible, make_scene, nasty_scene
 from numpy.polynomial import legendre
 from scipy import linalg
 
+import flexlink as fl
 from flexlink import (
     ArgumentError,
     Arm,
@@ -367,3 +369,14 @@ def test_locked_coordinates_do_not_move():
 def test_bad_locks_are_named(locked):
     with pytest.raises(ArgumentError, match="locked"):
         modes(cantilever("gauss", 10), locked=locked)
+
+
+def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():
+    link = flexible("a", segments=5)
+    held = fl.Motion(link="a", times=[0.0], angle_deg=[0.0], rate_deg=[0.0], acceleration_deg=[0.0])
+    prescribed = make_scene(link, motion=(held,)).chain()
+    locked = make_scene(msgspec.structs.replace(link, joint=fl.Joint(locked=True))).chain()
+    np.testing.assert_allclose(fl.natural_frequencies(prescribed), fl.natural_frequencies(locked), rtol=1e-12)
+    assert fl.stable_step(prescribed) == pytest.approx(fl.stable_step(locked), rel=1e-9)
+    rigid = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), motion=(held,)).chain()
+    assert fl.stable_step(rigid) == np.inf

@@ -1,0 +1,48 @@
+"""Every command and every block of Python in the README runs as written."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from flexlink.cli import main
+
+TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)
+COMMANDS = [line for kind, block in BLOCKS for line in block.splitlines() if kind == "sh" and line.startswith("flexlink")]
+
+
+@pytest.fixture
+def checkout(tmp_path: Path, monkeypatch) -> Path:
+    """A folder with the scenes in it, as the README takes for granted."""
+    shutil.copytree(ROOT / "models", tmp_path / "models")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_commands_of_the_readme_run(line: str, checkout: Path) -> None:
+    words = shlex.split(line, comments=True)
+    assert main(words[1:]) == 0
+    named = [checkout / name for flag, name in zip(words, words[1:], strict=False) if flag in {"--out", "--plot"}]
+    assert all(path.exists() for path in named)
+
+
+def test_python_of_the_readme_runs(checkout: Path) -> None:
+    names: dict[str, object] = {}
+    for kind, block in BLOCKS:
+        if kind == "python":
+            exec(block, names)
+    assert (checkout / "fall.csv").exists()
+    assert (checkout / "boom.png").exists()
+
+
+def test_links_of_the_readme_lead_to_files() -> None:
+    links = [link for link in re.findall(r"\]\(([^)]+)\)", TEXT) if not link.startswith("http")]
+    assert links
+    assert [link for link in links if not (ROOT / link).exists()] == []
