@@ -85,7 +85,7 @@ def inverse_dynamics(
     """
     n = chain.n
     q, qd, qdd = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n)
-    tau: Array = inverse_dynamics_kernel(chain.arrays, _wrench(tip_wrench), q, qd, qdd)
+    tau: Array = inverse_dynamics_kernel(chain.arrays, wrench_vector(tip_wrench), q, qd, qdd)
     return tau
 
 
@@ -196,9 +196,9 @@ def forward_dynamics(
     n = chain.n
     solver = solver_for(chain, method)
     if _dimensions(q) == 2:
-        return _forward_dynamics_of_many(chain, solver, q, qd, tau, _wrench(tip_wrench))
+        return _forward_dynamics_of_many(chain, solver, q, qd, tau, wrench_vector(tip_wrench))
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
-    qdd: Array = solver.accelerations(chain.arrays, _wrench(tip_wrench), q, qd, tau)
+    qdd: Array = solver.accelerations(chain.arrays, wrench_vector(tip_wrench), q, qd, tau)
     if not is_finite(qdd):
         raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
     return qdd
@@ -334,5 +334,6 @@ def choice(name: str, value: str, allowed: dict[str, T]) -> T:
     return allowed[value]
 
 
-def _wrench(tip_wrench: ArrayLike | None) -> Array:
+def wrench_vector(tip_wrench: ArrayLike | None) -> Array:
+    """The tip wrench, shape (6,), zero if there is none; errors as in `vector`."""
     return NO_WRENCH if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

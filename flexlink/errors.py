@@ -42,6 +42,10 @@ class DivergenceError(FlexlinkError, ArithmeticError):
         super().__init__(message)
         self.trajectory = trajectory
 
+    def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory]]:
+        """With all it holds through a process pool, which otherwise breaks on an error of two arguments."""
+        return DivergenceError, (str(self), self.trajectory)
+
 
 class InterruptedRunError(KeyboardInterrupt):
     """Ctrl-C during a run; `trajectory` holds every sample up to there. A KeyboardInterrupt for all who stop at one."""
@@ -50,6 +54,10 @@ class InterruptedRunError(KeyboardInterrupt):
         super().__init__(f"interrupted; {len(trajectory.t)} samples kept")
         self.trajectory = trajectory
 
+    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory]]:
+        """As `DivergenceError`."""
+        return InterruptedRunError, (self.trajectory,)
+
 
 class ConvergenceError(FlexlinkError, ArithmeticError):
     """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load."""
@@ -57,3 +65,7 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
     def __init__(self, message: str, q: NDArray[np.float64], load: float) -> None:
         super().__init__(message)
         self.q, self.load = q, load
+
+    def __reduce__(self) -> tuple[type[ConvergenceError], tuple[str, NDArray[np.float64], float]]:
+        """As `DivergenceError`."""
+        return ConvergenceError, (str(self), self.q, self.load)

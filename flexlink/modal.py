@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.dynamics import frames, mass_matrix, vector
+from flexlink.dynamics import frames, mass_matrix, vector, wrench_vector
 from flexlink.errors import ArgumentError, SceneError, SingularMassError
 from flexlink.tableaus import Tableau, tableau
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
@@ -111,7 +111,7 @@ def modes(
     n = chain.n
     q = chain.rest.copy() if q is None else vector("q", q, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
-    wrench = np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)
+    wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
     block = np.ix_(free, free)
     M = _regular_mass(chain, q, free)

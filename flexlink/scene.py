@@ -31,6 +31,11 @@ class Initial(Spec, frozen=True):
     rate_deg: tuple[float, ...] | None = None  # default: at rest
     passive: Literal["zero", "static"] = "zero"
 
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Rate of every joint [deg/s]; zero unless given."""
+        return self.rate_deg or (0.0,) * len(self.joint_deg)
+
 
 class Drive(Spec, frozen=True):
     """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
@@ -184,10 +189,9 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
         if [other.link for other in self.motion].count(motion.link) > 1:
             raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
-        rates = self.initial.rate_deg or (0.0,) * len(self.arm.links)
         for key, start, given in (
             ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
-            ("rate_deg", rates[number - 1], motion.rate_deg[0]),
+            ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
         ):
             if start != given:
                 raise SceneError(f"{path}.{key}[0] = {given!r}: must be the initial value, {start!r}")
@@ -205,11 +209,10 @@ class Scene(Spec, frozen=True):
         ConvergenceError
             passive = "static", and the arm finds no equilibrium.
         """
-        rates = self.initial.rate_deg or (0.0,) * len(self.arm.links)
         q = np.radians(spread(chain, self.initial.joint_deg))
         if self.initial.passive == "static":
             q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
-        return q, np.radians(spread(chain, rates))
+        return q, np.radians(spread(chain, self.initial.rates))
 
     @property
     def tip_wrench(self) -> Array:

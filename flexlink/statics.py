@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.dynamics import elastic_torque, vector
+from flexlink.dynamics import elastic_torque, vector, wrench_vector
 from flexlink.errors import ConvergenceError
 from flexlink.tangent import load_torque, stiffness_matrix, unlocked
 
@@ -97,7 +97,7 @@ def solve_static(
     """
     n = chain.n
     q = chain.rest.copy() if q0 is None else vector("q0", q0, n).copy()
-    wrench = np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)
+    wrench = wrench_vector(tip_wrench)
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
@@ -149,7 +149,7 @@ def buckling_loads(
     Arguments and errors are those of `solve_static`.
     """
     q = chain.rest.copy() if q is None else vector("q", q, chain.n)
-    wrench = np.zeros(6) if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)
+    wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
     elastic = np.diag(chain.stiffness[free])
     load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[np.ix_(free, free)] - elastic

@@ -295,6 +295,16 @@ def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain],
     np.testing.assert_array_equal(fl.mass_matrix(twin, np.ones(twin.n)), fl.mass_matrix(chain, np.ones(chain.n)))
 
 
+def test_errors_go_through_process_pools_with_what_they_hold(models) -> None:
+    run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
+    for error in (fl.DivergenceError("lost", run), fl.InterruptedRunError(run)):
+        twin = pickle.loads(pickle.dumps(error))
+        assert str(twin) == str(error)
+        np.testing.assert_array_equal(twin.trajectory.q, run.q)
+    twin = pickle.loads(pickle.dumps(fl.ConvergenceError("lost", np.ones(2), 0.5)))
+    assert (str(twin), twin.q.tolist(), twin.load) == ("lost", [1.0, 1.0], 0.5)
+
+
 @pytest.mark.parametrize(
     "wrong", [[[0.0], [0.0, 1.0]], np.zeros((2, 11)), np.zeros((2, 10), bool), np.full((2, 10), np.nan)]
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import shlex
 import shutil
@@ -14,7 +15,9 @@ from flexlink.cli import main
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)
-COMMANDS = [line for kind, block in BLOCKS for line in block.splitlines() if kind == "sh" and line.startswith("flexlink")]
+COMMANDS = [
+    line for kind, block in BLOCKS for line in block.splitlines() if kind == "sh" and line.startswith("flexlink")
+]
 
 
 @pytest.fixture
@@ -29,7 +32,7 @@ def checkout(tmp_path: Path, monkeypatch) -> Path:
 def test_commands_of_the_readme_run(line: str, checkout: Path) -> None:
     words = shlex.split(line, comments=True)
     assert main(words[1:]) == 0
-    named = [checkout / name for flag, name in zip(words, words[1:], strict=False) if flag in {"--out", "--plot"}]
+    named = [checkout / name for flag, name in itertools.pairwise(words) if flag in {"--out", "--plot"}]
     assert all(path.exists() for path in named)
 
 
