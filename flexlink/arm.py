@@ -16,7 +16,10 @@ AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 
 
 class Material(Spec, frozen=True):
-    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate)."""
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+
+    `young` E [Pa], `density` [kg/m³], Poisson's ratio `poisson`, `loss_time` [s].
+    """
 
     young: Positive  # Pa
     density: Positive  # kg/m³
@@ -30,7 +33,11 @@ class Material(Spec, frozen=True):
 
 
 class Section(Spec, frozen=True):
-    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴]."""
+    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴].
+
+    rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
+    box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
+    """
 
     shape: Literal["rectangle", "circle", "tube", "box", "general"]
     height: Positive | None = None  # along local y
@@ -72,8 +79,10 @@ class Section(Spec, frozen=True):
 
 
 class Joint(Spec, frozen=True):
-    """Active joint at the base of a link, about its local Z.
+    """Active joint at the base of a link, about its local Z; `locked` makes it rigid.
 
+    `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
+    seen at the joint.
     Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
     smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
     """
@@ -88,7 +97,8 @@ class Joint(Spec, frozen=True):
 class Mount(Spec, frozen=True):
     """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
 
-    `rpy_deg` is roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF.
+    First the offset `xyz` [m], then `rpy_deg` [deg], roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll),
+    the convention of URDF; v_parent = R v_joint.
     """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)  # m
@@ -96,14 +106,17 @@ class Mount(Spec, frozen=True):
 
 
 class Payload(Spec, frozen=True):
-    """Rigid body at the tip or at a link's hub: centre in the frame's origin, principal axes along the frame."""
+    """Rigid body at the tip or at a link's hub: centre in the frame's origin, principal axes along the frame.
+
+    `mass` [kg], principal moments of `inertia` about x, y, z [kg m²].
+    """
 
     mass: NonNegative = 0.0  # kg
     inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
 
 
 class Damping(Spec, frozen=True):
-    """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz`.
+    """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
 
     It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), under which the ratio of a mode grows with its
     frequency, ζ = η ω/2, and shrinks the stable step of explicit methods. `cap` bounds ζ of the fastest mode of the
@@ -118,6 +131,9 @@ class Damping(Spec, frozen=True):
 class Link(Spec, frozen=True):
     """One link: an active joint about local Z, its hub, then a beam along local X, rigid or cut into segments.
 
+    `length` [m]; `flex`: "rigid", or bending about Z ("z"), Y and Z ("yz"), with twist about X ("xyz"); `segments`:
+    rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`, `section`:
+    names.
     With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
     `section_tip` at the end. `damping` replaces the material's `loss_time`.
     """

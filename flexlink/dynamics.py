@@ -9,12 +9,13 @@ All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import choice, dimensions, real_array, vector, wrench_vector
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
@@ -24,9 +25,6 @@ from flexlink.kernels.lanes import LANES
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
-FLOAT64 = np.dtype(np.float64)
-NO_WRENCH = np.zeros(6)
 
 MASS_METHODS = {
     "columns": mass.mass_columns,
@@ -195,7 +193,7 @@ def forward_dynamics(
     """
     n = chain.n
     solver = solver_for(chain, method)
-    if _dimensions(q) == 2:
+    if dimensions(q) == 2:
         return _forward_dynamics_of_many(chain, solver, q, qd, tau, wrench_vector(tip_wrench))
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     qdd: Array = solver.accelerations(chain.arrays, wrench_vector(tip_wrench), q, qd, tau)
@@ -210,7 +208,7 @@ def _forward_dynamics_of_many(
     shape = np.shape(q)[0], chain.n
     states = []
     for name, value in (("q", q), ("qd", qd), ("tau", tau)):
-        array = _as_array(name, value, shape)
+        array = real_array(name, value, shape)
         if array.shape != shape:
             raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
         states.append(vector(name, array.reshape(-1), array.size).reshape(shape))
@@ -282,58 +280,3 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     """Origin of the tip frame in frame 0, shape (3,) [m]; errors as in `frames`."""
     tip: Array = frames(chain, q).points[-1]
     return tip
-
-
-def vector(name: str, value: ArrayLike, size: int) -> Array:
-    """`value` as a finite float64 array of shape (size,).
-
-    Raises
-    ------
-    ArgumentError
-        The message names the argument, the shape got and the shape expected.
-    """
-    if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
-        value = _as_array(name, value, (size,))
-    if value.shape != (size,):
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
-    if not is_finite(value):
-        k = int(np.argmin(np.isfinite(value)))
-        raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
-    return value
-
-
-def _as_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
-    try:
-        array = np.array(value)
-    except ValueError as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected shape {shape}") from None
-    if array.dtype.kind not in "fiu":
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape {shape}")
-    return np.ascontiguousarray(array, np.float64)
-
-
-def _dimensions(value: ArrayLike) -> int:
-    """Number of dimensions; 1 for what is no array, which `vector` then refuses."""
-    try:
-        return np.ndim(value)
-    except ValueError:
-        return 1
-
-
-def choice(name: str, value: str, allowed: dict[str, T]) -> T:
-    """The entry of `allowed` that `value` names.
-
-    Raises
-    ------
-    ArgumentError
-        There is none; the message lists what is allowed.
-    """
-    if not isinstance(value, str) or value not in allowed:
-        raise ArgumentError(f"{name} = {value!r}: unknown; allowed are {', '.join(allowed)}")
-    return allowed[value]
-
-
-def wrench_vector(tip_wrench: ArrayLike | None) -> Array:
-    """The tip wrench, shape (6,), zero if there is none; errors as in `vector`."""
-    return NO_WRENCH if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

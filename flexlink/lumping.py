@@ -13,7 +13,7 @@ from scipy import linalg
 
 from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
-from flexlink.dynamics import vector
+from flexlink.checks import vector
 from flexlink.errors import SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.rules import lumping_rule

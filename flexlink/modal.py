@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.dynamics import frames, mass_matrix, vector, wrench_vector
+from flexlink.checks import vector, wrench_vector
+from flexlink.dynamics import frames, mass_matrix
 from flexlink.errors import ArgumentError, SceneError, SingularMassError
 from flexlink.tableaus import Tableau, tableau
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
@@ -85,6 +86,8 @@ def modes(
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
 
+    M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D the slope of T_FR at rest.
+
     Parameters
     ----------
     chain
@@ -100,6 +103,11 @@ def modes(
     qd
         Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
         rate): centrifugal stiffness and gyroscopic coupling.
+
+    Returns
+    -------
+    Modes
+        Eigenvalues [1/s], shapes, paths [m], slowest first.
 
     Raises
     ------
@@ -134,7 +142,10 @@ def natural_frequencies(
     follower: bool = False,
     qd: ArrayLike | None = None,
 ) -> Array:
-    """Natural angular frequencies [rad/s], slowest first: `modes(...).frequencies`, arguments and errors as there."""
+    """Natural angular frequencies [rad/s], shape (modes,), slowest first, nan for a motion that just falls.
+
+    They are `modes(...).frequencies`; arguments and errors as there.
+    """
     return modes(chain, q, locked=locked, tip_wrench=tip_wrench, follower=follower, qd=qd).frequencies
 
 
@@ -239,8 +250,12 @@ def stable_step(chain: Chain, method: str = "RK4", q: ArrayLike | None = None) -
 
     Raises
     ------
+    SceneError
+        Unknown method.
     ArgumentError
-        Unknown method, or `q` with a wrong shape.
+        `q` has the wrong shape, is not real or not finite.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
     """
     λ = eigenvalues(chain, np.zeros(chain.n) if q is None else q)
     λ = λ[np.abs(λ) > 1e-9 * np.abs(λ).max(initial=1e-300)]

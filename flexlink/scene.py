@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Initial(Spec, frozen=True):
-    """State at t = 0: one joint angle and rate per link; a locked joint stays at its angle.
+    """State at t = 0: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
     """
@@ -74,7 +74,8 @@ class Drive(Spec, frozen=True):
 class Motion(Spec, frozen=True):
     """Prescribed motion of a link's active joint: its torque becomes an output.
 
-    Angle, rate and acceleration at `times`, which start at 0; quintic polynomials in between, then on at the last rate.
+    Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
+    between, then on at the last rate.
     """
 
     link: str
@@ -102,7 +103,7 @@ class Wrench(Spec, frozen=True):
 
 
 class Run(Spec, frozen=True):
-    """How to integrate: method, fixed step, duration, time between stored samples, and solver of forward dynamics."""
+    """How to integrate: method, fixed step, duration, time between stored samples [s], solver of forward dynamics."""
 
     method: str = "RK4"
     step: Positive = 1e-4  # s
@@ -148,7 +149,7 @@ def whole(name: str, value: float, unit_name: str, unit: float) -> None:
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation: what `simulate`, the exporters and `compare` work on."""
+    """One arm in one situation: what `simulate`, the exporters and `compare` work on; `gravity` [m/s²] in frame 0."""
 
     name: str
     arm: Arm

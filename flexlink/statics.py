@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.dynamics import elastic_torque, vector, wrench_vector
+from flexlink.checks import vector, wrench_vector
+from flexlink.dynamics import elastic_torque
 from flexlink.errors import ConvergenceError
 from flexlink.tangent import load_torque, stiffness_matrix, unlocked
 
@@ -66,7 +67,9 @@ def solve_static(
     follower: bool = False,
     tolerance: float = 1e-9,
 ) -> Equilibrium:
-    """Posture in which gravity, springs, tip wrench and drive torque balance.
+    """Posture in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
+
+    Newton's method along the arc length of the path on which the load grows (Riks 1979; Crisfield 1981).
 
     Parameters
     ----------
@@ -87,6 +90,11 @@ def solve_static(
     tolerance
         Newton's method stops after a correction of no angle by more than this [rad]; the error that is left is of
         the order of its square, or rounding.
+
+    Returns
+    -------
+    Equilibrium
+        The posture [rad], whether it is stable, and the path to it.
 
     Raises
     ------
@@ -143,10 +151,10 @@ def buckling_loads(
     *,
     locked: Sequence[int] = (),
 ) -> Array:
-    """Factors of the present load, gravity and tip wrench together, at which the posture can buckle, smallest first.
+    """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 
-    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q. Only real positive s count.
-    Arguments and errors are those of `solve_static`.
+    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q. Only real positive s
+    count, smallest first. Arguments and errors are those of `solve_static`.
     """
     q = chain.rest.copy() if q is None else vector("q", q, chain.n)
     wrench = wrench_vector(tip_wrench)

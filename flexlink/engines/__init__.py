@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 
 from flexlink.chain import Chain
-from flexlink.dynamics import choice
+from flexlink.checks import choice
 from flexlink.engines.base import Engine
 from flexlink.errors import MissingDependencyError
 
