@@ -175,7 +175,7 @@ def test_a_bar_that_nothing_measures_is_an_error(study, capsys):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    (('"order_conditions"', '"orders"'), "kind = 'orders': unknown; allowed are buckling, convergence, "),
+    (('"order_conditions"', '"orders"'), f"kind = 'orders': unknown; allowed are {', '.join(KINDS)}"),
     (('["RK2"]', '["RK3"]'), "method = 'RK3': unknown; allowed are "),
     (("settings.methods", "settings.method"), "settings.method = ['RK2']: unknown key; allowed are methods"),
 ])  # fmt: skip
@@ -188,8 +188,27 @@ def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, messag
 
 
 def test_a_case_that_does_not_exist_is_named_with_those_that_do(study, capsys):
-    assert study("--case", "nothing*")[0] == 2
+    assert study("nothing*")[0] == 2
     assert "case = 'nothing*': no such case; there are small" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "meant"), [
+    ([], {"small", "other_thing"}), (["small"], {"small"}), (["other"], {"other_thing"}), (["oth*"], {"other_thing"}),
+    (["order"], {"small", "other_thing"}), (["order_conditions"], {"small", "other_thing"}),
+    (["small", "other"], {"small", "other_thing"}),
+])  # fmt: skip
+def test_a_case_is_meant_by_its_name_its_kind_their_first_words_or_a_glob(study, words, meant):
+    study.case_file.with_name("other_thing.toml").write_text(CASE, encoding="utf-8")
+    code, store = study(*words)
+    assert code == 0
+    assert {row.case for row in store.rows()} == meant
+
+
+def test_what_measures_time_runs_last():
+    kinds = [case.kind for case in load_cases()]
+    timed = [kind.startswith("speed") for kind in kinds]
+    assert timed == sorted(timed)
+    assert any(timed)
 
 
 def test_a_case_that_was_deleted_leaves_the_store(study):

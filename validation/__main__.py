@@ -29,7 +29,8 @@ REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
   python -m validation                      everything that is not stored yet, then the report
-  python -m validation --case 'pointwise*'  some cases
+  python -m validation speed                every case called speed or speed_…, or of such a kind
+  python -m validation pointwise 'traj*'    some cases, by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation --list               what there is
 """
@@ -40,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     console = Console()
     try:
-        cases = load_cases(options.case)
+        cases = load_cases(*options.cases)
         if options.list:
             _print_cases(console, cases)
             return 0
@@ -68,7 +69,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--case", default="*", metavar="GLOB", help="only cases whose name matches")
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="names, kinds or globs of cases (default: all)")
     parser.add_argument("--force", action="store_true", help="measure again what is stored")
     parser.add_argument("--list", action="store_true", help="list the cases and stop")
     parser.add_argument("--no-report", action="store_true", help="do not write the report")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -38,6 +39,10 @@ class Case(Spec, frozen=True):
     quantity: dict[str, Quantity]
     scenes: tuple[str, ...] = ()  # names of files in models/ or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
+
+    def is_meant_by(self, pattern: str) -> bool:
+        """Whether the name, the kind, or the words either begins with match a glob pattern."""
+        return any(fnmatchcase(text, p) for text in (self.name, self.kind) for p in (pattern, f"{pattern}_*"))
 
     def load_scenes(self) -> list[Scene]:
         """The scenes, in order."""
@@ -84,16 +89,20 @@ def load_case(path: Path) -> Case:
         raise SceneError(f"{path}: {error}") from None
 
 
-def load_cases(pattern: str = "*") -> list[Case]:
-    """All cases whose name matches a glob pattern, by name.
+def load_cases(*wanted: str) -> list[Case]:
+    """The cases that any of `wanted` means, by name, all if there are none; those that measure time come last.
+
+    `wanted` are names or kinds, or the words they begin with ("speed" means every speed_…), or globs of them.
 
     Raises
     ------
     SceneError
-        A file is not a valid case, or no name matches.
+        A file is not a valid case, or one of `wanted` means none.
     """
-    paths = sorted(CASES.glob(f"{pattern}.toml"))
-    if not paths:
-        known = ", ".join(sorted(path.stem for path in CASES.glob("*.toml")))
-        raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
-    return [load_case(path) for path in paths]
+    cases = [load_case(path) for path in sorted(CASES.glob("*.toml"))]
+    for pattern in wanted:
+        if not any(case.is_meant_by(pattern) for case in cases):
+            known = ", ".join(case.name for case in cases)
+            raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
+    chosen = [case for case in cases if not wanted or any(case.is_meant_by(pattern) for pattern in wanted)]
+    return sorted(chosen, key=lambda case: case.is_meant_by("speed"))

@@ -4,17 +4,17 @@ What a body and all beyond it demand at its hinge point, for angular acceleratio
 
     n = J α + H a + n₀          f = Hᵀ α + M a + f₀          (J, M symmetric 3×3)
 
-Inward, one hinge axis e with rotor A and torque T after another is taken out:
+Inward, one hinge axis e with rotor A and torque T after another is taken out, which leaves J e = Hᵀ e = 0 if A = 0:
 
     D = e·J e + A      q̈ = (T − e·n₀ − e·(J α + H a)) / D      J ← J − J e (J e)ᵀ/D, …
 
-Behind a group of three axes without rotors the moment is known from the torques alone, t with e_k·t = τ_k: only M and
-f₀ travel inward, and the body's own three axes x_j serve as the directions to take out, d_j = x_j × r, so that
+Behind a free group, three axes without rotors, the moment is known from the torques alone, t with e_k·t = τ_k: only M
+and f₀ travel inward, and the body's own axes x_j are taken out, which stay perpendicular where hinges line up (gimbal
+lock). If what is behind passes no J and H either, with d_j = x_j × r,
 
     h_j = m x_j × c + M d_j        J_jk = I_jk + d_j·M d_k        M ← M + m 1 − Σ h_j (J⁻¹)_jk h_kᵀ
 
-J is then a 3×3 matrix in body axes and nothing is rotated but vectors. One source serves one chain and eight side by
-side (`lanes`).
+and nothing is rotated but vectors. One source serves one chain and eight side by side (`lanes`).
 """
 
 from flexlink.kernels.articulated_rows import (
@@ -113,52 +113,68 @@ def outward(layout, axes, bodies, hinges, qd, cosines, sines):
 
 @inlined
 def inward(layout, given, bodies, hinges, wrench, qdd):
-    """What each body and all beyond it demand at its hinge point; J and H stay zero behind a free body."""
+    """What each body and all beyond it demand at its hinge point; J and H are zero behind a free group."""
     o = at(bodies, 0, MASS) * 0.0
-    J, H, M = (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o)), (o, o, o, o, o, o)
+    nothing = (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+    (J, H), M = nothing, (o, o, o, o, o, o)
     f, n = (o - wrench[0], o - wrench[1], o - wrench[2]), (o - wrench[3], o - wrench[4], o - wrench[5])
     for i in range(len(layout) - 1, -1, -1):
         if layout[i, QUICK]:
-            M, n, f = take_out_body_axes(bodies, i, hinges, layout[i, FIRST], M, n, f)
+            J_body, h, n_body, M, f = take_on_quickly(bodies, i, M, n, f)
+            M, n, f = take_out_body_axes(bodies, i, hinges, layout[i, FIRST], J_body, h, n_body, M, f)
         else:
             J, H, M, n, f = take_on(bodies, i, J, H, M, n, f)
-            for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
-                if given[k]:
-                    e = scale(at(qdd, k), vec_of(hinges, k, AXIS))
-                    n, f = add(n, sym_apply(J, e)), add(f, place(e, H[0], H[1], H[2]))
-                else:
-                    J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
             if layout[i, FREE]:
-                J, H = (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+                J_body, h, n_body = in_body_axes(bodies, i, J, H, n)
+                M, n, f = take_out_body_axes(bodies, i, hinges, layout[i, FIRST], J_body, h, n_body, M, f)
+                J, H = nothing
             else:
+                for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
+                    if given[k]:
+                        e = scale(at(qdd, k), vec_of(hinges, k, AXIS))
+                        n, f = add(n, sym_apply(J, e)), add(f, place(e, H[0], H[1], H[2]))
+                    else:
+                        J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
                 ζ = vec_of(bodies, i, ZETA)
                 n = add(n, sym_apply(J, ζ))
                 f = add(f, place(ζ, H[0], H[1], H[2]))
 
 
 @inlined
-def take_out_body_axes(bodies, i, hinges, k, M, n, f):
-    """M, n, f before a free body from those behind it; its hinges start at `k`."""
+def take_on_quickly(bodies, i, M, n, f):
+    """J and n in body axes, Hᵀ x_j, M and f at the hinge point, body included, where J = H = 0 at the next one."""
     x, y, z = axes_of(bodies, i)
-    r, mc, m, I, n_body = (
-        vec_of(bodies, i, R),
-        vec_of(bodies, i, MC),
-        at(bodies, i, MASS),
-        inertia_of(bodies, i),
-        vec_of(bodies, i, N),
-    )
+    r, mc, m, I = vec_of(bodies, i, R), vec_of(bodies, i, MC), at(bodies, i, MASS), inertia_of(bodies, i)
     f = add(f, sym_apply(M, vec_of(bodies, i, B)))
-    t = known_moment(hinges, k)
-    rest = sub(t, n)
     d1, d2, d3 = cross(x, r), cross(y, r), cross(z, r)
-    T1 = dot(x, rest) - n_body[0] - dot(d1, f)
-    T2 = dot(y, rest) - n_body[1] - dot(d2, f)
-    T3 = dot(z, rest) - n_body[2] - dot(d3, f)
+    n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, N))
     M1, M2, M3 = sym_apply(M, d1), sym_apply(M, d2), sym_apply(M, d3)
-    J11, J22, J33 = I[0] + dot(d1, M1), I[1] + dot(d2, M2), I[2] + dot(d3, M3)
-    J23, J13, J12 = I[3] + dot(d2, M3), I[4] + dot(d1, M3), I[5] + dot(d1, M2)
-    h1, h2, h3 = add(cross(x, mc), M1), add(cross(y, mc), M2), add(cross(z, mc), M3)
+    J = (
+        I[0] + dot(d1, M1), I[1] + dot(d2, M2), I[2] + dot(d3, M3),
+        I[3] + dot(d2, M3), I[4] + dot(d1, M3), I[5] + dot(d1, M2),
+    )  # fmt: skip
+    h = add(cross(x, mc), M1), add(cross(y, mc), M2), add(cross(z, mc), M3)
     M = (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5])
+    return J, h, n, M, add(f, vec_of(bodies, i, F))
+
+
+@inlined
+def in_body_axes(bodies, i, J, H, n):
+    """J and n in axes of body `i`, and Hᵀ x_j."""
+    x, y, z = axes_of(bodies, i)
+    Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
+    J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
+    return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n))
+
+
+@inlined
+def take_out_body_axes(bodies, i, hinges, k, J, h, n, M, f):
+    """M, n, f before a free group, whose hinges start at `k`, from J, Hᵀ x_j and n of `in_body_axes`: J = L D Lᵀ."""
+    x, y, z = axes_of(bodies, i)
+    t = known_moment(hinges, k)
+    T1, T2, T3 = dot(x, t) - n[0], dot(y, t) - n[1], dot(z, t) - n[2]
+    J11, J22, J33, J23, J13, J12 = J
+    h1, h2, h3 = h
     i1 = 1.0 / J11
     l12, l13 = J12 * i1, J13 * i1
     h2, h3 = add_scaled(h2, -l12, h1), add_scaled(h3, -l13, h1)
@@ -175,8 +191,7 @@ def take_out_body_axes(bodies, i, hinges, k, M, n, f):
     put_vec_of(bodies, (l12, l13, l23), i, FACTORS)
     put_vec_of(bodies, (α1, α2, α3), i, ALPHA)
     M = sym_add_dyad(sym_add_dyad(sym_add_dyad(M, -i1, h1), -i2, h2), -i3, h3)
-    f = add(add(f, vec_of(bodies, i, F)), combine(α1, h1, α2, h2, α3, h3))
-    return M, t, f
+    return M, t, add(f, combine(α1, h1, α2, h2, α3, h3))
 
 
 @inlined
@@ -221,8 +236,7 @@ def take_out_hinge(hinges, k, J, H, M, n, f):
     """J, H, M, n, f before a hinge from those behind it."""
     e = vec_of(hinges, k, AXIS)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-    T = at(hinges, k, TORQUE) - dot(e, n)
-    inverse = 1.0 / (dot(e, Je) + at(hinges, k, ARMATURE))
+    T, inverse = at(hinges, k, TORQUE) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, ARMATURE))
     put_vec_of(hinges, Je, k, JE)
     put_vec_of(hinges, He, k, HE)
     put_at(hinges, T, k, T_NET)
@@ -230,7 +244,19 @@ def take_out_hinge(hinges, k, J, H, M, n, f):
     u = scale(inverse, Je)
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
-    return J, H, M, add_scaled(n, T, u), add_scaled(f, T * inverse, He)
+    n, f = add_scaled(n, T, u), add_scaled(f, T * inverse, He)
+    # Along e only the rotor is left. Rounding leaves more, which matters where the rest is small: take it off.
+    rotor = at(hinges, k, ARMATURE) * inverse
+    ρ = sub(sym_apply(J, e), scale(rotor, Je))
+    η = sub(place(e, H[0], H[1], H[2]), scale(rotor, He))
+    ρ = add_scaled(ρ, -0.5 * dot(e, ρ), e)
+    J = (
+        J[0] - 2.0 * e[0] * ρ[0], J[1] - 2.0 * e[1] * ρ[1], J[2] - 2.0 * e[2] * ρ[2],
+        J[3] - (e[1] * ρ[2] + e[2] * ρ[1]), J[4] - (e[0] * ρ[2] + e[2] * ρ[0]), J[5] - (e[0] * ρ[1] + e[1] * ρ[0]),
+    )  # fmt: skip
+    H = (add_scaled(H[0], -e[0], η), add_scaled(H[1], -e[1], η), add_scaled(H[2], -e[2], η))
+    ν = at(hinges, k, TORQUE) - rotor * T - dot(e, n)
+    return J, H, M, add_scaled(n, ν, e), f
 
 
 @inlined
@@ -240,8 +266,8 @@ def accelerate(gravity, layout, given, bodies, hinges, qdd):
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
         before = add(α, vec_of(bodies, i, ZETA))
-        if layout[i, QUICK]:
-            α = quick_acceleration(bodies, i, a)
+        if layout[i, FREE]:
+            α = free_acceleration(bodies, i, a)
             spread(hinges, layout[i, FIRST], sub(α, before), qdd)
         else:
             α = before
@@ -254,8 +280,8 @@ def accelerate(gravity, layout, given, bodies, hinges, qdd):
 
 
 @inlined
-def quick_acceleration(bodies, i, a):
-    """Angular acceleration of quick body `i` from the acceleration of its hinge point: Lᵀ α = D⁻¹ (T − h·a)."""
+def free_acceleration(bodies, i, a):
+    """Angular acceleration of free body `i` from the acceleration of its hinge point: Lᵀ α = D⁻¹ (T − h·a)."""
     α1, α2, α3 = vec_of(bodies, i, ALPHA)
     l12, l13, l23 = vec_of(bodies, i, FACTORS)
     x, y, z = axes_of(bodies, i)

@@ -10,15 +10,15 @@ from flexlink.kernels.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.vec3 import scale, vector
 
-# Whole numbers of a body: its hinges first … stop − 1; turned by a mount; free: what it passes inward is a force and a
-# known moment only; quick: the body and the one beyond it are free.
+# Whole numbers of a body: its hinges first … stop − 1; turned by a mount; free: it turns freely on three axes, so that
+# what it passes inward is a force and a known moment only; quick: free, and so is the one beyond it, or there is none.
 FIRST, STOP, TURNED, FREE, QUICK = range(5)
 # Numbers of a body. Fixed, body axes: columns of the mount's rotation, mass, m c, inertia about the hinge point, r to
 # the next hinge point. Of the state, frame 0: body axes, r, m c, b = ω × (ω × r), ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c);
-# n = ω × I ω in body axes; of a quick body h_j / D_j, the factors of J and α once J is eliminated.
+# n = ω × I ω in body axes; of a free body h_j / D_j, the factors of J and α once J is eliminated.
 MOUNT, MASS, MOMENT, INERTIA, REACH = 0, 9, 10, 13, 19
 AXES, R, MC, B, ZETA, F, N, H_D, FACTORS, ALPHA, BODY_SIZE = 22, 31, 34, 37, 40, 43, 46, 49, 58, 61, 64
-# Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a quick group
+# Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a free group
 # instead of J e and T: e₁* of `known_moment`, and e₁·e₃.
 ARMATURE, TORQUE, AXIS, JE, HE, T_NET, INVERSE, HINGE_SIZE = (JOINT + k for k in (0, 1, 2, 5, 8, 11, 12, 13))
 
@@ -46,7 +46,7 @@ def articulated_workspace(bodies, hinges, gravity):
     for i in range(len(bodies)):
         b = bodies[i]
         layout[i, FIRST], layout[i, STOP], layout[i, TURNED] = b.first, b.stop, b.turned
-        layout[i, FREE] = passes_known_moment(b, hinges, i + 1 == len(bodies))
+        layout[i, FREE] = is_free(b, hinges)
         for j in range(9):
             rows[i, MOUNT + j] = b.rotation[j % 3, j // 3]
         rows[i, MASS] = b.mass
@@ -56,7 +56,8 @@ def articulated_workspace(bodies, hinges, gravity):
             rows[i, INERTIA + j] = inertia[j]
         if i > 0:
             put_vec_of(rows, vector(b.translation), i - 1, REACH)
-            layout[i - 1, QUICK] = layout[i - 1, FREE] and layout[i, FREE]
+            ends = i + 1 == len(bodies) and b.first == b.stop and b.mass == 0.0 and not np.any(b.inertia)
+            layout[i - 1, QUICK] = layout[i - 1, FREE] and (layout[i, FREE] or ends)
     for k in range(n):
         put_joint(joints, k, hinges[k])
         joints[k, ARMATURE], axes[k] = hinges[k].armature, hinges[k].axis
@@ -92,10 +93,8 @@ def articulated_lanes_workspace(bodies, hinges, gravity):
 
 
 @kernel
-def passes_known_moment(body, hinges, last):
-    """Whether the moment that a body passes inward is known from torques: three axes without rotors, or no inertia."""
-    if last and body.first == body.stop:
-        return body.mass == 0.0 and not np.any(body.inertia)
+def is_free(body, hinges):
+    """Whether a body turns freely: three axes in a group, no two alike in a row, no rotors, none prescribed."""
     for k in range(body.first, body.stop):
         twice = k > body.first and hinges[k].axis == hinges[k - 1].axis
         if twice or hinges[k].armature != 0.0 or hinges[k].prescribed:

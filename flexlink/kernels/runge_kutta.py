@@ -6,7 +6,7 @@ q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.lanes import all_zero, at, put_at, zero_of
@@ -44,23 +44,25 @@ def step(chain, work, tableau, drive, motion, wrench, h, number, q, qd, q_stage,
         t = (number + c[i]) * h
         q_dot, q_dot_dot = L[i], K[i]
         for k in range(len(q)):
-            angle, rate = at(q, k), at(qd, k)
-            for j in range(i):
-                angle += A[i, j] * h * at(L, j, k)
-                rate += A[i, j] * h * at(K, j, k)
-            put_at(q_stage, angle, k)
-            put_at(q_dot, rate, k)
+            put_at(q_stage, at(q, k), k)
+            put_at(q_dot, at(qd, k), k)
+        for j in range(i):
+            add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
         follow(motion, t, q_stage, q_dot, q_dot_dot)
         drive_torque(drive, t, q_stage, q_dot, tau)
         forward_dynamics(chain, wrench, q_stage, q_dot, tau, q_dot_dot, work)
-    for k in range(len(q)):
-        angle, rate = at(q, k), at(qd, k)
-        for i in range(len(c)):
-            angle += b[i] * h * at(L, i, k)
-            rate += b[i] * h * at(K, i, k)
-        put_at(q, angle, k)
-        put_at(qd, rate, k)
+    for i in range(len(c)):
+        add_stage(b[i] * h, L, K, i, q, qd)
     follow(motion, (number + 1) * h, q, qd, K[0])
+
+
+@inlined
+def add_stage(weight, L, K, i, q, qd):
+    """q += weight L_i and q̇ += weight K_i; nothing to do for the many zeros of high-order tableaus."""
+    if weight != 0.0:
+        for k in range(len(q)):
+            put_at(q, at(q, k) + weight * at(L, i, k), k)
+            put_at(qd, at(qd, k) + weight * at(K, i, k), k)
 
 
 @recursion

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 from flexlink.spec import Spec
 from validation.case import Case, Measured
 from validation.kinds import (
+    accuracy,
     buckling,
     convergence,
     energy_drift,
@@ -22,6 +23,10 @@ from validation.kinds import (
     pointwise,
     rounding_growth,
     speed,
+    speed_batch,
+    speed_calls,
+    speed_start,
+    speed_steps,
     statics,
     trajectory,
 )
@@ -40,6 +45,7 @@ class Kind(Protocol):
 
 
 KINDS: dict[str, Kind] = {
+    "accuracy": accuracy,
     "buckling": buckling,
     "convergence": convergence,
     "energy_drift": energy_drift,
@@ -54,6 +60,10 @@ KINDS: dict[str, Kind] = {
     "pointwise": pointwise,
     "rounding_growth": rounding_growth,
     "speed": speed,
+    "speed_batch": speed_batch,
+    "speed_calls": speed_calls,
+    "speed_start": speed_start,
+    "speed_steps": speed_steps,
     "statics": statics,
     "trajectory": trajectory,
 }

@@ -1,0 +1,202 @@
+"""What the study times does what it says: contestants agree before they race, and the stopwatch counts right."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mpmath import mp, mpf
+
+import flexlink as fl
+from flexlink.compare import EPS, random_states
+from flexlink.errors import FlexlinkError
+from reports.figures import speed_cost
+from reports.findings import speed_times
+from reports.results import Results
+from validation.case import CASES, Case, load_case
+from validation.kinds import speed_calls, speed_steps
+from validation.kinds.speed_calls import Time
+from validation.oracles.planar_chain import DIGITS, PlanarChain
+from validation.oracles.spatial_chain import SpatialChain, numbers
+from validation.runner import judge
+from validation.store import Store
+from validation.timing import contestants, loops, pinocchio_models, steps
+from validation.timing.families import Family, of_steps
+from validation.timing.families import random_states as states_of
+from validation.timing.stopwatch import race
+
+CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
+FLEX = {"T1": "z", "T2": "yz", "T3": "xyz"}
+
+
+def family(kind: str, *segments: int, **limits: int) -> Family:
+    links = [{}, {"flex": FLEX[kind]}, {"flex": FLEX[kind]}]
+    return Family(segments=segments, change={"link": links}, **limits)
+
+
+@pytest.fixture(params=FLEX)
+def chain(request: pytest.FixtureRequest) -> fl.Chain:
+    return family(request.param, 3).scene(CASE, 3).chain()
+
+
+def allowed(chain: fl.Chain, q: np.ndarray) -> float:
+    """Relative difference that rounding explains."""
+    return float(10 * EPS * np.linalg.cond(fl.mass_matrix(chain, q)))
+
+
+# families
+
+
+@pytest.mark.parametrize(("kind", "segments", "n"), [("T1", 5, 10), ("T1", 200, 400), ("T2", 5, 18), ("T3", 50, 296)])
+def test_a_family_has_the_degrees_of_freedom_of_the_paper_s_equation_1(kind: str, segments: int, n: int) -> None:
+    assert family(kind, segments).scene(CASE, segments).chain().n == n
+
+
+@pytest.mark.parametrize("kind", FLEX)
+def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
+    some = family(kind, 5, 30)
+    scene = some.released(CASE, 30)
+    assert scene.run.step <= fl.stable_step(scene.chain(), "RK4", np.linspace(0.1, 0.4, scene.chain().n))
+
+
+def test_a_run_of_so_many_steps_keeps_two_states() -> None:
+    scene = of_steps(family("T1", 5).released(CASE, 5), 37)
+    assert (scene.run.steps_per_sample, scene.run.samples) == (37, 2)
+
+
+# contestants
+
+
+def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
+    q, qd, tau, _ = (part[0] for part in states_of(chain))
+    ours = fl.forward_dynamics(chain, q, qd, tau)
+    net = tau - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
+    models = pinocchio_models.build_all(chain)
+    for model, sign in models.values():
+        theirs = pin.aba(model, model.createData(), q * sign, qd * sign, net * sign) * sign
+        assert np.abs(theirs - ours).max() <= allowed(chain, q) * np.abs(ours).max()
+    sizes = {model.njoints for model, _ in models.values()}
+    assert len(sizes) == len(models), "each kind joins hinges in its own way"
+
+
+def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> None:
+    states = states_of(chain)
+    q, qd, tau, qdd = states
+    last = 5 % len(q)  # of 6 calls
+    jobs = contestants.native(chain, states)
+    expected = {
+        contestants.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
+        contestants.RNE: fl.inverse_dynamics(chain, q[last], qd[last], qdd[last]),
+        contestants.MASS: fl.mass_matrix(chain, q[last]),
+        contestants.BIAS: fl.bias_torque(chain, q[last], qd[last]),
+    }
+    assert jobs.keys() == expected.keys() == contestants.public(chain, states).keys()
+    for job, value in expected.items():
+        np.testing.assert_array_equal(jobs[job](6), value)
+    assert loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
+
+
+def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
+    states = states_of(chain)
+    jobs = set(contestants.native(chain, states))
+    assert set(contestants.mujoco_calls(chain, states)) == jobs
+    forms = contestants.pinocchio(chain, states)
+    assert set(forms[speed_calls.PLAIN]) == jobs
+    for contestant in (contestants.mujoco_calls(chain, states), *forms.values()):
+        for work in contestant.values():
+            work(3)
+
+
+def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
+    scene = family("T1", 5).released(CASE, 5)
+    wild = of_steps(scene, 1, 30 * scene.run.step)
+    for contestant in (steps.native(wild), steps.by_mujoco(wild), steps.native_batch([wild] * 8)):
+        with pytest.raises(FlexlinkError, match="unstable at step"):
+            contestant(5000)
+
+
+def test_a_stable_race_of_steps_has_everyone_in_it() -> None:
+    short = family("T1", 5, pinocchio=5, mujoco=5)
+    settings = speed_steps.Settings(chain={"T1": short}, longest={"T1": 6}, longest_steps=3, turns=1, turn=1e-4)
+    found = {m.quantity: m.value for m in speed_steps.run(CASE, settings) if hasattr(m, "quantity")}
+    assert found["steps of the longest chain"] == pytest.approx(3)
+    assert found["T1, n = 10: mujoco / native"] > 0
+    assert found["T1, n = 10: pinocchio / native"] > 0
+
+
+# stopwatch
+
+
+def test_the_stopwatch_finds_the_time_of_a_call() -> None:
+    def sleeps(milliseconds: float):
+        return lambda calls: time.sleep(calls * milliseconds * 1e-3)
+
+    laps = race({"one": sleeps(1.0), "three": sleeps(3.0)}, turns=2, turn=0.006)
+    assert 1e-3 <= laps["one"].seconds < 2e-3
+    assert laps["one"].calls >= 2 * laps["three"].calls
+    assert laps["three"].seconds / laps["one"].seconds == pytest.approx(3, rel=0.5)
+
+
+def test_the_exponent_is_of_the_long_chains_only() -> None:
+    times = [Time("native", n, 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0)) for n in (10, 100, 400, 3000)]
+    [row] = speed_calls.exponents("T1 forward dynamics", times)
+    assert (row.quantity, row.setting) == ("T1 forward dynamics: exponent", "n = 100 … 3000")
+    assert row.value == pytest.approx(1.5)
+
+
+# the judge of accuracy
+
+
+def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
+    chain = family("T1", 3).scene(CASE, 3).chain()
+    state = random_states(chain, 1)[0]
+    with mp.workdps(DIGITS):
+        q, qd, tau = (numbers(part) for part in state[:3])
+        one, other = SpatialChain(chain), PlanarChain(chain)
+        pairs = zip(one.forward_dynamics(q, qd, tau), other.forward_dynamics(q, qd, tau), strict=True)
+        assert max(abs(a - b) for a, b in pairs) < mpf("1e-35")
+
+
+@pytest.mark.parametrize("model", ["t2_spatial", "t3_spatial"])
+def test_the_spatial_judge_agrees_with_every_term(model: str, models: Path) -> None:
+    chain = fl.load_scene(models / f"{model}.toml").chain()
+    state = random_states(chain, 1)[0]
+    with mp.workdps(DIGITS):
+        M, bias = SpatialChain(chain).equations(numbers(state.q), numbers(state.qd))
+        M, bias = np.array(M.tolist(), float), np.array(bias, float)
+    np.testing.assert_allclose(M, fl.mass_matrix(chain, state.q), atol=1e-13 * np.abs(M).max())
+    np.testing.assert_allclose(bias, fl.bias_torque(chain, state.q, state.qd), atol=1e-12 * np.abs(bias).max())
+
+
+def test_free_groups_near_gimbal_lock_keep_their_digits() -> None:
+    """Hinges X and Z of a group almost line up: M is nearly singular, the motion itself is harmless."""
+    chain = family("T3", 3).scene(CASE, 3).chain()
+    state = random_states(chain, 1, 1)[0]
+    state.q[chain.hinges["axis"] == 1] = np.pi / 2 - 1e-4
+    with mp.workdps(DIGITS):
+        truth = np.array(SpatialChain(chain).forward_dynamics(*(numbers(part) for part in state[:3])), float)
+    ours = fl.forward_dynamics(chain, state.q, state.qd, state.tau)
+    assert np.abs(ours - truth).max() <= 1e-3 * allowed(chain, state.q) * np.abs(truth).max()
+
+
+# the report
+
+
+def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    store.prepare(["speed_calls"])
+    case = load_case(CASES / "speed_calls.toml")
+    entries = [("T1", Time("native", n, 1e-8 * n)) for n in (10, 100, 1000)] + [("T1", Time("mujoco", 10, 1e-6))]
+    store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
+    for row in speed_calls.exponents("T1 forward dynamics", [each for _, each in entries]):
+        store.append(judge(case, row, 0.0, "key"))
+    results = Results.read(tmp_path)
+    [picture] = speed_cost.draw(results)
+    assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: ours ∝ $n^{1}$"]
+    [finding] = speed_times.find(results)
+    assert finding.heads == ("chain", "n", "native", "mujoco")
+    assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
+    assert finding.lines[1][-1] is None

@@ -1,0 +1,73 @@
+"""Many members at once: the loop of `simulate_many` beside MuJoCo's rollout and `mj_step`, one thread each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+import numpy as np
+
+import flexlink as fl
+from flexlink.scene import Scene
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+from validation.timing import steps
+from validation.timing.families import Family, of_steps, random_states
+from validation.timing.stopwatch import clock, race
+
+
+class Settings(Spec, frozen=True):
+    """The chains, number of members (a multiple of 8), steps of the whole run, and how often and long [s] each runs."""
+
+    chain: dict[str, Family]
+    members: int
+    steps: int
+    turns: int = 5
+    turn: float = 0.05
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Time of an RK4 step and of an evaluation of q̈ per member, on one core; ratio to the faster of MuJoCo's ways."""
+    for name, family in settings.chain.items():
+        scene = family.released(case, family.segments[0])
+        members = _members(scene, settings.members)
+        works = {
+            "native": steps.native_batch(members),
+            "mujoco, rollout": steps.by_mujoco_rollout(members),
+            "mujoco, mj_step": steps.by_mujoco(scene),
+        }
+        laps = race(works, settings.turns, settings.turn)
+        per_member = {e: 1e6 * lap.seconds / (1 if e == "mujoco, mj_step" else len(members)) for e, lap in laps.items()}
+        setting = f"{name}, n = {scene.chain().n}, {len(members)} members"
+        for engine, time in per_member.items():
+            yield Measured("time of a step per member", time, engine=engine, setting=setting)
+        ours = per_member.pop("native")
+        best = min(per_member, key=per_member.__getitem__)
+        yield Measured("mujoco / native", per_member[best] / ours, engine=best, setting=setting)
+        many = [of_steps(member, settings.steps) for member in members]
+        whole = 1e6 * clock(lambda _, many=many: fl.simulate_many(many), 1) / len(many) / settings.steps  # type: ignore[misc]
+        yield Measured("time of a step per member, all included", whole, setting=f"{setting}, {settings.steps} steps")
+        yield _evaluation(scene, settings, setting)
+
+
+def _members(scene: Scene, count: int) -> list[Scene]:
+    """The scene from different angles, up to 10° apart."""
+    *before, last = scene.initial.joint_deg
+    starts = [
+        msgspec.structs.replace(scene.initial, joint_deg=(*before, last + angle))
+        for angle in np.linspace(-5.0, 5.0, count).tolist()
+    ]
+    return [msgspec.structs.replace(scene, initial=start) for start in starts]
+
+
+def _evaluation(scene: Scene, settings: Settings, setting: str) -> Measured:
+    """q̈ of all members by one public call."""
+    chain = scene.chain()
+    q, qd, tau, _ = random_states(chain, settings.members)
+
+    def work(calls: int) -> None:
+        for _ in range(calls):
+            fl.forward_dynamics(chain, q, qd, tau)
+
+    lap = race({"native": work}, settings.turns, settings.turn)["native"]
+    return Measured("forward dynamics per member, public call", 1e6 * lap.seconds / settings.members, setting=setting)

@@ -1,0 +1,62 @@
+"""What a user waits for and what memory a run takes: cold and warm start, import, growth with duration.
+
+Every measurement is a process of its own; the cold start has an empty cache folder of its own.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+
+ROOT = Path(__file__).parent.parent.parent
+GROWTH = """
+import resource, sys, flexlink
+scene = flexlink.load_scene(sys.argv[1])
+def peak(steps):
+    h = scene.run.step
+    flexlink.simulate(scene, duration=steps * h, sample=steps / 100 * h)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+short, long = peak(int(sys.argv[2])), peak(int(sys.argv[3]))
+print((long - short) * (1 if sys.platform == 'darwin' else 1024))
+"""
+
+
+class Settings(Spec, frozen=True):
+    """Repeats of what is warm, and the steps of a short and a long run with the same 101 samples."""
+
+    repeats: int
+    steps: tuple[int, int]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher."""
+    for scene, path in zip(case.load_scenes(), case.scene_files, strict=True):
+        with tempfile.TemporaryDirectory() as folder:
+            environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": folder}
+            command = [sys.executable, "-m", "flexlink", "simulate", str(path)]
+            seconds, said = _timed(command, environment)
+            yield Measured("cold start", seconds, scene.name)
+            yield Measured("cold start says that it compiles", float("compil" in said.lower()), scene.name)
+            warm = min(_timed(command, environment)[0] for _ in range(settings.repeats))
+            yield Measured("warm start", warm, scene.name)
+            importing = [sys.executable, "-c", "import flexlink"]
+            yield Measured("import", min(_timed(importing, environment)[0] for _ in range(settings.repeats)))
+        short, long = settings.steps
+        growth = _timed([sys.executable, "-c", GROWTH, str(path), str(short), str(long)], dict(os.environ))[1]
+        setting = f"{long} steps against {short}, 101 samples"
+        yield Measured("growth of memory", float(growth.split()[-1]) / 1e6, scene.name, setting=setting)
+
+
+def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
+    """Seconds from the start of the process to its end, and what it said."""
+    start = time.perf_counter()
+    done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
+    return time.perf_counter() - start, done.stderr + done.stdout

@@ -1,0 +1,69 @@
+"""Time of a Runge-Kutta step of whole simulations against n, beside `mj_step` and a loop over Pinocchio's `aba`.
+
+Every run stays stable, or it is an error: step and state are checked at its end.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from flexlink.simulate import simulate
+from flexlink.spec import Spec
+from validation.case import Case, Measured
+from validation.kinds.speed_calls import Time, exponents, series
+from validation.store import Series
+from validation.timing import steps
+from validation.timing.families import Family, of_steps
+from validation.timing.stopwatch import race
+
+
+class Settings(Spec, frozen=True):
+    """Families by name, segments of the longest chains and their steps, and how often and how long [s] each runs."""
+
+    chain: dict[str, Family]
+    longest: dict[str, int]
+    longest_steps: int
+    turns: int = 8
+    turn: float = 0.01
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Times of a step, ratios, exponents, a series to draw, and the longest chains."""
+    entries: list[tuple[str, Time]] = []
+    for name, family in settings.chain.items():
+        times: list[Time] = []
+        for segments in family.segments:
+            found = _race(case, family, segments, settings)
+            yield from _rows(name, found)
+            times += found
+        yield from exponents(f"{name} RK4 step", times)
+        entries += [(name, each) for each in times]
+    yield series("RK4 step", entries)
+    for name, segments in settings.longest.items():
+        scene = of_steps(settings.chain[name].released(case, segments), settings.longest_steps)
+        start = time.perf_counter()
+        end = simulate(scene)  # an error if it leaves the finite numbers
+        seconds = time.perf_counter() - start
+        setting = f"{name}, n = {end.chain.n}"
+        yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), setting=setting)
+        yield Measured("run of the longest chain", seconds, setting=setting)
+
+
+def _race(case: Case, family: Family, segments: int, settings: Settings) -> list[Time]:
+    scene = family.released(case, segments)
+    works = {"native": steps.native(scene)}
+    if segments <= family.mujoco:
+        works["mujoco"] = steps.by_mujoco(scene)
+    if segments <= family.pinocchio:
+        works["pinocchio"] = steps.by_pinocchio(scene)
+    laps = race(works, settings.turns, settings.turn)
+    return [Time(name, scene.chain().n, lap.seconds) for name, lap in laps.items()]
+
+
+def _rows(family: str, times: list[Time]) -> Iterator[Measured]:
+    ours = times[0]
+    for each in times:
+        if each is not ours:
+            ratio = each.seconds / ours.seconds
+            yield Measured(f"{family}, n = {each.n}: {each.engine} / native", ratio, engine=each.engine)

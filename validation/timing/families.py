@@ -1,0 +1,64 @@
+"""Families of chains: one scene, its flexible links cut into more and more segments."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain import Chain
+from flexlink.modal import stable_step
+from flexlink.scene import Run, Scene
+from flexlink.spec import Spec
+from validation.benchmarks.variant import Rule, Variant
+from validation.case import Case
+
+Array = NDArray[np.float64]
+STATES = 2  # that a loop goes through in turn, so that no call repeats the one before it
+
+
+class Family(Spec, frozen=True):
+    """The case's scene, `change` laid over its file, with so many segments a link; engines join up to that many."""
+
+    segments: tuple[int, ...]
+    pinocchio: int = 0
+    mujoco: int = 0
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+    rule: str = "paper"
+
+    def scene(self, case: Case, segments: int) -> Scene:
+        """The scene with so many segments a link."""
+        return Variant(change=self.change).build(case, Rule(rule=self.rule, hinges=segments - 1))
+
+    def released(self, case: Case, segments: int) -> Scene:
+        """The same with RK4 at a stable step: half the largest of the shortest chain, carried over by (n₀/n)².
+
+        The fastest mode bends from hinge to hinge; its frequency grows as the square of their number, or slower.
+        """
+        first = min(self.segments)
+        chain = self.scene(case, first).chain()
+        step = 0.5 * stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n)) * (first / segments) ** 2
+        return of_steps(self.scene(case, segments), 0, step)
+
+
+def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
+    """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
+    h = step or scene.run.step
+    return msgspec.structs.replace(scene, run=Run(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h))
+
+
+class States(NamedTuple):
+    """Random states: angles over the full range, rates to 10 rad/s, torques to 10 N m, accelerations to 10 rad/s²."""
+
+    q: Array
+    qd: Array
+    tau: Array
+    qdd: Array
+
+
+def random_states(chain: Chain, count: int = STATES) -> States:
+    """Arrays of shape (count, n)."""
+    random = np.random.default_rng(0)
+    return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

@@ -1,0 +1,41 @@
+"""Compiled loops over the kernels: no Python between two calls."""
+
+from typing import Any
+
+import numpy as np
+
+from flexlink.kernels.compiler import kernel
+from flexlink.kernels.forward import forward_dynamics
+from flexlink.kernels.mass import composite, composite_workspace
+from flexlink.kernels.rne import rne, rne_workspace
+from flexlink.kernels.vec3 import vector
+
+
+@kernel
+def forward_dynamics_loop(chain: Any, work: Any, q: Any, qd: Any, tau: Any, calls: int) -> Any:
+    """q̈ of states (s, n) in turn, `calls` times."""
+    wrench, qdd = np.zeros(6), np.zeros(q.shape[1])
+    for i in range(calls):
+        s = i % len(q)
+        forward_dynamics(chain, wrench, q[s], qd[s], tau[s], qdd, work)  # type: ignore[no-untyped-call]
+    return qdd
+
+
+@kernel
+def rne_loop(chain: Any, q: Any, qd: Any, qdd: Any, calls: int) -> Any:
+    """τ = M q̈ + T_GC of states (s, n) in turn, `calls` times."""
+    wrench, tau, work = np.zeros(6), np.zeros(q.shape[1]), rne_workspace(chain)
+    for i in range(calls):
+        s = i % len(q)
+        rne(chain, vector(chain.gravity), wrench, q[s], qd[s], qdd[s], tau, work)
+    return tau
+
+
+@kernel
+def mass_loop(chain: Any, q: Any, calls: int) -> Any:
+    """M of angles (s, n) in turn, `calls` times."""
+    n = q.shape[1]
+    M, work = np.zeros((n, n)), composite_workspace(chain)
+    for i in range(calls):
+        composite(chain, q[i % len(q)], M, work)
+    return M

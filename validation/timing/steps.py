@@ -1,0 +1,124 @@
+"""Who is timed at Runge-Kutta steps: our compiled loop, MuJoCo's `mj_step`, and Python around Pinocchio's `aba`.
+
+Each function prepares a run from the scene's initial state and returns work that takes so many steps of RK4.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator, Sequence
+
+import mujoco
+import numpy as np
+from mujoco import rollout
+
+from flexlink import engines
+from flexlink.dynamics import lanes_workspace, solver_for
+from flexlink.engines.mujoco import MujocoEngine
+from flexlink.errors import FlexlinkError
+from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.kernels.lanes import LANES
+from flexlink.kernels.runge_kutta import integrate
+from flexlink.scene import Scene
+from flexlink.tableaus import tableau
+from validation.timing.families import of_steps
+from validation.timing.stopwatch import Work
+
+
+def native(scene: Scene) -> Work:
+    """The loop of `flexlink.simulate`."""
+    chain, h = scene.chain(), scene.run.step
+    work = solver_for(chain, "articulated").workspace(chain.arrays)
+    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    q, qd = np.zeros((2, 2, chain.n))
+    q[0], qd[0] = scene.initial_state(chain)
+
+    def take(steps: int) -> None:
+        done = integrate(chain.arrays, work, tableau("RK4").arrays, *inputs, h, 0, steps, q, qd)
+        _demand(scene, "flexlink", done == steps)
+
+    return take
+
+
+def native_batch(members: Sequence[Scene]) -> Work:
+    """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
+    scene = members[0]
+    chain, h = scene.chain(), scene.run.step
+    work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
+    blocks = np.zeros((len(starts), 2, 2, chain.n, LANES))  # block, q or q̇, first or last, hinge, lane
+    blocks[:, :, 0] = starts.transpose(0, 2, 3, 1)
+
+    def take(steps: int) -> None:
+        arrays = chain.arrays, work, tableau("RK4").arrays
+        for q, qd in blocks:
+            done = integrate(*arrays, *inputs, h, 0, steps, q, qd)
+            _demand(scene, "flexlink", done == steps)
+
+    return take
+
+
+def by_pinocchio(scene: Scene) -> Work:
+    """The adapter's Python loop over `aba`."""
+    engine = engines.load("pinocchio", scene.chain())
+    return lambda steps: engine.integrate(of_steps(scene, steps))
+
+
+def by_mujoco(scene: Scene) -> Work:
+    """`mj_step`, many steps a call; autoreset is off in the exported file."""
+    model, data, start = _loaded(scene)
+
+    def take(steps: int) -> None:
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = start
+        with _quiet():
+            mujoco.mj_step(model, data, steps)
+        in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
+        _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
+
+    return take
+
+
+def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
+    """`mujoco.rollout` on the calling thread, all members in one call."""
+    scene = members[0]
+    model, data, _ = _loaded(scene)
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    states = np.zeros((len(members), mujoco.mj_stateSize(model, full)))
+    for row, member in zip(states, members, strict=True):
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = member.initial_state(scene.chain())
+        mujoco.mj_getState(model, data, row, full)
+    pool = rollout.Rollout(nthread=0)
+
+    def take(steps: int) -> None:
+        with _quiet():
+            found, _ = pool.rollout(model, data, states, nstep=steps)
+        _demand(scene, "MuJoCo", bool(np.isfinite(found[:, -1]).all()) and not data.warning.number.any())
+
+    return take
+
+
+def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, object]]:
+    chain = scene.chain()
+    engine = MujocoEngine(chain)
+    engine.model.opt.timestep = scene.run.step
+    return engine.model, engine.data, scene.initial_state(chain)
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """MuJoCo would write its warnings into a file in the working folder; `_demand` tells them."""
+    old = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(old)
+
+
+def _demand(scene: Scene, engine: str, stable: bool) -> None:
+    if not stable:
+        step = f"step = {scene.run.step:g} s"
+        raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time says nothing")
