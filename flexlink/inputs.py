@@ -70,9 +70,19 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
-    """The scene's prescribed motions; no joint at all if there is none."""
+    """The scene's prescribed motions; no joint at all if there is none.
+
+    Raises
+    ------
+    SceneError
+        An angle changes faster than float64 can hold.
+    """
     joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
-    pieces = [_pieces(motion) for motion in scene.motion]
+    with np.errstate(all="ignore"):
+        pieces = [_pieces(motion) for motion in scene.motion]
+    for k, piece in enumerate(pieces):
+        if not np.isfinite(piece).all():
+            raise SceneError(f"motion[{k}].angle_deg: changes faster from one time to the next than float64 can hold")
     knots = [np.array(motion.times) for motion in scene.motion]
     return MotionArrays(
         np.array(joints, dtype=np.int64),

@@ -39,7 +39,7 @@ def unlocked(chain: Chain, locked: Sequence[int]) -> NDArray[np.intp]:
         raise ArgumentError(f"locked = {list(locked)}: {wrong[0]!r} is no coordinate; allowed are 0 … {chain.n - 1}")
     free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), np.array(locked, dtype=np.intp))
     if not len(free):
-        raise ArgumentError(f"locked = {list(locked)}: nothing is left to move")
+        raise ArgumentError(f"locked = {list(locked)}: nothing is left to move; prescribed joints do not, either")
     return free
 
 

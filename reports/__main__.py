@@ -7,7 +7,12 @@ import sys
 from pathlib import Path
 
 from flexlink.errors import FlexlinkError
-from reports.build import build, readme_figure
+
+try:
+    from reports.build import build, readme_figure
+except ImportError as missing:
+    print(f"reports: {missing}; install with: python -m pip install -e '.[report]'", file=sys.stderr)
+    sys.exit(2)
 
 ROOT = Path(__file__).parent.parent
 RESULTS, OUT = ROOT / "validation" / "results", ROOT / "reports" / "latest"

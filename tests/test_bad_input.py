@@ -92,6 +92,12 @@ def test_torques_that_change_faster_than_float64_are_refused(edit: Edit, tmp_pat
     assert "drive.torques: change faster" in refusal(["simulate", write(tmp_path / "a.toml", edit)], capsys)
 
 
+def test_a_motion_that_jumps_is_refused(tmp_path: Path, capsys) -> None:
+    jump = {"link": "waist", "times": [0.0, 1e-200], "angle_deg": [30.0, 31.0], "rate_deg": [40.0, 0.0]}
+    path = write(tmp_path / "a.toml", lambda raw: raw.update(motion=[jump | {"acceleration_deg": [0.0, 0.0]}]))
+    assert "motion[0].angle_deg: changes faster" in refusal(["simulate", path], capsys)
+
+
 def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
     assert "beyond float64" in refusal(["modes", write(tmp_path / "a.toml", joint(viscous=1e308))], capsys)
 
@@ -335,3 +341,12 @@ def test_methods_that_are_no_text_are_refused(models) -> None:
         fl.mass_matrix(chain, np.zeros(10), method=[])  # type: ignore[arg-type]
     with pytest.raises(fl.SceneError, match="method = 5: unknown"):
         fl.stable_step(chain, 5)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("program", ["reports", "validation"])
+def test_programs_without_their_packages_say_what_to_install(program: str) -> None:
+    code = f"import sys, runpy; sys.modules['jinja2'] = sys.modules['rich'] = None; runpy.run_module('{program}')"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "python -m pip install -e" in done.stderr
+    assert len(done.stderr.splitlines()) == 1

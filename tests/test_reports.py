@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from flexlink.errors import FlexlinkError
-from reports import build
+from reports.build import build
 from reports.finding import Finding
 from reports.findings.paper_conclusion import evaluations, judge
 from reports.numbers import JOIN, number

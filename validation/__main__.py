@@ -103,7 +103,7 @@ def _report(results: Path) -> Path | None:
     """Write the report with the package `reports`, if it is there."""
     if importlib.util.find_spec("reports") is None:
         return None
-    page: Path = importlib.import_module("reports").build(results, REPORT)
+    page: Path = importlib.import_module("reports.build").build(results, REPORT)
     return page
 
 
