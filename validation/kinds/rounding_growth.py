@@ -52,7 +52,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         curves = {"time [s]": ours.t, "native, one ulp or another solver": own}
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
-            yield from panels(short, points_of(short, ours.chain, *(part[: short.run.samples] for part in (t, q, qd))), name)
+            begun = (part[: short.run.samples] for part in (t, q, qd))
+            yield from panels(short, points_of(short, ours.chain, *begun), name)
             curves[name] = _running_max(q, ours.q)
             ratio = float((curves[name][within] / own[within]).max())
             upto = f"{setting}, to {ours.t[end - 1]:g} s"
