@@ -1,0 +1,76 @@
+"""Kelvin-Voigt's price: an explicit method's largest step against the damping ratio of the fastest mode, and its cap.
+
+With d = η k every mode has ζ = η ω/2. A mode with ζ > 1 creeps with rates λ = −ω (ζ ± √(ζ² − 1)), of which the method
+must follow the faster: h ω = r / (ζ + √(ζ² − 1)), r the method's limit on the negative real axis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.modal import largest_frequency
+from flexlink.scene import Scene
+from flexlink.spec import Positive, Spec
+from validation.benchmarks.variant import Rule, Variant
+from validation.case import Case, Measured
+from validation.store import Series
+
+
+class Settings(Spec, frozen=True):
+    """Damping ratios of the fastest mode; the method, with its published limit on the real axis; and a capped law.
+
+    `target` is the damping ratio of the slowest mode with which the capped law is asked for, `cap` its bound.
+    """
+
+    chain: Rule
+    ratios: tuple[Positive, ...]
+    method: str
+    real_limit: Positive
+    target: Positive
+    cap: Positive
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Stable steps with Kelvin-Voigt's law, then the same target with a cap."""
+    free = _scene(case, settings, {})
+    ω = largest_frequency(free.chain(), np.zeros(free.chain().n))
+    steps = {}
+    for ζ in settings.ratios:
+        h = _step(_scene(case, settings, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
+        steps[ζ] = h
+        where = {"scene": free.name, "setting": f"{settings.method}, ratio {ζ:g} of the fastest mode"}
+        yield Measured("stable step × ω_max", h, **where)
+        if ζ > 1:
+            theory = settings.real_limit / (ζ + math.sqrt(ζ * ζ - 1))
+            yield Measured("stable step of a creeping mode", abs(h / theory - 1), **where, note=f"Theory {theory:.4g}.")
+    columns = {"ratio [1]": np.array(list(steps)), "h ω_max [1]": np.array(list(steps.values()))}
+    title = f"{settings.method}: largest stable step against Kelvin-Voigt damping, {settings.chain}"
+    label = "damping ratio of the fastest mode [1]"
+    yield Series("steps", title, columns, "ratio [1]", label, "largest stable step × ω_max [1]", "log", "log")
+    yield from _capped(case, settings, ω)
+
+
+def _capped(case: Case, settings: Settings, ω: float) -> Iterator[Measured]:
+    slowest = float(fl.natural_frequencies(_scene(case, settings, {}).chain())[0])
+    target = {"ratio": settings.target, "at_hz": slowest / (2 * math.pi)}
+    for name, damping in (("no cap", target), (f"cap {settings.cap:g}", target | {"cap": settings.cap})):
+        scene = _scene(case, settings, {"link": [{"damping": damping}]})
+        ratios = fl.modes(scene.chain()).damping_ratios
+        where = {"scene": scene.name, "setting": f"{settings.target:g} asked of the slowest mode, {name}"}
+        yield Measured("damping ratio of the slowest mode", float(ratios[0]), **where)
+        yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, **where)
+        if "cap" in damping:
+            yield Measured("largest damping ratio / cap", float(ratios.max()) / settings.cap, **where)
+
+
+def _scene(case: Case, settings: Settings, change: dict[str, Any]) -> Scene:
+    return Variant(change=change).build(case, settings.chain)
+
+
+def _step(scene: Scene, method: str) -> float:
+    return fl.stable_step(scene.chain(), method)
