@@ -25,7 +25,7 @@ class Settings(Spec, frozen=True):
     """Families by name, and how often and how long [s] each contestant runs."""
 
     chain: dict[str, Family]
-    turns: int = 8
+    turns: int = 6
     turn: float = 0.0015
 
 

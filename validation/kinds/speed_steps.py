@@ -24,8 +24,8 @@ class Settings(Spec, frozen=True):
     chain: dict[str, Family]
     longest: dict[str, int]
     longest_steps: int
-    turns: int = 8
-    turn: float = 0.01
+    turns: int = 6
+    turn: float = 0.006
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
