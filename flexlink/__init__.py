@@ -30,9 +30,10 @@ from flexlink.errors import (
 )
 from flexlink.export import to_mjcf, to_urdf
 from flexlink.lumping import lump
-from flexlink.modal import Modes, modes, natural_frequencies, stable_step
+from flexlink.modal import Modes, modes, natural_frequencies
 from flexlink.scene import Drive, Initial, Motion, Run, Scene, Wrench, load_scene
 from flexlink.simulate import simulate
+from flexlink.stability import stable_step
 from flexlink.statics import Equilibrium, buckling_loads, solve_static
 from flexlink.trajectory import Trajectory
 

@@ -20,14 +20,17 @@ from flexlink.dynamics import SOLVERS
 from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, InterruptedRunError
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
-from flexlink.modal import eigenvalues, modes, stable_step
-from flexlink.output import write_somewhere, write_text
+from flexlink.modal import modes
+from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
+from flexlink.stability import fastest_eigenvalues, stable_step
 from flexlink.trajectory import Trajectory, output_format, picture_format, plotting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+LISTED = 100  # coordinates that `info` names
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -149,11 +152,13 @@ def _show(scene: Scene) -> None:
     q0, _ = scene.initial_state(chain)
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
-    for k in range(chain.n):
+    for k in range(min(chain.n, LISTED)):
         c = chain.coordinate(k)
         spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if c.axis else "driven"
         print(f"  {k:4d}  (link {c.link}, segment {c.segment}, axis {c.axis})  {chain.joint_name(k):<16} {spring}")
-    hertz = np.unique(np.abs(eigenvalues(chain, q0)).round(9)) / (2 * np.pi)
+    if chain.n > LISTED:
+        print(f"  … {chain.n - LISTED} more")
+    hertz = np.unique(np.abs(fastest_eigenvalues(chain, q0)).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     for method in catalogue.names("tableaus"):
@@ -210,7 +215,8 @@ def _modes(options: argparse.Namespace) -> int:
 
 
 def _draw(figure: Figure, path: Path) -> None:
-    print(f"plot: {write_somewhere(path, lambda place: figure.savefig(place, dpi=150))}")
+    write_or_keep(path, lambda place: figure.savefig(place, dpi=150))
+    print(f"plot: {path}")
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
@@ -223,9 +229,8 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
 
 def _save(run: Trajectory, out: Path | None) -> None:
     if out is not None:
-        kept = write_somewhere(out, run.writer(out))
-        note = "" if kept == out else f" ({out} could not be written)"
-        print(f"samples: {kept}{note}")
+        write_or_keep(out, run.writer(out))
+        print(f"samples: {out}")
 
 
 def _require_place(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Linear dynamics of a chain about a posture: frequencies, modes and the largest stable step.
+"""Modes of small motion of a chain about a posture.
 
     M δq̈ + (D + G) δq̇ + K δq = 0,        δq = φ exp(λt)
 
@@ -18,16 +18,11 @@ from scipy import linalg
 from flexlink.chain import Chain
 from flexlink.checks import vector, wrench_vector
 from flexlink.dynamics import frames, mass_matrix
-from flexlink.errors import ArgumentError, SceneError, SingularMassError
-from flexlink.tableaus import Tableau, tableau
+from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-GROWTH = 1e-6
-"""Growth of the amplitude per step that still counts as stable: a factor e in a million steps. Exactly zero would
-call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -122,9 +117,9 @@ def modes(
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
     block = np.ix_(free, free)
-    M = _regular_mass(chain, q, free)
+    M = regular_mass(chain, q, free)
     K = stiffness_matrix(chain, q, rates, wrench, follower)[block]
-    C = (gyroscopic_matrix(chain, q, rates) + np.diag(_damping(chain)))[block]
+    C = (gyroscopic_matrix(chain, q, rates) + np.diag(damping_slope(chain)))[block]
     λ, vectors = _general(M, C, K) if C.any() else _undamped(M, K)
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
@@ -162,7 +157,7 @@ def _undamped(M: Array, K: Array) -> tuple[Complex, NDArray[np.inexact]]:
     return np.where(λ.imag < 0, -λ, λ), vectors[:, order]
 
 
-def _regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
+def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
     """M of the free coordinates, of which each must move inertia of its own.
 
     Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
@@ -182,13 +177,13 @@ def _regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
 
 def _general(M: Array, C: Array, K: Array) -> tuple[Complex, Complex]:
     """(λ² M + λ C + K) φ = 0 through the linear problem in (φ, λφ); one of each conjugate pair."""
-    λ, vectors = linalg.eig(_first_order(M, C, K))
+    λ, vectors = linalg.eig(first_order_matrix(M, C, K))
     kept = λ.imag >= 0
     order = np.argsort(np.abs(λ[kept]), kind="stable")
     return λ[kept][order], vectors[: len(M), kept][:, order]
 
 
-def _first_order(M: Array, C: Array, K: Array) -> Array:
+def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
     factor = linalg.cho_factor(M)
     lower = [-linalg.cho_solve(factor, right, check_finite=False) for right in (K, C)]
@@ -198,81 +193,6 @@ def _first_order(M: Array, C: Array, K: Array) -> Array:
     return A
 
 
-def _damping(chain: Chain) -> Array:
+def damping_slope(chain: Chain) -> Array:
     """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
     return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])
-
-
-def eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
-    """Eigenvalues λ of the springs and the friction about posture `q`, gravity left out [1/s], 2 per free joint.
-
-    λ² M + λ D + K = 0 with D the slope of T_FR at rest. |Im λ| ≈ ω of lightly damped modes. Joints whose motion is
-    prescribed do not take part.
-
-    Raises
-    ------
-    ArgumentError
-        `q` has the wrong shape, is not real or not finite.
-    SingularMassError
-        A coordinate moves no inertia of its own at this posture.
-    """
-    q = vector("q", q, chain.n)
-    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
-    M = _regular_mass(chain, q, free)
-    K, D = np.diag(chain.stiffness[free]), _damping(chain)[free]
-    if not D.any():
-        ω = np.sqrt(np.maximum(linalg.eigh(K, M, eigvals_only=True), 0.0))
-        return np.concatenate([1j * ω, -1j * ω])
-    values: Complex = linalg.eigvals(_first_order(M, np.diag(D), K))
-    return values
-
-
-def largest_frequency(chain: Chain, q: ArrayLike) -> float:
-    """Largest |λ| of `eigenvalues` [rad/s]: what the step of an explicit method has to follow."""
-    return float(np.abs(eigenvalues(chain, q)).max(initial=0.0))
-
-
-def stability_polynomial(method: Tableau) -> Array:
-    """Coefficients of R(z) = 1 + z b·(1 − zA)⁻¹·1 = Σ r_k z^k, r_0 first (Hairer & Wanner, II, eq. IV.2.11)."""
-    A, b, _ = method.arrays
-    coefficients, power = [1.0], np.ones(method.stages)
-    for _ in range(method.stages):
-        coefficients.append(float(b @ power))
-        power = A @ power
-    return np.array(coefficients)
-
-
-def stable_step(chain: Chain, method: str = "RK4", q: ArrayLike | None = None) -> float:
-    """Largest step [s] at which `method` does not blow up on this chain about posture `q` (default: straight).
-
-    The largest h with |R(h'λ)| ≤ 1 + 1e-6 for all eigenvalues λ of the chain and all h' ≤ h. Fast large motion
-    shifts the eigenvalues; stay a few per cent below.
-
-    Raises
-    ------
-    SceneError
-        Unknown method.
-    ArgumentError
-        `q` has the wrong shape, is not real or not finite.
-    SingularMassError
-        A coordinate moves no inertia of its own at this posture.
-    """
-    λ = eigenvalues(chain, np.zeros(chain.n) if q is None else q)
-    λ = λ[np.abs(λ) > 1e-9 * np.abs(λ).max(initial=1e-300)]
-    if len(λ) == 0:
-        return np.inf
-    r = stability_polynomial(tableau(method))
-    fastest = float(np.abs(λ).max())
-
-    def unstable(x: float) -> bool:
-        return bool((np.abs(np.polynomial.polynomial.polyval(x / fastest * λ, r)) > 1 + GROWTH).any())
-
-    grid = np.arange(1, 4001) * 0.01  # h |λ|; no explicit method with 40 stages or fewer reaches 40
-    high = next((x for x in grid if unstable(x)), None)
-    if high is None:
-        raise SceneError(f"{method!r}: stable beyond h |λ| = {grid[-1]}; not an explicit Runge-Kutta method")
-    low = high - 0.01
-    for _ in range(40):
-        middle = (low + high) / 2
-        low, high = (low, middle) if unstable(middle) else (middle, high)
-    return float(low / fastest)

@@ -43,26 +43,20 @@ def _write_bytes(path: Path, data: bytes) -> None:
     path.write_bytes(data)
 
 
-def write_somewhere(path: Path, write: Callable[[Path], None]) -> Path:
-    """Like `write_whole`, but a finished result that `path` cannot take goes to the system's temporary folder.
-
-    Returns
-    -------
-    Path
-        Where the result is: `path`, or the refuge.
+def write_or_keep(path: Path, write: Callable[[Path], None]) -> None:
+    """Like `write_whole`, but a finished result that `path` cannot take is kept in the system's temporary folder.
 
     Raises
     ------
     OutputError
-        Neither place can be written.
+        `path` cannot be written; the message says where the result is instead, if anywhere.
     """
     try:
         write_whole(path, write)
-        return path
     except OutputError as first:
         refuge = Path(tempfile.gettempdir()) / f"flexlink-{os.getpid()}-{path.name}"
         try:
             write_whole(refuge, write)
         except OutputError as second:
             raise OutputError(f"{first}; nor {second}") from None
-        return refuge
+        raise OutputError(f"{first}; the result is kept in {refuge}") from None

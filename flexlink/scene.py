@@ -178,6 +178,9 @@ class Scene(Spec, frozen=True):
         for key, values in per_link.items():
             if values is not None and len(values) != links:
                 raise SceneError(f"{key} = {values!r}: expected one number per link, {links}")
+            for k, link in enumerate(self.arm.links):
+                if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
+                    raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         for k, motion in enumerate(self.motion):
             self._check_motion(motion, f"motion[{k}]")
 

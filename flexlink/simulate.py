@@ -14,8 +14,8 @@ from flexlink.dynamics import solver_for
 from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.runge_kutta import integrate
-from flexlink.modal import largest_frequency, stable_step
 from flexlink.scene import Run, Scene
+from flexlink.stability import largest_frequency, stable_step
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
 

@@ -125,3 +125,19 @@ def test_decimal_multiples_count_as_multiples(value: float, unit: float) -> None
 def test_other_ratios_are_refused(value: float, unit: float) -> None:
     with pytest.raises(SceneError, match=r"^a = .*(multiple of b|more than 2\*\*53)"):
         whole("a", value, "b", unit)
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted"),
+    [
+        ("[drive]\nkind = 'constant'\ntorque = [5.0, 0.0, 0.0]",
+         r"drive.torque\[0\] = 5.0: the joint of 'waist' is locked"),
+        ("[drive]\nkind = 'pd'\nkp = [1.0, 1.0, 1.0]\nkd = [0.0, 0.0, 0.0]\ntarget_deg = [9.0, 0.0, 0.0]",
+         r"drive.kp\[0\] = 1.0: the joint of 'waist' is locked"),
+    ],
+)  # fmt: skip
+def test_a_torque_on_a_locked_joint_is_refused(text: str, wanted: str, tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(f"{PAPER}\n{text}\n", encoding="utf-8")
+    with pytest.raises(SceneError, match=wanted):
+        load_scene(path)

@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from conftest import make_scene
+from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.modal import eigenvalues, stability_polynomial
+from flexlink import stability
+from flexlink.stability import eigenvalues, stability_polynomial
 from flexlink.tableaus import tableau
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
@@ -45,3 +46,21 @@ def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str
 def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
     assert fl.stable_step(scene.chain(), "RK4") == np.inf
+
+
+@pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.02, at_hz=5.0)])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_long_chains_take_a_road_of_order_n_to_the_same_step(flex, damping, monkeypatch) -> None:
+    chain = make_scene(*[flexible(name, flex, 12, damping=damping) for name in "ab"]).chain()
+    q = np.linspace(0.1, 0.2, chain.n)
+    dense = fl.stable_step(chain, "RK4", q)
+    monkeypatch.setattr(stability, "DENSE", 0)
+    # on the safe side by ω²/δ² = 1/(4ζ²) of a creeping mode; Lanczos stops within 1e-4
+    assert dense * (1 - 1e-3) < fl.stable_step(chain, "RK4", q) < dense * (1 + 1e-4)
+
+
+def test_a_run_of_a_long_damped_chain_stops_at_once() -> None:
+    links = [flexible(name, "z", 500, damping=fl.Damping(ratio=0.02, at_hz=5.0)) for name in "ab"]
+    scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
+    with pytest.raises(fl.DivergenceError, match="largest stable step of RK4 is"):
+        fl.simulate(scene, step=1e-4, sample=1e-3, duration=0.1)

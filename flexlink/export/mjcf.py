@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.errors import ArgumentError
 from flexlink.export.document import joint_names, link_names, numbers, text, valid
-from flexlink.modal import stable_step
 from flexlink.rotation import quaternion_from_matrix
+from flexlink.stability import stable_step
 
 Array = NDArray[np.float64]
 

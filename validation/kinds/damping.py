@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 import flexlink as fl
-from flexlink.modal import largest_frequency
 from flexlink.scene import Scene
 from flexlink.spec import Positive, Spec
+from flexlink.stability import largest_frequency
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.store import Series
@@ -43,11 +43,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for ζ in settings.ratios:
         h = _step(_scene(case, settings, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
         steps[ζ] = h
-        where = {"scene": free.name, "setting": f"{settings.method}, ratio {ζ:g} of the fastest mode"}
-        yield Measured("stable step × ω_max", h, **where)
+        setting = f"{settings.method}, ratio {ζ:g} of the fastest mode"
+        yield Measured("stable step × ω_max", h, free.name, setting=setting)
         if ζ > 1:
             theory = settings.real_limit / (ζ + math.sqrt(ζ * ζ - 1))
-            yield Measured("stable step of a creeping mode", abs(h / theory - 1), **where, note=f"Theory {theory:.4g}.")
+            note = f"Theory {theory:.4g}."
+            yield Measured("stable step of a creeping mode", abs(h / theory - 1), free.name, setting=setting, note=note)
     columns = {"ratio [1]": np.array(list(steps)), "h ω_max [1]": np.array(list(steps.values()))}
     title = f"{settings.method}: largest stable step against Kelvin-Voigt damping, {settings.chain}"
     label = "damping ratio of the fastest mode [1]"
@@ -61,11 +62,12 @@ def _capped(case: Case, settings: Settings, ω: float) -> Iterator[Measured]:
     for name, damping in (("no cap", target), (f"cap {settings.cap:g}", target | {"cap": settings.cap})):
         scene = _scene(case, settings, {"link": [{"damping": damping}]})
         ratios = fl.modes(scene.chain()).damping_ratios
-        where = {"scene": scene.name, "setting": f"{settings.target:g} asked of the slowest mode, {name}"}
-        yield Measured("damping ratio of the slowest mode", float(ratios[0]), **where)
-        yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, **where)
+        setting = f"{settings.target:g} asked of the slowest mode, {name}"
+        yield Measured("damping ratio of the slowest mode", float(ratios[0]), scene.name, setting=setting)
+        yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, scene.name, setting=setting)
         if "cap" in damping:
-            yield Measured("largest damping ratio / cap", float(ratios.max()) / settings.cap, **where)
+            largest = float(ratios.max()) / settings.cap
+            yield Measured("largest damping ratio / cap", largest, scene.name, setting=setting)
 
 
 def _scene(case: Case, settings: Settings, change: dict[str, Any]) -> Scene:

@@ -15,10 +15,10 @@ from scipy import linalg
 
 from flexlink.compare import EPS
 from flexlink.dynamics import gravity_torque, mass_matrix
-from flexlink.modal import stability_polynomial
 from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Spec
+from flexlink.stability import stability_polynomial
 from flexlink.tableaus import tableau
 from validation.case import Case, Measured
 from validation.kinds.motion import with_run

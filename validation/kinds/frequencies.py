@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from flexlink import engines
 from flexlink.chain import Chain
 from flexlink.dynamics import mass_matrix
-from flexlink.modal import natural_frequencies, stable_step
+from flexlink.modal import natural_frequencies
 from flexlink.scene import Scene
+from flexlink.stability import stable_step
 from validation.benchmarks.parity import load_stiffness, quiet, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference import numbers

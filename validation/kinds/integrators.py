@@ -10,10 +10,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from flexlink.errors import DivergenceError
-from flexlink.modal import stable_step
 from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Positive, Spec
+from flexlink.stability import stable_step
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
 from validation.case import Case, Measured
