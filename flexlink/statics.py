@@ -128,10 +128,12 @@ def solve_static(
     try:
         path = _follow(equations, tolerance)
     except _LostError as lost:
+        loose = np.intersect1d(chain.active, free)
+        hint = "; hold free joints with locked=chain.active, if they are meant to stay" if len(loose) else ""
         left = np.abs(equations.value(np.concatenate([[1.0], lost.q]))).max()
         raise ConvergenceError(
             f"solve_static: no equilibrium found; {lost.steps} steps from q0 reached {lost.part:.6g} of the load, "
-            f"where the full load leaves {left:.3g} N m unbalanced",
+            f"where the full load leaves {left:.3g} N m unbalanced{hint}",
             q=whole(lost.q),
             load=lost.part,
         ) from None
