@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.modal import stable_step
 from flexlink.scene import Run, Scene
 from flexlink.spec import Spec
+from flexlink.stability import stable_step
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
 
