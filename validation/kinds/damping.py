@@ -11,11 +11,14 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 import flexlink as fl
+from flexlink.engines.mujoco import MujocoEngine
 from flexlink.scene import Scene
 from flexlink.spec import Positive, Spec
 from flexlink.stability import largest_frequency
+from validation.benchmarks.parity import quiet, springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.store import Series
@@ -65,9 +68,21 @@ def _capped(case: Case, settings: Settings, ω: float) -> Iterator[Measured]:
         setting = f"{settings.target:g} asked of the slowest mode, {name}"
         yield Measured("damping ratio of the slowest mode", float(ratios[0]), scene.name, setting=setting)
         yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, scene.name, setting=setting)
+        yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", setting)
         if "cap" in damping:
             largest = float(ratios.max()) / settings.cap
             yield Measured("largest damping ratio / cap", largest, scene.name, setting=setting)
+
+
+def _difference(scene: Scene) -> float:
+    """|λ / λ of MuJoCo − 1| of the eigenvalue that sets the step, from MuJoCo's own M and torques."""
+    chain = scene.chain()
+    engine, rest = MujocoEngine(chain), np.zeros(chain.n)
+    with quiet():
+        M, K = engine.mass_matrix(rest), springs(engine)
+        D = np.array([engine.friction_torque(e) for e in np.eye(chain.n)]).T
+    λ = linalg.eigvals(np.block([[np.zeros_like(M), np.eye(chain.n)], [-linalg.solve(M, K), -linalg.solve(M, D)]]))
+    return abs(float(np.abs(λ).max()) / largest_frequency(chain, rest) - 1)
 
 
 def _scene(case: Case, settings: Settings, change: dict[str, Any]) -> Scene:
