@@ -81,13 +81,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    names = [case.name for case in cases]
+    started: list[str] = []
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("reading what is stored", total=len(cases))
 
         def report(case: str, row: Row | None) -> None:
             if row is None:
-                progress.update(task, description=case, completed=names.index(case))
+                progress.update(task, description=case, completed=len(started))
+                started.append(case)
                 if not console.is_terminal:  # a log shows no moving bar
                     console.print(f"{case} …", highlight=False)
                 return

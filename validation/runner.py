@@ -5,21 +5,24 @@ from __future__ import annotations
 import datetime
 import hashlib
 import importlib.metadata
+import multiprocessing
 import os
 import platform
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
 from flexlink.errors import SceneError
 from flexlink.spec import decode
 from validation.case import Case, Measured
-from validation.kinds import KINDS
+from validation.kinds import KINDS, TIMED
 from validation.store import Row, Series, Store, finite
 
 ROOT = Path(__file__).parent.parent
+WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath")
 
 Report = Callable[[str, Row | None], None]
@@ -27,7 +30,7 @@ Report = Callable[[str, Row | None], None]
 
 
 def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) -> None:
-    """Run every case that is not stored yet.
+    """Run every case that is not stored yet: side by side, and then, one at a time, those that measure time.
 
     Raises
     ------
@@ -39,14 +42,51 @@ def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) 
     wanted = [case for case in cases if force or store.finished().get(case.name) != keys[case.name]]
     if wanted:
         store.note_environment(environment())
-    for case in wanted:
-        report(case.name, None)
+    for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
-        _run_case(case, keys[case.name], store, report)
+        for result in results:
+            if isinstance(result, Series):
+                store.add_series(case.name, result)
+            else:
+                store.append(result)
+                report(case.name, result)
         store.finish(case.name, keys[case.name])
 
 
-def _run_case(case: Case, key: str, store: Store, report: Report) -> None:
+def _in_order_of_completion(
+    cases: Sequence[Case], keys: dict[str, str], report: Report
+) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
+    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured."""
+    alone = [case for case in cases if case.kind in TIMED]
+    shared = [case for case in cases if case.kind not in TIMED]
+    if len(shared) < WORTH_A_POOL:
+        alone, shared = shared + alone, []
+    if shared:
+        with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
+            running = {pool.submit(_all_results, case, keys[case.name]): case for case in shared}
+            try:
+                for done in as_completed(running):
+                    report(running[done].name, None)
+                    yield running[done], done.result()
+            finally:
+                pool.shutdown(cancel_futures=True)
+    for case in alone:
+        report(case.name, None)
+        yield case, measure(case, keys[case.name])
+
+
+def _all_results(case: Case, key: str) -> list[Row | Series]:
+    return list(measure(case, key))
+
+
+def measure(case: Case, key: str) -> Iterator[Row | Series]:
+    """Judged rows and series of a case, as they are known.
+
+    Raises
+    ------
+    FlexlinkError
+        The case cannot be run, or does not measure all that it wants judged.
+    """
     kind = KINDS.get(case.kind)
     if kind is None:
         raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
@@ -58,15 +98,11 @@ def _run_case(case: Case, key: str, store: Store, report: Report) -> None:
     start = time.perf_counter()
     for result in kind.run(case, settings):
         if isinstance(result, Series):
-            store.add_series(case.name, result)
-            continue
-        if result.quantity not in case.quantity:  # a case takes of what its kind measures
-            continue
-        row = judge(case, result, time.perf_counter() - start, key)
-        store.append(row)
-        report(case.name, row)
-        missing.discard(result.quantity)
-        start = time.perf_counter()
+            yield result
+        elif result.quantity in case.quantity:  # a case takes of what its kind measures
+            yield judge(case, result, time.perf_counter() - start, key)
+            missing.discard(result.quantity)
+            start = time.perf_counter()
     if missing:  # a bar that nobody measured must not look like a bar that was met
         raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 

@@ -69,3 +69,6 @@ KINDS: dict[str, Kind] = {
     "statics": statics,
     "trajectory": trajectory,
 }
+
+TIMED = {name for name in KINDS if name.startswith("speed")} | {"integrators"}
+"""Kinds that measure time: nothing else may run meanwhile."""
