@@ -21,6 +21,8 @@ class Finding:
         The answer first.
     heads, lines
         The table: texts of the heads, and per line a label and numbers (None where there is nothing).
+    to_look_up
+        The table is to find a number in, not to be read: it stands after the chapter's figures, in a box of its own.
     """
 
     name: str
@@ -28,6 +30,7 @@ class Finding:
     sentences: tuple[str, ...]
     heads: tuple[str, ...]
     lines: tuple[tuple[str | float | None, ...], ...]
+    to_look_up: bool = False
 
     @property
     def words(self) -> frozenset[int]:

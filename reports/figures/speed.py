@@ -15,12 +15,12 @@ QUANTITIES = ("real-time factor", "real-time factor of another engine")
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One bar an engine and scene."""
+    """One bar an engine, scene and way of solving for q̈."""
     for case, rows in results.of_kind("speed"):
         found = [row for row in rows if row.quantity in QUANTITIES and row.value]
         if not found:
             continue
-        labels = [f"{row.engine}\n{row.scene}" for row in found]
+        labels = [f"{row.engine} {row.setting.partition(', ')[2]}\n{row.scene}" for row in found]
         values = [row.value or 0.0 for row in found]
         figure, (axes,) = panels(1, 0.9 + 0.5 * len(found))
         colours = [BLUE if row.engine == "native" else GREY for row in found]

@@ -43,7 +43,8 @@ def _picture(name: str, job: str, series: Series, exponents: Exponents) -> Pictu
             colour, line, label = LOOKS[engine]
             panel.plot(curve.x, curve.y, line, color=colour, label=label)
         panel.set(xscale="log", yscale="log", ylabel=series.y_label)
-        panel.set_title(f"{family}: {_growth(f'{family} {job}', exponents)}", loc="left")
+        growth = _growth(f"{family} {job}", exponents)
+        panel.set_title(f"{family}: {growth}" if growth else family, loc="left")
         tidy_logs(panel)
     axes[-1].set_xlabel(series.x_label)
     legend_above(figure, axes[0], 2)

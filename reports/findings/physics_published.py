@@ -29,7 +29,12 @@ def find(results: Results) -> Iterator[Finding]:
     if lines:
         heads = ("benchmark", "published or exact", "ours", "difference")
         yield Finding(
-            "physics_published", "Published numbers beside ours", (_said(compared, cases),), heads, tuple(lines)
+            "physics_published",
+            "Published numbers beside ours",
+            (_said(compared, cases),),
+            heads,
+            tuple(lines),
+            to_look_up=True,
         )
 
 

@@ -27,4 +27,6 @@ def find(results: Results) -> Iterator[Finding]:
             lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
             sentence = "Microseconds; ours in a compiled loop, “public” the checked call, engines from Python."
             heads = ("chain", "n", *engines)
-            yield Finding(f"{case}.{name.replace(' ', '_')}.times", series.title, (sentence,), heads, lines)
+            yield Finding(
+                f"{case}.{name.replace(' ', '_')}.times", series.title, (sentence,), heads, lines, to_look_up=True
+            )
