@@ -44,7 +44,8 @@ class MujocoEngine:
 
     def __init__(self, chain: Chain) -> None:
         try:
-            self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
+            with quiet():
+                self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}") from error
         self.data, self.n = mujoco.MjData(self.model), self.model.nv
@@ -87,7 +88,8 @@ class MujocoEngine:
         data.qpos[:], data.qvel[:] = q, qd
         data.qfrc_applied[:] = tau - self._coulomb(qd)
         data.xfrc_applied[self.tip] = NO_WRENCH if tip_wrench is None else tip_wrench
-        mujoco.mj_forward(self.model, data)
+        with quiet():
+            mujoco.mj_forward(self.model, data)
         return np.array(data.qacc)
 
     def integrate(self, scene: Scene) -> Samples:
@@ -101,7 +103,7 @@ class MujocoEngine:
         model.opt.timestep = run.step
         data.qpos[:], data.qvel[:], data.xfrc_applied[self.tip] = q[0], qd[0], scene.tip_wrench
         hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": _drive_callback(scene)}
-        with _installed(hooks | {"mju_user_warning": _ignore}):
+        with _installed(hooks | QUIET):
             for row in range(1, len(t)):
                 mujoco.mj_step(model, data, run.steps_per_sample)
                 restarted = abs(data.time - t[row]) > run.step / 2
@@ -113,8 +115,9 @@ class MujocoEngine:
     def _place(self, q: Array, qd: Array) -> None:
         """All that depends on position and rate: frames, M, bias and passive torques."""
         self.data.qpos[:], self.data.qvel[:] = q, qd
-        mujoco.mj_fwdPosition(self.model, self.data)
-        mujoco.mj_fwdVelocity(self.model, self.data)
+        with quiet():
+            mujoco.mj_fwdPosition(self.model, self.data)
+            mujoco.mj_fwdVelocity(self.model, self.data)
 
     def _coulomb(self, qd: Array) -> Array:
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
@@ -142,7 +145,15 @@ def _drive_callback(scene: Scene) -> Callback:
 
 
 def _ignore(_: str) -> None:
-    """MuJoCo would write its warnings into a file in the working folder; `integrate` raises an error instead."""
+    """MuJoCo would write its warnings into a file in the working folder; a run that diverges is an error instead."""
+
+
+QUIET: dict[str, Callable[..., None] | None] = {"mju_user_warning": _ignore}
+
+
+def quiet() -> contextlib.AbstractContextManager[None]:
+    """MuJoCo writes no file of warnings, such as of an M with a large condition number."""
+    return _installed(QUIET)
 
 
 @contextlib.contextmanager

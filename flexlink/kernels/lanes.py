@@ -70,11 +70,13 @@ class NegativeTyping(AbstractTemplate):
 
 @lower_builtin(operator.neg, lanes)
 def lower_negative(context, builder, sig, args):
+    """Machine code of −x."""
     return builder.fneg(args[0])
 
 
 @lower_cast(types.Number, lanes)
 def lower_splat(context, builder, from_type, to_type, value):
+    """Machine code of eight equal lanes from one number."""
     x = context.cast(builder, value, from_type, types.float64)
     undefined = ir.Constant(VECTOR, ir.Undefined)
     first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))

@@ -14,6 +14,7 @@ def symmetric(J):
 
 @inlined
 def sym_add(A, B):
+    """A + B."""
     return (A[0] + B[0], A[1] + B[1], A[2] + B[2], A[3] + B[3], A[4] + B[4], A[5] + B[5])
 
 

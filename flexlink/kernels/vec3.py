@@ -10,16 +10,19 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 @inlined
 def vector(a):
+    """The first three numbers of an array as a tuple."""
     return (a[0], a[1], a[2])
 
 
 @inlined
 def add(a, b):
+    """a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
 @inlined
 def sub(a, b):
+    """a − b."""
     return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
 
 
@@ -49,16 +52,19 @@ def put(field, a):
 
 @inlined
 def scale(s, a):
+    """s a."""
     return (s * a[0], s * a[1], s * a[2])
 
 
 @inlined
 def dot(a, b):
+    """a · b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
 def cross(a, b):
+    """a × b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -124,6 +130,7 @@ def cross_unit(a, axis):
 
 @inlined
 def cos_sin(angle):
+    """Cosine and sine of an angle [rad]."""
     return (math.cos(angle), math.sin(angle))
 
 

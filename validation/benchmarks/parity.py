@@ -6,10 +6,8 @@ gives the exact slope from four values: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
@@ -22,17 +20,6 @@ Indices = NDArray[np.intp]
 
 SHIFTS = np.pi * np.array([1, 3, 5, 7]) / 4
 WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(SHIFTS / 2) ** 2)
-
-
-@contextlib.contextmanager
-def quiet() -> Iterator[None]:
-    """Keep MuJoCo from writing its warnings, such as of an M with a large condition number, into a file."""
-    old = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(old)
 
 
 def slope(torque: Callable[[Array], Array], q: Array) -> Array:

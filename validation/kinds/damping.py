@@ -18,7 +18,7 @@ from flexlink.engines.mujoco import MujocoEngine
 from flexlink.scene import Scene
 from flexlink.spec import Positive, Spec
 from flexlink.stability import largest_frequency
-from validation.benchmarks.parity import quiet, springs
+from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.store import Series
@@ -78,9 +78,8 @@ def _difference(scene: Scene) -> float:
     """|λ / λ of MuJoCo − 1| of the eigenvalue that sets the step, from MuJoCo's own M and torques."""
     chain = scene.chain()
     engine, rest = MujocoEngine(chain), np.zeros(chain.n)
-    with quiet():
-        M, K = engine.mass_matrix(rest), springs(engine)
-        D = np.array([engine.friction_torque(e) for e in np.eye(chain.n)]).T
+    M, K = engine.mass_matrix(rest), springs(engine)
+    D = np.array([engine.friction_torque(e) for e in np.eye(chain.n)]).T
     λ = linalg.eigvals(np.block([[np.zeros_like(M), np.eye(chain.n)], [-linalg.solve(M, K), -linalg.solve(M, D)]]))
     return abs(float(np.abs(λ).max()) / largest_frequency(chain, rest) - 1)
 

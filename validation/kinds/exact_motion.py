@@ -14,7 +14,6 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.scene import Scene
 from flexlink.spec import Positive, Spec
-from validation.benchmarks.parity import quiet
 from validation.benchmarks.reference import look_up
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
@@ -65,7 +64,6 @@ def _exact(trial: Trial) -> tuple[Array, Array]:
 
 def _parity(scene: Scene, name: str) -> Measured:
     ours = fl.simulate(scene)
-    with quiet():
-        _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
     setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
     return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", setting)

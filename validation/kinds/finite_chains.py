@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.rules import lumping_rule
 from flexlink.spec import Spec
-from validation.benchmarks.parity import chain_frequencies, load_stiffness, quiet, springs
+from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
 from validation.benchmarks.reference import look_up, numbers
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
@@ -62,8 +62,7 @@ def _relative(found: ArrayLike, exact: ArrayLike) -> float:
 def _both(chain: fl.Chain) -> Iterator[tuple[str, Array]]:
     """Frequencies of a clamped chain by us and by MuJoCo, from the exported file."""
     yield "native", fl.natural_frequencies(chain)
-    with quiet():
-        yield "mujoco", chain_frequencies(engines.load("mujoco", chain))
+    yield "mujoco", chain_frequencies(engines.load("mujoco", chain))
 
 
 def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
@@ -104,10 +103,9 @@ def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
             chain, exact, setting = _chain(case, rule, n), hencky.buckling(rule, n), f"{rule}, n = {n}"
             loads = fl.buckling_loads(chain, tip_wrench=PUSH)
             yield Measured("buckling loads", _relative(loads, exact), setting=setting)
-            with quiet():
-                engine = engines.load("mujoco", chain)
-                geometric = load_stiffness(engine, np.zeros(chain.n), PUSH)
-                loads = np.sort(1 / linalg.eigvals(-geometric, springs(engine)).real)
+            engine = engines.load("mujoco", chain)
+            geometric = load_stiffness(engine, np.zeros(chain.n), PUSH)
+            loads = np.sort(1 / linalg.eigvals(-geometric, springs(engine)).real)
             yield Measured("buckling loads", _relative(loads, exact), "", "mujoco", setting)
 
 

@@ -17,7 +17,7 @@ from flexlink.dynamics import mass_matrix
 from flexlink.modal import natural_frequencies
 from flexlink.scene import Scene
 from flexlink.stability import stable_step
-from validation.benchmarks.parity import load_stiffness, quiet, springs, symmetric_squares
+from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference import numbers
 from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
@@ -104,9 +104,8 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     """Largest difference of ω² in units of 10 · eps · cond(M) · ω_max²: the bar of q̈ = −M⁻¹ K q."""
     chain, q, locked, rigid = _state(scene, variant, settings)
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
-    with quiet():
-        engine = engines.load("mujoco", chain)
-        theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
+    engine = engines.load("mujoco", chain)
+    theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
     ours = np.nan_to_num(natural_frequencies(chain, q, locked=locked)) ** 2  # nan: a rigid mode, ω² = −rounding
     unit = 10 * EPS * np.linalg.cond(mass_matrix(chain, q)[np.ix_(free, free)]) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()

@@ -24,7 +24,6 @@ from flexlink.scene import Scene
 from flexlink.spec import Positive
 from flexlink.trajectory import Trajectory
 from validation.benchmarks.inputs import INPUTS
-from validation.benchmarks.parity import quiet
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference import look_up, numbers
 from validation.benchmarks.sweep import Point, Sweep, report
@@ -127,8 +126,7 @@ def _parity(scene: Scene, setting: str) -> Iterator[Measured]:
         value = max(_acceleration_errors(scene, ours, free))
         yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", label)
         return
-    with quiet():
-        _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
+    _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
     yield Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", label)
 
 
@@ -142,8 +140,7 @@ def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Itera
         wanted, given = fl.forward_dynamics(free, q, qd, tau), np.zeros(free.n)
         follow(motion, t, q.copy(), qd.copy(), given)
         wanted[motion.joints] = given[motion.joints]
-        with quiet():
-            theirs = engine.forward_dynamics(q, qd, tau)
+        theirs = engine.forward_dynamics(q, qd, tau)
         M = fl.mass_matrix(free, q)
         torque = max(np.abs([tau, fl.elastic_torque(free, q)]).max(), qd @ M @ qd)
         unit = 10 * EPS * np.linalg.norm(np.linalg.inv(M), 2) * torque

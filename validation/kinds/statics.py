@@ -12,7 +12,6 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.engines import Engine
 from flexlink.errors import SceneError
-from validation.benchmarks.parity import quiet
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
@@ -50,8 +49,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             points.append(Point(at, {"tip": worst}))
     yield from report(settings, points, case.about)
     chain = Variant().build(case, settings.best).chain()
-    with quiet():
-        engine = engines.load("mujoco", chain)
+    engine = engines.load("mujoco", chain)
     pairs, setting = [], str(settings.best)
     for load in loads:
         q = _equilibrium(chain, load)
@@ -75,8 +73,7 @@ def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> floa
 
 def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
     """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
-    with quiet():
-        left = engine.bias_torque(q, np.zeros(chain.n), load.wrench) + engine.elastic_torque(q)
+    left = engine.bias_torque(q, np.zeros(chain.n), load.wrench) + engine.elastic_torque(q)
     return float(np.abs(left).max() / np.abs(engine.elastic_torque(q)).max())
 
 

@@ -5,8 +5,7 @@ Each function prepares a run from the scene's initial state and returns work tha
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -14,7 +13,7 @@ from mujoco import rollout
 
 from flexlink import engines
 from flexlink.dynamics import lanes_workspace, solver_for
-from flexlink.engines.mujoco import MujocoEngine
+from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.errors import FlexlinkError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.lanes import LANES
@@ -72,7 +71,7 @@ def by_mujoco(scene: Scene) -> Work:
     def take(steps: int) -> None:
         mujoco.mj_resetData(model, data)
         data.qpos, data.qvel = start
-        with _quiet():
+        with quiet():
             mujoco.mj_step(model, data, steps)
         in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
         _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
@@ -93,7 +92,7 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
     pool = rollout.Rollout(nthread=0)
 
     def take(steps: int) -> None:
-        with _quiet():
+        with quiet():
             found, _ = pool.rollout(model, data, states, nstep=steps)
         _demand(scene, "MuJoCo", bool(np.isfinite(found[:, -1]).all()) and not data.warning.number.any())
 
@@ -105,17 +104,6 @@ def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, 
     engine = MujocoEngine(chain)
     engine.model.opt.timestep = scene.run.step
     return engine.model, engine.data, scene.initial_state(chain)
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """MuJoCo would write its warnings into a file in the working folder; `_demand` tells them."""
-    old = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(lambda _: None)
-    try:
-        yield
-    finally:
-        mujoco.set_mju_user_warning(old)
 
 
 def _demand(scene: Scene, engine: str, stable: bool) -> None:
