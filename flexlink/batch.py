@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlink.chain import Chain
 from flexlink.dynamics import lanes_workspace, solver_for
-from flexlink.errors import ArgumentError
+from flexlink.errors import ArgumentError, DivergenceError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
@@ -43,12 +43,20 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     ArgumentError
         `threads` is less than 1.
     DivergenceError
-        The state of a member left the finite numbers.
+        The state of a member left the finite numbers; the error's `runs` holds all runs, that member's up to there.
     """
     if threads < 1:
         raise ArgumentError(f"threads = {threads!r}: must be at least 1")
     with ThreadPoolExecutor(threads) as pool:
-        return [run for block in pool.map(_simulate_block, list(_blocks(_members(scenes)))) for run in block]
+        outcomes = [
+            outcome for block in pool.map(_simulate_block, list(_blocks(_members(scenes)))) for outcome in block
+        ]
+    runs = [outcome.trajectory if isinstance(outcome, DivergenceError) else outcome for outcome in outcomes]
+    for outcome in outcomes:
+        if isinstance(outcome, DivergenceError):
+            outcome.runs = runs
+            raise outcome
+    return runs
 
 
 Member = tuple[Scene, Chain]
@@ -78,20 +86,26 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 def _alike(a: Member, b: Member) -> bool:
     (scene, chain), (other, its) = a, b
-    return (
-        (scene.run, scene.drive, scene.motion, scene.wrench) == (other.run, other.drive, other.motion, other.wrench)
-        and len(chain.bodies) == len(its.bodies)
-        and all(np.array_equal(chain.bodies[name], its.bodies[name]) for name in ("first", "stop"))
-        and all(np.array_equal(chain.hinges[name], its.hinges[name]) for name in ("axis", "prescribed"))
-        and chain.is_planar == its.is_planar
-    )
+    return (scene.run, scene.drive, scene.motion, scene.wrench) == (
+        other.run,
+        other.drive,
+        other.motion,
+        other.wrench,
+    ) and chain.same_layout(its)
 
 
-def _simulate_block(block: Sequence[Member]) -> list[Trajectory]:
+def _simulate_alone(scene: Scene) -> Trajectory | DivergenceError:
+    try:
+        return simulate(scene)
+    except DivergenceError as error:
+        return error
+
+
+def _simulate_block(block: Sequence[Member]) -> Sequence[Trajectory | DivergenceError]:
     scene, chain = block[0]
     run, solver = scene.run, solver_for(chain, scene.run.dynamics)
     if len(block) == 1 or solver.lanes_workspace is None:
-        return [simulate(member) for member, _ in block]
+        return [_simulate_alone(member) for member, _ in block]
     q, qd = np.empty((2, run.samples, chain.n, LANES))
     for lane in range(LANES):
         member, its = block[min(lane, len(block) - 1)]
@@ -101,7 +115,7 @@ def _simulate_block(block: Sequence[Member]) -> list[Trajectory]:
     steps = (run.samples - 1) * run.steps_per_sample
     arrays = chain.arrays, work, tableau(run.method).arrays
     if integrate(*arrays, *inputs, run.step, 0, run.steps_per_sample, q, qd) < steps:
-        return [simulate(member) for member, _ in block]  # one of them diverges; it says so itself
+        return [_simulate_alone(member) for member, _ in block]  # one of them diverges; it says so itself
     return [
         Trajectory.from_states(member, its, run.times, *(np.ascontiguousarray(x[:, :, lane]) for x in (q, qd)))
         for lane, (member, its) in enumerate(block)

@@ -147,6 +147,15 @@ class Chain:
     def _sequential(self) -> dict[Coordinate, int]:
         return {c: k for k, c in enumerate(self.coordinates)}
 
+    def same_layout(self, other: Chain) -> bool:
+        """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
+        return (
+            len(self.bodies) == len(other.bodies)
+            and all(np.array_equal(self.bodies[name], other.bodies[name]) for name in ("first", "stop"))
+            and all(np.array_equal(self.hinges[name], other.hinges[name]) for name in ("axis", "prescribed"))
+            and self.is_planar == other.is_planar
+        )
+
     def index(self, link: int, segment: int, axis: int) -> int:
         """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}.
 

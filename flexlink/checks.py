@@ -34,6 +34,14 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     return value
 
 
+def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """`value` as a finite float64 array of shape (b, n); errors as in `vector`."""
+    array = real_array(name, value, shape)
+    if array.shape != shape:
+        raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
+    return vector(name, array.reshape(-1), array.size).reshape(shape)
+
+
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
     try:

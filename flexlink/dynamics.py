@@ -8,6 +8,7 @@ All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in s
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain import Chain
-from flexlink.checks import choice, dimensions, real_array, vector, wrench_vector
+from flexlink.checks import choice, dimensions, matrix, vector, wrench_vector
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
@@ -160,7 +161,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
 
 
 def forward_dynamics(
-    chain: Chain,
+    chain: Chain | Sequence[Chain],
     q: ArrayLike,
     qd: ArrayLike,
     tau: ArrayLike,
@@ -174,7 +175,7 @@ def forward_dynamics(
     Parameters
     ----------
     chain
-        The chain.
+        The chain; with (b, n) states also b chains of one layout (`Chain.same_layout`), such as an arm with b payloads.
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or all (b, n): "articulated" then takes
         eight states side by side.
@@ -187,14 +188,16 @@ def forward_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite, or the method is unknown.
+        An argument has the wrong shape, is not real or not finite, the method is unknown, or chains differ in layout.
     SingularMassError
         M is singular at this posture.
     """
+    if not isinstance(chain, Chain) or dimensions(q) == 2:
+        chains = _of_one_layout(chain)
+        solver = solver_for(chains[0], method)
+        return _forward_dynamics_of_many(chains, solver, q, qd, tau, wrench_vector(tip_wrench))
     n = chain.n
     solver = solver_for(chain, method)
-    if dimensions(q) == 2:
-        return _forward_dynamics_of_many(chain, solver, q, qd, tau, wrench_vector(tip_wrench))
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     qdd: Array = solver.accelerations(chain.arrays, wrench_vector(tip_wrench), q, qd, tau)
     if not is_finite(qdd):
@@ -202,31 +205,45 @@ def forward_dynamics(
     return qdd
 
 
+def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
+    chains = [chain] if isinstance(chain, Chain) else list(chain)
+    if not chains:
+        raise ArgumentError("chain: no chain given; expected one, or one per state")
+    for k, other in enumerate(chains):
+        if not chains[0].same_layout(other):
+            raise ArgumentError(f"chain[{k}]: differs from chain[0] in more than numbers; expected one layout")
+    return chains
+
+
 def _forward_dynamics_of_many(
-    chain: Chain, solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
+    chains: Sequence[Chain], solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
 ) -> Array:
-    shape = np.shape(q)[0], chain.n
-    states = []
-    for name, value in (("q", q), ("qd", qd), ("tau", tau)):
-        array = real_array(name, value, shape)
-        if array.shape != shape:
-            raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
-        states.append(vector(name, array.reshape(-1), array.size).reshape(shape))
-    if shape[0] == 0:
+    shape = b, _ = np.shape(q)[0], chains[0].n
+    states = [matrix(name, value, shape) for name, value in (("q", q), ("qd", qd), ("tau", tau))]
+    if len(chains) not in {1, b}:
+        raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
+    if b == 0:
         return np.zeros(shape)
-    if solver.lanes_workspace is None:
-        qdd: Array = np.array(
-            [solver.accelerations(chain.arrays, wrench, *state) for state in zip(*states, strict=True)]
-        )
-    else:
-        work = lanes_workspace(solver, [chain])
-        qdd = forward.accelerations_of_many(chain.arrays, work, wrench, *states)
+    qdd = _side_by_side(chains, solver, wrench, states)
     if not is_finite(qdd.reshape(-1)):
         state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
         raise SingularMassError(
-            f"mass matrix of {chain.name!r} is singular at q[{state}] = {states[0][state].tolist()}"
+            f"mass matrix of {chains[0].name!r} is singular at q[{state}] = {states[0][state].tolist()}"
         )
     return qdd
+
+
+def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, wrench: Array, states: Sequence[Array]) -> Array:
+    if solver.lanes_workspace is None:
+        singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
+        return np.array([solver.accelerations(chain.arrays, wrench, *state) for chain, state in singles])
+    b = len(states[0])
+    size = b if len(chains) == 1 else LANES  # states that one scratch serves
+    parts = [slice(start, start + size) for start in range(0, b, size)]
+    works = (lanes_workspace(solver, chains[part]) for part in parts)
+    many, arrays = forward.accelerations_of_many, chains[0].arrays
+    qdd = [many(arrays, work, wrench, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
+    return np.concatenate(qdd)
 
 
 def lanes_workspace(solver: forward.Solver, chains: Sequence[Chain]) -> Any:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -36,15 +38,15 @@ class MissingDependencyError(FlexlinkError, ImportError):
 
 
 class DivergenceError(FlexlinkError, ArithmeticError):
-    """A run left the finite numbers; `trajectory` holds every sample up to there."""
+    """A run left the finite numbers; `trajectory` holds every sample up to there, `runs` all runs of `simulate_many`."""
 
-    def __init__(self, message: str, trajectory: Trajectory) -> None:
+    def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
         super().__init__(message)
-        self.trajectory = trajectory
+        self.trajectory, self.runs = trajectory, runs
 
-    def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory]]:
+    def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory, Sequence[Trajectory]]]:
         """With all it holds through a process pool, which otherwise breaks on an error of two arguments."""
-        return DivergenceError, (str(self), self.trajectory)
+        return DivergenceError, (str(self), self.trajectory, self.runs)
 
 
 class InterruptedRunError(KeyboardInterrupt):

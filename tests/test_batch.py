@@ -73,3 +73,36 @@ def test_a_member_that_diverges_says_so() -> None:
 def test_no_threads_is_refused() -> None:
     with pytest.raises(fl.ArgumentError, match="threads = 0: must be at least 1"):
         fl.simulate_many([], threads=0)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+@pytest.mark.parametrize("method", ["articulated", "lu"])
+def test_many_parameter_sets_have_the_accelerations_of_single_chains(flex: str, method: str, rng) -> None:
+    chains = [scene.chain() for scene in members(flex, 11)]
+    q, qd, tau = rng.normal(size=(3, len(chains), chains[0].n))
+    many = fl.forward_dynamics(chains, q, qd, tau, method)
+    for row, chain, state in zip(many, chains, zip(q, qd, tau, strict=True), strict=True):
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method))
+
+
+def test_chains_that_do_not_go_together_are_refused(rng) -> None:
+    chains = [scene.chain() for scene in members("z", 3)]
+    q = np.zeros((3, chains[0].n))
+    with pytest.raises(fl.ArgumentError, match="chain: 2 chains; expected one, or one per state, 3"):
+        fl.forward_dynamics(chains[:2], q, q, q)
+    with pytest.raises(fl.ArgumentError, match=r"chain\[1\]: differs from chain\[0\] in more than numbers"):
+        fl.forward_dynamics([chains[0], members("yz", 1)[0].chain()], q[:2], q[:2], q[:2])
+    with pytest.raises(fl.ArgumentError, match="no chain given"):
+        fl.forward_dynamics([], q, q, q)
+
+
+def test_a_member_that_diverges_loses_none_of_the_others() -> None:
+    good, wild = members("z", 1)[0], members("z", 1)[0]
+    run = msgspec.structs.replace(wild.run, step=5e-4, sample=1e-3)
+    wild = msgspec.structs.replace(wild, run=run)
+    with pytest.raises(fl.DivergenceError) as caught:
+        fl.simulate_many([good, wild, good])
+    runs = caught.value.runs
+    assert len(runs) == 3
+    np.testing.assert_array_equal(runs[2].q, fl.simulate(good).q)
+    assert len(runs[1].t) == len(caught.value.trajectory.t) < len(runs[0].t)
