@@ -98,11 +98,12 @@ def test_chains_that_do_not_go_together_are_refused(rng) -> None:
 
 def test_a_member_that_diverges_loses_none_of_the_others() -> None:
     good, wild = members("z", 1)[0], members("z", 1)[0]
-    run = msgspec.structs.replace(wild.run, step=5e-4, sample=1e-3)
+    run = msgspec.structs.replace(wild.run, step=5e-3, sample=5e-3, duration=1.0)
     wild = msgspec.structs.replace(wild, run=run)
     with pytest.raises(fl.DivergenceError) as caught:
         fl.simulate_many([good, wild, good])
     runs = caught.value.runs
     assert len(runs) == 3
     np.testing.assert_array_equal(runs[2].q, fl.simulate(good).q)
-    assert len(runs[1].t) == len(caught.value.trajectory.t) < len(runs[0].t)
+    assert runs[1] is caught.value.trajectory
+    assert 1 <= len(runs[1].t) < 201
