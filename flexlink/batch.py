@@ -48,9 +48,8 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     if threads < 1:
         raise ArgumentError(f"threads = {threads!r}: must be at least 1")
     with ThreadPoolExecutor(threads) as pool:
-        outcomes = [
-            outcome for block in pool.map(_simulate_block, list(_blocks(_members(scenes)))) for outcome in block
-        ]
+        blocks = pool.map(_simulate_block, list(_blocks(_members(scenes))))
+        outcomes = [outcome for block in blocks for outcome in block]
     runs = [outcome.trajectory if isinstance(outcome, DivergenceError) else outcome for outcome in outcomes]
     for outcome in outcomes:
         if isinstance(outcome, DivergenceError):

@@ -38,7 +38,10 @@ class MissingDependencyError(FlexlinkError, ImportError):
 
 
 class DivergenceError(FlexlinkError, ArithmeticError):
-    """A run left the finite numbers; `trajectory` holds every sample up to there, `runs` all runs of `simulate_many`."""
+    """A run left the finite numbers; `trajectory` holds every sample up to there.
+
+    Of `simulate_many`, `runs` holds all runs, this one's samples among them.
+    """
 
     def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
         super().__init__(message)
