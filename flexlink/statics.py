@@ -21,7 +21,6 @@ from scipy import linalg
 
 from flexlink.chain import Chain
 from flexlink.checks import vector, wrench_vector
-from flexlink.dynamics import elastic_torque
 from flexlink.errors import ConvergenceError
 from flexlink.tangent import load_torque, stiffness_matrix, unlocked
 
@@ -116,8 +115,7 @@ def solve_static(
         return posture
 
     def load(part: Array) -> Array:
-        posture = whole(part)
-        return (load_torque(chain, posture, rates, wrench, follower) - elastic_torque(chain, posture) - drive)[free]
+        return (load_torque(chain, whole(part), rates, wrench, follower) - drive)[free]
 
     def slope(part: Array) -> Array:
         K = stiffness_matrix(chain, whole(part), rates, wrench, follower)
@@ -156,7 +154,13 @@ def buckling_loads(
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 
     Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q. Only real positive s
-    count, smallest first. Arguments and errors are those of `solve_static`.
+    count, smallest first; those of the size of 1/eps are rounding, of loads that soften nothing. Lock joints that have
+    no spring: what they add to the factors means nothing. Arguments are those of `solve_static`.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     """
     q = chain.rest.copy() if q is None else vector("q", q, chain.n)
     wrench = wrench_vector(tip_wrench)

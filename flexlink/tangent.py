@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import bias_torque, elastic_torque, frames
+from flexlink.dynamics import bias_torque, frames
 from flexlink.errors import ArgumentError
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def unlocked(chain: Chain, locked: Sequence[int]) -> NDArray[np.intp]:
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
-    """T_GC + T_FL, shape (n,) [N m]: zero where the chain, turning steadily at q̇, is in (relative) equilibrium.
+    """T_GC with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
 
     `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
     components are in axes of the tip frame and it turns with the tip.
@@ -52,7 +52,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
     if follower:
         R = frames(chain, q).rotations[-1]
         wrench = np.concatenate([R @ wrench[:3], R @ wrench[3:]])
-    return bias_torque(chain, q, qd, wrench) + elastic_torque(chain, q)
+    return bias_torque(chain, q, qd, wrench)
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
@@ -65,7 +65,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
         for shift, weight in zip(_SHIFTS, _WEIGHTS, strict=True):
             moved = q.copy()
             moved[j] += shift
-            K[:, j] += weight * _without_springs(chain, moved, qd, wrench, follower)
+            K[:, j] += weight * load_torque(chain, moved, qd, wrench, follower)
     return K
 
 
@@ -77,10 +77,6 @@ def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
         for j, e in enumerate(unit * np.eye(chain.n)):
             G[:, j] = (bias_torque(chain, q, qd + e) - bias_torque(chain, q, qd - e)) / (2 * unit)
     return G
-
-
-def _without_springs(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool) -> Array:
-    return load_torque(chain, q, qd, wrench, follower) - elastic_torque(chain, q)
 
 
 def point_jacobian(chain: Chain, q: Array) -> Array:

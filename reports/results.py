@@ -70,10 +70,6 @@ class Results:
             if name in found:
                 yield case, found[name]
 
-    def select(self, **wanted: str) -> list[Row]:
-        """Rows whose fields have these values."""
-        return [row for row in self.rows if all(getattr(row, field) == value for field, value in wanted.items())]
-
 
 def used(row: Row) -> float | None:
     """Share of the bar that a row uses up: at most 1 exactly when it passes; None without a bar.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import flexible, make_scene
@@ -32,6 +33,19 @@ def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, lim
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
     assert fl.stable_step(scene.chain(), method) == pytest.approx(limit / 4.0, rel=1e-5)
+
+
+def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(tmp_path) -> None:
+    """R(z) = T_5(1 + z/25), by k_i = f(y + h a_i k_i−1) and y + h k_5: of 5 stages none goes further (Markov)."""
+    x = np.polynomial.Polynomial([1, 1 / 25])
+    r = (16 * x**5 - 20 * x**3 + 5 * x).coef
+    a = ["0", *(f"{r[k] / r[k - 1]:.17f}" for k in range(5, 1, -1))]
+    A = [["0"] * (i - 1) + [a[i]] if i else [] for i in range(5)]
+    method = {"about": "Chebyshev", "source": "-", "order": 1, "A": A, "b": ["0", "0", "0", "0", "1"], "c": a}
+    (tmp_path / "chebyshev.toml").write_bytes(msgspec.toml.encode(method))
+    joint = fl.Joint(viscous=8.0)
+    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
+    assert fl.stable_step(scene.chain(), str(tmp_path / "chebyshev.toml")) == pytest.approx(50 / 4.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])

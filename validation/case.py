@@ -90,7 +90,7 @@ def load_case(path: Path) -> Case:
 
 
 def load_cases(*wanted: str) -> list[Case]:
-    """The cases that any of `wanted` means, by name, all if there are none; those that measure time come last.
+    """The cases that any of `wanted` means, by name, all if there are none; those called speed come last.
 
     `wanted` are names or kinds, or the words they begin with ("speed" means every speed_…), or globs of them.
 

@@ -1,7 +1,8 @@
-"""The one decorator of all kernels: compiled by numba, cached on disk under a key of all kernel sources.
+"""The decorators of all kernels: compiled by numba, cached on disk under a key of all kernel sources.
 
 Numba's own cache looks at the file of the function alone: an edit in a helper's file would silently return
-stale machine code. The folder name therefore hashes every kernel file. A user's NUMBA_CACHE_DIR is respected.
+stale machine code. The folder name therefore hashes every kernel file, and `chain.py`, which lays out
+their records. A user's NUMBA_CACHE_DIR is respected.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ def friction(hinge, rate):
 
 
 STIFFNESS, REST, DAMPING, COULOMB, WIDTH = range(5)
-JOINT = 5  # numbers of a joint at the head of a row, as `net_torque` reads them
+JOINT = 5  # numbers of a joint at the head of a row, as `smooth_torque` and `take_off_dry_friction` read them
 
 
 @kernel

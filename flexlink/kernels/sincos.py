@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.kernels.compiler import inlined, recursion
 
-LIMIT = 1e5  # rad; beyond it k reaches 2²⁰
+LIMIT = 1e5  # rad, k < 2¹⁶: well within the 2²⁰ up to which the products are exact
 TWO_OVER_PI = 0.6366197723675814
 HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)  # 33 bits, 33 bits, the rest
 

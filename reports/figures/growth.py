@@ -44,6 +44,6 @@ def draw(results: Results) -> Iterator[Picture]:
 
 CAPTION = (
     "{scene}: largest difference of any joint angle up to time t. The first curve is flexlink against itself, started "
-    "one unit in the last place away or with another linear solver: all that rounding alone can do. An engine that "
+    "one unit in the last place away or with another solver for q̈: all that rounding alone can do. An engine that "
     "computes the same motion grows along with it."
 )

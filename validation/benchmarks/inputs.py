@@ -11,7 +11,7 @@ from flexlink.scene import Drive, Motion, Scene
 
 
 def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
-    """T = 4 sin³(2πt / 1.2 s) N m for 1.2 s at the first joint; the spline errs by (5 ms)⁴/384 · max|T⁗|, 1e-6 N m."""
+    """T = 4 sin³(2πt / 1.2 s) N m for 1.2 s at the first joint; the spline errs by (5 ms)⁴/384 · max|T⁗|, 1e-7 N m."""
     t = np.linspace(0, 1.2, knots)
     torque = 4 * np.sin(2 * np.pi * t / 1.2) ** 3
     torque[-1] = 0.0

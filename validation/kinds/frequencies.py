@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain import Chain
+from flexlink.compare import EPS
 from flexlink.dynamics import mass_matrix
 from flexlink.modal import natural_frequencies
 from flexlink.scene import Scene
@@ -26,7 +27,6 @@ from validation.case import Case, Measured
 from validation.store import Series, table
 
 Array = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

@@ -164,7 +164,7 @@ def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
 
 
 def _stable(scene: Scene, method: str, step: float) -> bool:
-    """The total energy stays within the energy that the motion exchanges."""
+    """The total energy changes by less than 1 % of what gravity takes and gives."""
     steps = round(scene.run.duration / step)
     try:
         run = simulate(with_run(scene, method=method, step=step, sample=step, duration=steps * step))

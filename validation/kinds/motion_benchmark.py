@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.compare import EPS
 from flexlink.inputs import motion_arrays
 from flexlink.kernels.inputs import follow
 from flexlink.scene import Scene
@@ -33,7 +34,6 @@ from validation.kinds.motion import with_run
 from validation.store import Series
 
 Array = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

@@ -1,1 +1,1 @@
-"""Judges that share no algorithm with the library: rooted trees, and a planar chain's Lagrangian in 50 digits."""
+"""Judges that share no algorithm with the library: rooted trees, closed forms, and chains in 40 and 50 digits."""
