@@ -50,10 +50,10 @@ class Energy(NamedTuple):
 
 
 class Frames(NamedTuple):
-    """Where the bodies are, in frame 0; the last one is the tip frame."""
+    """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
 
-    rotations: Array  # (bodies + 1, 3, 3), R: v_0 = R v_body
-    points: Array  # (bodies + 1, 3), origins [m]
+    rotations: Array  # (bodies, 3, 3), R: v_0 = R v_body
+    points: Array  # (bodies, 3), origins [m]
 
 
 def inverse_dynamics(

@@ -15,6 +15,7 @@ from flexlink.errors import SceneError
 from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.rules import lumping_rule
+from flexlink.spec import decode
 from flexlink.tangent import stiffness_matrix
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
@@ -23,6 +24,7 @@ from validation.benchmarks.sweep import Need, Point, Sweep, order, report
 from validation.benchmarks.tip_loads import TIP_LOADS
 from validation.benchmarks.variant import Rule, Variant, existing, overlay
 from validation.case import BENCHMARKS, load_cases
+from validation.kinds import KINDS
 from validation.oracles import bending_chain, hencky
 from validation.store import Row, Series, Store
 
@@ -107,6 +109,16 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
         existing(case, Variant(), Rule(rule="none such", hinges=6))
     with pytest.raises(SceneError, match="mas = 1"):
         existing(case, Variant(change={"tip": {"mas": 1.0}}), Rule(rule="gauss", hinges=6))
+    with pytest.raises(fl.ArgumentError, match=r"variant.scene = 'none such': unknown; allowed are"):
+        Variant(scene="none such").build(case, Rule(rule="gauss", hinges=6))
+
+
+@pytest.mark.parametrize(("name", "key"), [("physics_spin_up", "input"), ("physics_elastica", "loads")])
+def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(name, key):
+    case = CASES[name]
+    kind = KINDS[case.kind]
+    with pytest.raises(fl.ArgumentError, match=rf"{name}.toml: settings.{key} = 'none such': unknown; allowed are"):
+        list(kind.run(case, decode(case.settings | {key: "none such"}, kind.Settings)))
 
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from flexlink import catalogue
+from flexlink.checks import choice
 from flexlink.errors import SceneError
 from flexlink.scene import Scene, scene_from
 from flexlink.spec import Spec
@@ -44,10 +45,12 @@ class Variant(Spec, frozen=True):
         ------
         SceneError
             The changed file is not a scene, or the rule does not exist for so many hinges.
+        ArgumentError
+            `scene` is none of the case's.
         """
         paths = {path.stem: path for path in case.scene_files}
-        raw = catalogue.read_toml(paths[self.scene or case.scenes[0]])
-        raw = overlay(raw, self.change)
+        path = choice(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)
+        raw = overlay(catalogue.read_toml(path), self.change)
         for link in raw["link"]:
             if link.get("flex", "rigid") != "rigid":
                 link |= {"lumping": wanted.rule, "segments": wanted.hinges + 1}

@@ -63,7 +63,7 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
     q, _ = scene.initial_state(chain)
     squares, Φ = linalg.eigh(np.diag(chain.stiffness), mass_matrix(chain, q))  # Φᵀ M Φ = 1
     force = Φ.T @ (gravity_torque(chain, q) + chain.stiffness * (q - chain.rest))
-    elastic = squares > 1e-9 * squares.max()
+    elastic = squares > 1e-9 * squares.max()  # the others are rigid: ω² is rounding
     ω: Array = np.sqrt(squares[elastic])
     return ω, 0.5 * force[elastic] ** 2 / ω**2
 

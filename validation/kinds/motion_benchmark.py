@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.checks import choice
 from flexlink.compare import EPS
 from flexlink.inputs import motion_arrays
 from flexlink.kernels.inputs import follow
@@ -77,7 +78,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     """The scene with its input and a step that divides the time between samples."""
-    scene = INPUTS[settings.input](Variant().build(case, at))
+    with_input = choice(f"{case.path}: settings.input", settings.input, INPUTS)
+    scene = with_input(Variant().build(case, at))
     chain = scene.chain()
     stable = fl.stable_step(chain, scene.run.method, scene.initial_state(chain)[0])
     return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.checks import choice
 from flexlink.engines import Engine
-from flexlink.errors import SceneError
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
@@ -37,9 +37,8 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
-    if settings.loads not in TIP_LOADS:
-        raise SceneError(f"{case.path}: settings.loads = {settings.loads!r}: allowed are {', '.join(TIP_LOADS)}")
-    loads = [load for load in TIP_LOADS[settings.loads]() if not settings.only or load.name in settings.only]
+    all_loads = choice(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
+    loads = [load for load in all_loads() if not settings.only or load.name in settings.only]
     points = []
     for at in grid(settings.rules):
         scene = existing(case, Variant(), at)
