@@ -153,9 +153,9 @@ def buckling_loads(
 ) -> Array:
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 
-    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q. Only real positive s
-    count, smallest first; those of the size of 1/eps are rounding, of loads that soften nothing. Lock joints that have
-    no spring: what they add to the factors means nothing. Arguments are those of `solve_static`.
+    Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q, and joints without a spring, too.
+    Only real positive s count, smallest first; loads that soften nothing give none. Arguments are those of
+    `solve_static`.
 
     Raises
     ------
@@ -165,11 +165,14 @@ def buckling_loads(
     q = chain.rest.copy() if q is None else vector("q", q, chain.n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    elastic = np.diag(chain.stiffness[free])
-    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[np.ix_(free, free)] - elastic
-    inverse = linalg.eigvals(-load, elastic)  # 1/s
-    real = inverse.real[(np.abs(inverse.imag) <= 1e-9 * np.abs(inverse).max()) & (inverse.real > 0)]
-    return np.asarray(np.sort(1 / real))
+    sprung = free[chain.stiffness[free] > 0]
+    k = chain.stiffness[sprung]
+    load = stiffness_matrix(chain, q, np.zeros(chain.n), wrench)[np.ix_(sprung, sprung)] - np.diag(k)
+    inverse = linalg.eigvals(-load / np.sqrt(np.outer(k, k)))  # 1/s
+    rounding = len(k) * np.finfo(float).eps * np.abs(inverse).max(initial=0.0)
+    softening = inverse.real > rounding
+    real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
+    return np.asarray(np.sort(1 / inverse.real[softening & real]))
 
 
 class _LostError(Exception):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from beams import cantilever, order, princeton_beam, reference, thin_arm, thin_link
-from conftest import nasty_scene
+from conftest import flexible, make_scene, nasty_scene
 from scipy import optimize
 
 from flexlink import (
@@ -252,3 +252,15 @@ def test_the_tangent_loses_stability_at_the_buckling_load():
     critical = buckling_loads(chain, tip_wrench=[-1, 0, 0, 0, 0, 0])[0]
     assert solve_static(chain, tip_wrench=[-0.999 * critical, 0, 0, 0, 0, 0]).stable
     assert not solve_static(chain, tip_wrench=[-1.001 * critical, 0, 0, 0, 0, 0]).stable
+
+
+def test_joints_without_a_spring_take_no_part_in_buckling():
+    chain = make_scene(flexible("a"), flexible("b"), gravity=(-9.81, 0.0, 0.0)).chain()
+    free, held = buckling_loads(chain), buckling_loads(chain, locked=chain.active.tolist())
+    np.testing.assert_array_equal(free, held)
+    assert (np.diff(free) > 0).all()
+    assert len(free) <= 8
+
+
+def test_a_load_that_stiffens_buckles_nothing():
+    assert len(buckling_loads(make_scene(flexible("a"), gravity=(9.81, 0.0, 0.0)).chain())) == 0

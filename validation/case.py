@@ -90,7 +90,7 @@ def load_case(path: Path) -> Case:
 
 
 def load_cases(*wanted: str) -> list[Case]:
-    """The cases that any of `wanted` means, by name, all if there are none; those called speed come last.
+    """The cases that any of `wanted` means, by name, all if there are none.
 
     `wanted` are names or kinds, or the words they begin with ("speed" means every speed_…), or globs of them.
 
@@ -104,5 +104,4 @@ def load_cases(*wanted: str) -> list[Case]:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
             raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
-    chosen = [case for case in cases if not wanted or any(case.is_meant_by(pattern) for pattern in wanted)]
-    return sorted(chosen, key=lambda case: case.is_meant_by("speed"))
+    return [case for case in cases if not wanted or any(case.is_meant_by(pattern) for pattern in wanted)]

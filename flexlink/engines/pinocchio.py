@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from flexlink.chain import Chain
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.errors import ArgumentError
 from flexlink.export import to_urdf
 from flexlink.scene import Scene
 from flexlink.tableaus import tableau
@@ -40,7 +41,8 @@ class PinocchioEngine:
         joints = robot.findall("joint[@type='revolute']")
         model = pin.buildModelFromXML(text)
         order = [model.getJointId(joint.attrib["name"]) for joint in joints]
-        assert order == list(range(1, model.njoints)), "a serial chain has one order of joints"
+        if order != list(range(1, model.njoints)):
+            raise ArgumentError(f"Pinocchio orders the joints of {chain.name!r} as {order}; expected those of the file")
         self.stiffness, self.rest = _own(robot, "stiffness"), _own(robot, "rest")
         self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
         self.coulomb_width = _own(robot, "coulomb_width")
