@@ -80,14 +80,7 @@ def used(row: Row) -> float | None:
         return None
     if row.value is None:
         return float("inf")
-    over, under = (row.tolerance, row.value) if is_lower_bar(row) else (row.value, row.tolerance)
+    over, under = (row.tolerance, row.value) if row.bound == "at least" else (row.value, row.tolerance)
     if over <= 0.0:
         return 0.0
     return over / under if under > 0.0 else float("inf")
-
-
-def is_lower_bar(row: Row) -> bool:
-    """True if the value has to be *at least* the tolerance: then the verdict fits no upper bar."""
-    if row.value is None or row.tolerance is None:
-        return False
-    return row.passed is not (row.value <= row.tolerance)

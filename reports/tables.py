@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from reports.numbers import amount, number
 from reports.reasons import split_reasons
-from reports.results import is_lower_bar, used
+from reports.results import used
 from validation.store import Row
 
 FIELDS = tuple(field.name for field in dataclasses.fields(Row) if field.name != "key")
@@ -78,7 +78,7 @@ def bar(row: Row) -> str:
     """The tolerance with its sense, "≤ 10⁻¹²"; empty without one."""
     if row.tolerance is None:
         return ""
-    return f"{'≥' if is_lower_bar(row) else '≤'} {number(row.tolerance)}"
+    return f"{'≥' if row.bound == 'at least' else '≤'} {number(row.tolerance)}"
 
 
 def share(part: float | None) -> str:

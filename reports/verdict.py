@@ -8,7 +8,7 @@ from fnmatch import fnmatchcase
 
 from reports.numbers import amount, plural
 from reports.reasons import split_reasons
-from reports.results import Results, is_lower_bar, used
+from reports.results import Results, used
 from reports.tables import bar, share
 from validation.store import Row
 
@@ -105,7 +105,7 @@ def headlines(results: Results, wanted: Iterable[Mapping[str, str]]) -> list[str
             and row.value is not None
         ]
         if rows:
-            pick = min if is_lower_bar(rows[0]) else max
+            pick = min if rows[0].bound == "at least" else max
             worst = pick(rows, key=lambda row: row.value or 0.0)
             where = ", ".join(part for part in (worst.scene, worst.engine) if part)
             value = amount(worst.value, worst.unit)

@@ -206,7 +206,7 @@ def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_bar_of_
 def row(quantity, setting, value):
     return Row(
         case="physics_x", kind="frequencies", title="t", scene="", engine="native", setting=setting, quantity=quantity,
-        metric="m", value=value, unit="1", tolerance=None, passed=None, reason="", seconds=0.0, key="",
+        metric="m", value=value, unit="1", tolerance=None, bound="at most", passed=None, reason="", seconds=0.0, key="",
     )  # fmt: skip
 
 

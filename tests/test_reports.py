@@ -21,7 +21,7 @@ from reports.findings.paper_conclusion import evaluations, judge
 from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
 from reports.reasons import split_reasons
-from reports.results import Results, is_lower_bar, used
+from reports.results import Results, used
 from reports.tables import bar
 from validation.store import Row, Series, Store
 
@@ -34,8 +34,8 @@ def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | Non
     passed = None if tolerance is None else value is not None and value <= tolerance
     plain = Row(
         case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", setting="",
-        quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, passed=passed, reason=REASON,
-        seconds=0.5, key="k",
+        quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, bound="at most",
+        passed=passed, reason=REASON, seconds=0.5, key="k",
     )  # fmt: skip
     return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
 
@@ -182,10 +182,9 @@ def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
 
 def test_the_share_of_a_bar_passes_one_exactly_when_the_check_fails() -> None:
     upper, over = row(value=0.5, tolerance=1.0), row(value=2.0, tolerance=1.0)
-    lower = row(value=7.5, tolerance=3.0, passed=True)
-    under = row(value=1.5, tolerance=3.0, passed=False)
+    lower = row(value=7.5, tolerance=3.0, bound="at least", passed=True)
+    under = row(value=1.5, tolerance=3.0, bound="at least", passed=False)
     assert [used(r) for r in (upper, over, lower, under)] == [0.5, 2.0, 0.4, 2.0]
-    assert [is_lower_bar(r) for r in (upper, over, lower, under)] == [False, False, True, True]
     assert bar(lower) == "≥ 3"
 
 

@@ -228,8 +228,8 @@ def test_a_case_that_was_deleted_leaves_the_store(study):
 def row(case="c", **changes):
     values = {
         "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "setting": "RK4 h=0.1 s",
-        "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "passed": None,
-        "reason": "because", "seconds": 0.5, "key": "k",
+        "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "bound": "at most",
+        "passed": None, "reason": "because", "seconds": 0.5, "key": "k",
     }  # fmt: skip
     return Row(**values | changes)
 

@@ -114,11 +114,10 @@ def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
-    at_least = ", at least" if tolerance is not None and quantity.bound == "at least" else ""
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
-        setting=measured.setting, quantity=measured.quantity, metric=quantity.metric + at_least,
-        value=finite(measured.value), unit=quantity.unit, tolerance=tolerance,
+        setting=measured.setting, quantity=measured.quantity, metric=quantity.metric,
+        value=finite(measured.value), unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), reason=f"{quantity.reason} {measured.note}".strip(),
         seconds=round(seconds, 3), key=key,
     )  # fmt: skip

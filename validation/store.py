@@ -42,6 +42,7 @@ class Row:
     value: float | None  # None if the measurement is not a finite number
     unit: str
     tolerance: float | None  # None: information, no verdict
+    bound: str  # "at most" or "at least": the side of the tolerance on which a value passes
     passed: bool | None
     reason: str
     seconds: float
