@@ -14,7 +14,6 @@ from validation import runner
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
 from validation.kinds import KINDS
-from validation.kinds.integrators import Point, evaluations_for
 from validation.runner import judge
 from validation.store import Row, Series, Store
 
@@ -282,10 +281,3 @@ def test_the_store_reads_without_engines_and_without_a_terminal_library():
 
 
 # the comparison of integrators
-
-
-def test_evaluations_are_interpolated_between_runs_on_log_scales():
-    runs = [Point("RK2", h, error, 0.0, 2 / h, 0.0) for h, error in ((1e-2, 1e-4), (1e-3, 1e-6))]
-    assert evaluations_for(runs, 1e-5) == pytest.approx((2 / 10**-2.5, 10**-2.5))
-    assert evaluations_for(runs, 1e-3) == (200.0, 1e-2)  # the coarsest run is good enough
-    assert evaluations_for(runs, 1e-9) is None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Iterator, Sequence
 
@@ -25,14 +24,13 @@ class Settings(Spec, frozen=True):
     """What to run.
 
     duration, sample [s]; reference: two steps [s] of RK10, the finer one counts as exact; steps [s] by method;
-    errors [rad] at which the methods are weighed against each other; methods whose limit of stability is measured.
+    methods whose limit of stability is measured.
     """
 
     duration: Positive
     sample: Positive
     reference: tuple[Positive, Positive]
     steps: dict[str, tuple[float, ...]]
-    errors: tuple[Positive, ...]
     stability: tuple[str, ...] = ()
 
 
@@ -55,7 +53,7 @@ LABELS = (
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Every run as a point; then, at each error, the cheapest method; then stability."""
+    """Every run as a point, then stability; the report weighs the methods against each other."""
     for full in case.load_scenes():
         scene = with_run(full, duration=settings.duration, sample=settings.sample)
         coarse, exact = (simulate(with_run(scene, method="RK10", step=h)) for h in settings.reference)
@@ -70,7 +68,6 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
                 yield Measured("energy drift", p.drift, scene.name, setting=f"{method} h={p.step:g} s")
                 points.append(p)
         yield _series(scene, points)
-        yield from _verdicts(scene, points, settings.errors)
         for method in settings.stability:
             yield _stability(scene, method, exact)
 
@@ -104,51 +101,6 @@ def _series(scene: Scene, points: Sequence[Point]) -> Series:
     return Series(
         f"{scene.name}.error", title, columns, "step [s]", "step [s]", "max |Δq| [rad]", "log", "log", group="method"
     )
-
-
-def evaluations_for(points: Sequence[Point], error: float) -> tuple[float, float] | None:
-    """Evaluations per simulated second and step [s] at which one method reaches an error; None if no run does.
-
-    Interpolated between neighbouring runs on log scales. If the coarsest run is already better, its cost stands: a
-    larger step would not be stable, or was not asked for.
-    """
-    runs = sorted(points, key=lambda p: -p.step)
-    for coarse, fine in zip([None, *runs], runs, strict=False):
-        if fine.error > error:
-            continue
-        if coarse is None:
-            return fine.evaluations, fine.step
-        share = math.log(coarse.error / error) / math.log(coarse.error / fine.error)
-        factor = (fine.evaluations / coarse.evaluations) ** share
-        return coarse.evaluations * factor, coarse.step / factor
-    return None
-
-
-def _verdicts(scene: Scene, points: Sequence[Point], errors: Sequence[float]) -> Iterator[Measured]:
-    """The cheapest method at every error, in numbers and words, and what becomes of the paper's conclusion."""
-    methods = list(dict.fromkeys(p.method for p in points))
-    winners: dict[float, str] = {}
-    for error in errors:
-        reached = {m: evaluations_for([p for p in points if p.method == m], error) for m in methods}
-        costs = {m: found for m, found in reached.items() if found is not None}
-        if not costs:
-            continue
-        ranking = sorted(costs, key=lambda m: costs[m][0])
-        best = winners[error] = ranking[0]
-        words = [f"{best} is cheapest: {costs[best][0]:.3g} evaluations a second, h = {costs[best][1]:.2g} s."]
-        words += [f"{m} takes {costs[m][0] / costs[best][0]:.2g} times as many." for m in ranking[1:]]
-        words += [f"{m} does not reach it with the steps tried." for m in methods if m not in costs]
-        setting = f"{best}, error {error:g} rad"
-        yield Measured("cheapest method", costs[best][0], scene.name, setting=setting, note=" ".join(words))
-    note = f"It holds at errors of {_listed(winners, 'RK4')} rad."
-    for other in dict.fromkeys(best for best in winners.values() if best != "RK4"):
-        note += f" It does not hold at {_listed(winners, other)} rad, where {other} is cheaper."
-    share = list(winners.values()).count("RK4") / max(1, len(winners))
-    yield Measured("paper's conclusion", share, scene.name, setting="RK4 suffices, RK10 not justified", note=note)
-
-
-def _listed(winners: dict[float, str], method: str) -> str:
-    return ", ".join(f"{error:g}" for error, best in winners.items() if best == method) or "no"
 
 
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
