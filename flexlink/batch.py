@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.chain import Chain
 from flexlink.dynamics import lanes_workspace, solver_for
 from flexlink.errors import ArgumentError, DivergenceError
-from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.inputs import input_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Scene
@@ -85,12 +85,8 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 def _alike(a: Member, b: Member) -> bool:
     (scene, chain), (other, its) = a, b
-    return (scene.run, scene.drive, scene.motion, scene.wrench) == (
-        other.run,
-        other.drive,
-        other.motion,
-        other.wrench,
-    ) and chain.same_layout(its)
+    shared = ("run", "drive", "motion", "wrench")
+    return all(getattr(scene, name) == getattr(other, name) for name in shared) and chain.same_layout(its)
 
 
 def _simulate_alone(scene: Scene) -> Trajectory | DivergenceError:
@@ -109,7 +105,7 @@ def _simulate_block(block: Sequence[Member]) -> Sequence[Trajectory | Divergence
     for lane in range(LANES):
         member, its = block[min(lane, len(block) - 1)]
         q[0, :, lane], qd[0, :, lane] = member.initial_state(its)
-    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    inputs = input_arrays(scene, chain)
     work = lanes_workspace(solver, [its for _, its in block])
     steps = (run.samples - 1) * run.steps_per_sample
     arrays = chain.arrays, work, tableau(run.method).arrays

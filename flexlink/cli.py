@@ -24,7 +24,7 @@ from flexlink.modal import modes
 from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
-from flexlink.stability import fastest_eigenvalues, stable_step
+from flexlink.stability import fastest_eigenvalues, stable_step_of
 from flexlink.trajectory import Trajectory, output_format, picture_format, plotting
 
 if TYPE_CHECKING:
@@ -158,11 +158,12 @@ def _show(scene: Scene) -> None:
         print(f"  {k:4d}  (link {c.link}, segment {c.segment}, axis {c.axis})  {chain.joint_name(k):<16} {spring}")
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
-    hertz = np.unique(np.abs(fastest_eigenvalues(chain, q0)).round(9)) / (2 * np.pi)
+    λ = fastest_eigenvalues(chain, q0)
+    hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     for method in catalogue.names("tableaus"):
-        print(f"largest stable step, {method:<5} {stable_step(chain, method, q0):.4g} s")
+        print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s")
 
 
 def _some(values: np.ndarray) -> str:

@@ -35,6 +35,11 @@ class MotionArrays(NamedTuple):
     coefficients: Array  # (pieces, 6) [rad / s^j]
 
 
+def input_arrays(scene: Scene, chain: Chain) -> tuple[DriveArrays, MotionArrays, Array]:
+    """All that acts on a run from outside, in the order of the kernels: drive, motions and tip wrench (6,)."""
+    return drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+
+
 def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     """The scene's drive; no driven joint at all where it has nothing to say.
 

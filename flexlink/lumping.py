@@ -113,9 +113,10 @@ def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
     for segment, (start, stop) in enumerate(itertools.pairwise([0.0, *nodes.tolist(), 1.0])):
         if segment:
             builder.start_body()
+            rigidity = beam.rigidity(start)
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                k = beam.rigidity(start)[axis] / (weights[segment - 1] * link.length)
+                k = rigidity[axis] / (weights[segment - 1] * link.length)
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
                 builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_times[axis] * k, armature=rotor)
         if stop > start:  # a hinge at the very root has nothing before it

@@ -10,7 +10,7 @@ from pathlib import Path
 from flexlink.errors import OutputError
 
 
-def write_whole(path: Path, write: Callable[[Path], None]) -> None:
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then move it there in one step.
 
     Raises
@@ -36,14 +36,10 @@ def write_whole(path: Path, write: Callable[[Path], None]) -> None:
 
 def write_text(path: Path, text: str) -> None:
     """Write UTF-8 text whole or not at all; errors as in `write_whole`."""
-    write_whole(path, lambda temporary: _write_bytes(temporary, text.encode()))
+    write_whole(path, lambda temporary: temporary.write_bytes(text.encode()))
 
 
-def _write_bytes(path: Path, data: bytes) -> None:
-    path.write_bytes(data)
-
-
-def write_or_keep(path: Path, write: Callable[[Path], None]) -> None:
+def write_or_keep(path: Path, write: Callable[[Path], object]) -> None:
     """Like `write_whole`, but a finished result that `path` cannot take is kept in the system's temporary folder.
 
     Raises

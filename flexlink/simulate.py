@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.dynamics import solver_for
 from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
-from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.inputs import input_arrays
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
-from flexlink.stability import largest_frequency, stable_step
+from flexlink.stability import fastest_eigenvalues, stable_step_of
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
 
@@ -62,7 +62,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     q[0], qd[0] = scene.initial_state(chain)
-    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    inputs = input_arrays(scene, chain)
     method = tableau(run.method).arrays
     work = solver_for(chain, run.dynamics).workspace(chain.arrays)
     piece = max(1, (run.samples - 1) // PIECES)
@@ -102,7 +102,8 @@ def _diverged(scene: Scene, chain: Chain, q: Array, qd: Array, steps: int) -> Di
     last = (steps - 1) // run.steps_per_sample  # number of the last finite sample; the next row is the bad state
     bad = ~(np.isfinite(q[last + 1]) & np.isfinite(qd[last + 1]))
     joint = chain.joint_name(int(np.argmax(bad)))
-    ω, h = largest_frequency(chain, q[0]), stable_step(chain, run.method, q[0])
+    λ = fastest_eigenvalues(chain, q[0])
+    ω, h = np.abs(λ).max(initial=0.0), stable_step_of(λ, run.method)
     return DivergenceError(
         f"{chain.name}: no longer finite at t = {steps * run.step:.6g} s (step {steps}, joint {joint!r}); "
         f"omega_max * step = {ω * run.step:.3g}, largest stable step of {run.method} is {h:.3g} s "

@@ -118,7 +118,11 @@ def stable_step(chain: Chain, method: str = "RK4", q: ArrayLike | None = None) -
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    λ = fastest_eigenvalues(chain, np.zeros(chain.n) if q is None else q)
+    return stable_step_of(fastest_eigenvalues(chain, np.zeros(chain.n) if q is None else q), method)
+
+
+def stable_step_of(λ: Complex, method: str) -> float:
+    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
     λ = λ[np.abs(λ) > 1e-9 * np.abs(λ).max(initial=1e-300)]  # without those of joints that nothing holds or brakes
     if len(λ) == 0:
         return np.inf

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
-from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.inputs import input_arrays
 from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.output import write_whole
 from flexlink.scene import Scene
@@ -59,8 +59,7 @@ class Trajectory:
         tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
         tips_and_energies(chain.arrays, q, qd, tip, parts)
         work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
-        inputs = drive_arrays(scene, chain), motion_arrays(scene, chain)
-        drive_torques(chain.arrays, work, *inputs, scene.tip_wrench, t, q, qd, tau)
+        drive_torques(chain.arrays, work, *input_arrays(scene, chain), t, q, qd, tau)
         for array in (t, q, qd, tip, parts, tau):
             array.flags.writeable = False
         return cls(chain, t, q, qd, tau, tip, Energy(*parts))

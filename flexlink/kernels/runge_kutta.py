@@ -7,9 +7,10 @@ q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
+from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.kernels.lanes import all_zero, at, put_at, zero_of
+from flexlink.kernels.lanes import at, put_at
 
 
 @kernel
@@ -29,7 +30,7 @@ def integrate(chain, work, tableau, drive, motion, wrench, h, first_step, steps_
         for _ in range(steps_per_sample):
             step(chain, work, tableau, drive, motion, wrench, h, first_step + done, q, qd, q_stage, tau, K, L)
             done += 1
-            if not is_finite(q, qd):
+            if not (is_finite(q) and is_finite(qd)):
                 qs[row], qds[row] = q, qd
                 return done
         qs[row], qds[row] = q, qd
@@ -63,12 +64,3 @@ def add_stage(weight, L, K, i, q, qd):
         for k in range(len(q)):
             put_at(q, at(q, k) + weight * at(L, i, k), k)
             put_at(qd, at(qd, k) + weight * at(K, i, k), k)
-
-
-@recursion
-def is_finite(q, qd):
-    """Whether all of q and q̇ are finite: x − x is 0 then, and nan otherwise."""
-    total = zero_of(q)
-    for k in range(len(q)):
-        total += (at(q, k) - at(q, k)) + (at(qd, k) - at(qd, k))
-    return all_zero(total)

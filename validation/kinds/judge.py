@@ -11,19 +11,15 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.compare import EPS, QUANTITIES, State, random_states
-from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.kinds import pointwise
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 
 Array = NDArray[np.float64]
 
 
-class Settings(Spec, frozen=True):
+class Settings(pointwise.Settings, frozen=True):
     """Engines, number of states and seed."""
-
-    engines: tuple[str, ...]
-    samples: int
-    seed: int = 0
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:

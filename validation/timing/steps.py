@@ -15,7 +15,7 @@ from flexlink import engines
 from flexlink.dynamics import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.errors import FlexlinkError
-from flexlink.inputs import drive_arrays, motion_arrays
+from flexlink.inputs import input_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Scene
@@ -28,7 +28,7 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = scene.chain(), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    inputs = input_arrays(scene, chain)
     q, qd = np.zeros((2, 2, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
 
@@ -44,7 +44,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = scene.chain(), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    inputs = drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench
+    inputs = input_arrays(scene, chain)
     starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.zeros((len(starts), 2, 2, chain.n, LANES))  # block, q or q̇, first or last, hinge, lane
     blocks[:, :, 0] = starts.transpose(0, 2, 3, 1)
