@@ -27,6 +27,7 @@ from flexlink.errors import (
     OutputError,
     SceneError,
     SingularMassError,
+    UnstableStepError,
 )
 from flexlink.export import to_mjcf, to_urdf
 from flexlink.lumping import lump
@@ -69,6 +70,7 @@ __all__ = [
     "Section",
     "SingularMassError",
     "Trajectory",
+    "UnstableStepError",
     "Wrench",
     "bias_torque",
     "buckling_loads",

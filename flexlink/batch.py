@@ -4,19 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain import Chain
 from flexlink.dynamics import lanes_workspace, solver_for
-from flexlink.errors import ArgumentError, DivergenceError
-from flexlink.inputs import input_arrays
+from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError
+from flexlink.inputs import losses_side_by_side
+from flexlink.interruption import Stop, deferred
 from flexlink.kernels.lanes import LANES
-from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Scene
-from flexlink.simulate import simulate
-from flexlink.tableaus import tableau
+from flexlink.simulate import pieces, prepare, run_alone
 from flexlink.trajectory import Trajectory
+from flexlink.watch import Watch
+
+Array = NDArray[np.float64]
+Outcome = Trajectory | DivergenceError | InterruptedRunError
 
 
 def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]:
@@ -24,7 +29,7 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
 
     Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
     hinges, same drive, motion, wrench and run settings, with dynamics "articulated". Others run one by one. The numbers
-    are those of single runs.
+    are those of single runs, and so are the judgements.
 
     Parameters
     ----------
@@ -42,34 +47,55 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     ------
     ArgumentError
         `threads` is less than 1.
+    UnstableStepError
+        The step of a member is larger than its largest stable one; unstable = "allow" insists.
     DivergenceError
-        The state of a member left the finite numbers; the error's `runs` holds all runs, that member's up to there.
+        A member diverged, as in `simulate`; the error's `runs` holds all runs, that member's up to there.
+    InterruptedRunError
+        Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
     """
     if threads < 1:
         raise ArgumentError(f"threads = {threads!r}: must be at least 1")
-    with ThreadPoolExecutor(threads) as pool:
-        blocks = pool.map(_simulate_block, list(_blocks(_members(scenes))))
+    with deferred() as stop, ThreadPoolExecutor(threads) as pool:
+        blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
         outcomes = [outcome for block in blocks for outcome in block]
-    runs = [outcome.trajectory if isinstance(outcome, DivergenceError) else outcome for outcome in outcomes]
-    for outcome in outcomes:
-        if isinstance(outcome, DivergenceError):
-            outcome.runs = runs
-            raise outcome
+    runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in outcomes]
+    for kind in (InterruptedRunError, DivergenceError):
+        for outcome in outcomes:
+            if isinstance(outcome, kind):
+                outcome.runs = runs
+                raise outcome
     return runs
 
 
-Member = tuple[Scene, Chain]
+class Member(NamedTuple):
+    """A scene, ready to run."""
+
+    scene: Scene
+    watch: Watch
+
+    @property
+    def chain(self) -> Chain:
+        """What moves."""
+        return self.watch.record.chain
+
+    def run(self, stop: Stop) -> Outcome:
+        """Alone."""
+        try:
+            return run_alone(self.watch, stop)
+        except (DivergenceError, InterruptedRunError) as error:
+            return error
 
 
 def _members(scenes: Sequence[Scene]) -> Iterator[Member]:
-    """Scenes with their chains; neighbours that differ in nothing a chain is made of share one."""
+    """Scenes, ready to run; neighbours that differ in nothing a chain is made of share one."""
     made_of: tuple[object, ...] = ()
     for scene in scenes:
         locked = [a for a, link in zip(scene.initial.joint_deg, scene.arm.links, strict=True) if link.joint.locked]
         parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
         if parts != made_of:
             made_of, chain = parts, scene.chain()
-        yield scene, chain
+        yield Member(scene, prepare(scene, chain))
 
 
 def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
@@ -84,34 +110,40 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 
 def _alike(a: Member, b: Member) -> bool:
-    (scene, chain), (other, its) = a, b
     shared = ("run", "drive", "motion", "wrench")
-    return all(getattr(scene, name) == getattr(other, name) for name in shared) and chain.same_layout(its)
+    return all(getattr(a.scene, name) == getattr(b.scene, name) for name in shared) and a.chain.same_layout(b.chain)
 
 
-def _simulate_alone(scene: Scene) -> Trajectory | DivergenceError:
-    try:
-        return simulate(scene)
-    except DivergenceError as error:
-        return error
-
-
-def _simulate_block(block: Sequence[Member]) -> Sequence[Trajectory | DivergenceError]:
-    scene, chain = block[0]
-    run, solver = scene.run, solver_for(chain, scene.run.dynamics)
+def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
+    run, chain = block[0].scene.run, block[0].chain
+    solver = solver_for(chain, run.dynamics)
     if len(block) == 1 or solver.lanes_workspace is None:
-        return [_simulate_alone(member) for member, _ in block]
-    q, qd = np.empty((2, run.samples, chain.n, LANES))
-    for lane in range(LANES):
-        member, its = block[min(lane, len(block) - 1)]
-        q[0, :, lane], qd[0, :, lane] = member.initial_state(its)
-    inputs = input_arrays(scene, chain)
-    work = lanes_workspace(solver, [its for _, its in block])
-    steps = (run.samples - 1) * run.steps_per_sample
-    arrays = chain.arrays, work, tableau(run.method).arrays
-    if integrate(*arrays, *inputs, run.step, 0, run.steps_per_sample, q, qd) < steps:
-        return [_simulate_alone(member) for member, _ in block]  # one of them diverges; it says so itself
+        return [member.run(stop) for member in block]
+    eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
+    chains = [member.chain for member in eight]
+    q, qd = np.zeros((2, run.samples, chain.n, LANES))
+    samples = q, qd, np.zeros((run.samples, LANES))
+    for lane, member in enumerate(eight):
+        q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
+    state = q[0].copy(), qd[0].copy(), np.zeros((chain.n + 1, LANES))
+    work, inputs = lanes_workspace(solver, chains), block[0].watch.record.inputs
+    rows = 1
+    for done in pieces(run, chain, work, inputs, losses_side_by_side(chains), state, samples):
+        rows = done // run.steps_per_sample + 1
+        if stop.asked:
+            break
+    if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
+        return [member.run(stop) for member in block]
     return [
-        Trajectory.from_states(member, its, run.times, *(np.ascontiguousarray(x[:, :, lane]) for x in (q, qd)))
-        for lane, (member, its) in enumerate(block)
+        _outcome(member.watch, *(array[:rows, ..., lane] for array in samples)) for lane, member in enumerate(block)
     ]
+
+
+def _outcome(watch: Watch, q: Array, qd: Array, works: Array) -> Outcome:
+    """What became of a member, whose first samples are given."""
+    record, rows = watch.record, len(works)
+    record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
+    if not watch.look(rows):
+        return watch.diverged()
+    run = watch.trajectory()
+    return run if rows == len(record.t) else InterruptedRunError(run)

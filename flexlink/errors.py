@@ -37,8 +37,20 @@ class MissingDependencyError(FlexlinkError, ImportError):
     """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
 
 
+class UnstableStepError(FlexlinkError, ValueError):
+    """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it."""
+
+    def __init__(self, message: str, largest: float) -> None:
+        super().__init__(message)
+        self.largest = largest
+
+    def __reduce__(self) -> tuple[type[UnstableStepError], tuple[str, float]]:
+        """As `DivergenceError`."""
+        return UnstableStepError, (str(self), self.largest)
+
+
 class DivergenceError(FlexlinkError, ArithmeticError):
-    """A run left the finite numbers; `trajectory` holds every sample up to there.
+    """A run left the finite numbers, or its energy does not balance; `trajectory` holds every good sample before.
 
     Of `simulate_many`, `runs` holds all runs, this one's samples among them.
     """
@@ -53,15 +65,18 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
 
 class InterruptedRunError(KeyboardInterrupt):
-    """Ctrl-C during a run; `trajectory` holds every sample up to there. A KeyboardInterrupt for all who stop at one."""
+    """Ctrl-C or SIGTERM during a run, a KeyboardInterrupt for all; `trajectory` holds every sample up to there.
 
-    def __init__(self, trajectory: Trajectory) -> None:
+    Of `simulate_many`, `runs` holds all runs as far as they went.
+    """
+
+    def __init__(self, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
         super().__init__(f"interrupted; {len(trajectory.t)} samples kept")
-        self.trajectory = trajectory
+        self.trajectory, self.runs = trajectory, runs
 
-    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory]]:
+    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, Sequence[Trajectory]]]:
         """As `DivergenceError`."""
-        return InterruptedRunError, (self.trajectory,)
+        return InterruptedRunError, (self.trajectory, self.runs)
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):

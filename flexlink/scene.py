@@ -103,13 +103,17 @@ class Wrench(Spec, frozen=True):
 
 
 class Run(Spec, frozen=True):
-    """How to integrate: method, fixed step, duration, time between stored samples [s], solver of forward dynamics."""
+    """How to integrate: method, fixed step, duration, time between stored samples [s], solver of forward dynamics.
+
+    `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+    """
 
     method: str = "RK4"
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
     dynamics: Literal["articulated", "lu", "cholesky"] = "articulated"
+    unstable: Literal["refuse", "allow"] = "refuse"
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,8 +1,9 @@
-"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in pieces between which Python may look up."""
+"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in pieces between which Python looks up."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -10,23 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
-from flexlink.dynamics import solver_for
-from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
-from flexlink.inputs import input_arrays
+from flexlink.errors import ArgumentError, InterruptedRunError, SceneError
+from flexlink.inputs import Inputs, Losses, losses
+from flexlink.interruption import Stop, deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
-from flexlink.stability import fastest_eigenvalues, stable_step_of
 from flexlink.tableaus import tableau
-from flexlink.trajectory import Trajectory
+from flexlink.trajectory import Record, Trajectory
+from flexlink.watch import Watch, judge_step
 
 Array = NDArray[np.float64]
-PIECES = 200  # progress is reported about this often
+Arrays = tuple[Array, Array, Array]
+"""q, q̇ and W."""
+FIRST_PIECE, PIECE_SECONDS = 64, 0.02  # steps; CPU time after which Ctrl-C is answered and progress told
 
 
 def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
-    Explicit Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12).
+    Explicit Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12). The run judges itself: its step
+    before it starts, and each sample by the power balance E(t) − E(0) = W(t).
 
     Parameters
     ----------
@@ -35,7 +39,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     progress
         Called with the finished fraction, from 0 to 1, now and then.
     **overrides
-        Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics.
+        Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics, unstable.
 
     Returns
     -------
@@ -48,46 +52,83 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         An override that is not a run setting.
     SceneError
         A run setting with a value that is not allowed.
+    UnstableStepError
+        The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
     DivergenceError
-        The state left the finite numbers; the error's `trajectory` holds the samples up to there.
+        The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged;
+        the error's `trajectory` holds the good samples.
     InterruptedRunError
-        Ctrl-C; its `trajectory` holds the samples up to there.
+        Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
     scene = _override(scene, overrides)
-    run, chain = scene.run, scene.chain()
+    watch = prepare(scene, scene.chain())
+    with deferred() as stop:
+        return run_alone(watch, stop, progress)
+
+
+def prepare(scene: Scene, chain: Chain) -> Watch:
+    """Room for the samples of a run, of which the first is filled, and its step judged.
+
+    Raises
+    ------
+    SceneError
+        The samples do not fit into memory.
+    UnstableStepError
+        As in `simulate`.
+    """
+    run = scene.run
     try:
         times, q, qd = run.times, *np.empty((2, run.samples, chain.n))
+        record = Record(scene, chain, times, q, qd)
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     q[0], qd[0] = scene.initial_state(chain)
-    inputs = input_arrays(scene, chain)
-    method = tableau(run.method).arrays
-    work = solver_for(chain, run.dynamics).workspace(chain.arrays)
-    piece = max(1, (run.samples - 1) // PIECES)
-    start = 0  # number of the last finished sample
-    try:
-        while start < run.samples - 1:
-            rows = slice(start, min(start + piece + 1, run.samples))
-            wanted = (rows.stop - 1 - start) * run.steps_per_sample
-            first = start * run.steps_per_sample
-            done = integrate(
-                chain.arrays, work, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
-            )
-            if done < wanted:
-                raise _diverged(scene, chain, q, qd, first + done)
-            start = rows.stop - 1
-            if progress is not None:
-                progress(start / (run.samples - 1))
-    except KeyboardInterrupt:
-        raise InterruptedRunError(_first(start + 1, scene, chain, q, qd)) from None
-    return Trajectory.from_states(scene, chain, times, q, qd)
+    return Watch(run, record, judge_step(scene, chain, q[0], qd[0], record.inputs))
 
 
-def _first(kept: int, scene: Scene, chain: Chain, q: Array, qd: Array) -> Trajectory:
-    """The first samples of a run that ended early."""
-    return Trajectory.from_states(scene, chain, *(array[:kept].copy() for array in (scene.run.times, q, qd)))
+def run_alone(watch: Watch, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
+    """Run what was prepared; errors as in `simulate`."""
+    run, record, wanted = watch.run, watch.record, watch.run.samples - 1
+    chain = record.chain
+    state = record.q[0].copy(), record.qd[0].copy(), np.zeros(chain.n + 1)
+    samples = record.q, record.qd, record.works
+    for done in pieces(run, chain, record.scratch, record.inputs, losses(chain), state, samples):
+        last = done // run.steps_per_sample
+        if not watch.look(last + 1) or not np.isfinite(state[:2]).all():
+            raise watch.diverged(done + 1, state)
+        if progress is not None:
+            progress(last / wanted if wanted else 1.0)
+        if stop.asked and last < wanted:
+            raise InterruptedRunError(watch.trajectory())
+    return watch.trajectory()
+
+
+def pieces(
+    run: Run,
+    chain: Chain,
+    work: Any,
+    inputs: Inputs,
+    lost: Losses,
+    state: Arrays,
+    samples: Arrays,
+) -> Iterator[int]:
+    """Integrate in pieces of about 20 ms: after each, the number of the last step whose state is finite.
+
+    The state, and the samples, of one chain or of eight side by side, are filled in place; see `integrate`.
+    """
+    first, size, steps = 0, FIRST_PIECE, (run.samples - 1) * run.steps_per_sample
+    fixed = chain.arrays, work, tableau(run.method).arrays, inputs, lost, run.step
+    yield 0
+    while first < steps:
+        started, last = time.perf_counter(), min(first + size, steps)
+        done = integrate(*fixed, first, last, run.steps_per_sample, state, samples)
+        yield done
+        if done < last:
+            return
+        first = last
+        size = max(1, int(size * min(2.0, PIECE_SECONDS / (time.perf_counter() - started))))
 
 
 def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
@@ -95,18 +136,3 @@ def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
         if name not in Run.__struct_fields__:
             raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(Run.__struct_fields__)}")
     return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **overrides))
-
-
-def _diverged(scene: Scene, chain: Chain, q: Array, qd: Array, steps: int) -> DivergenceError:
-    run = scene.run
-    last = (steps - 1) // run.steps_per_sample  # number of the last finite sample; the next row is the bad state
-    bad = ~(np.isfinite(q[last + 1]) & np.isfinite(qd[last + 1]))
-    joint = chain.joint_name(int(np.argmax(bad)))
-    λ = fastest_eigenvalues(chain, q[0])
-    ω, h = np.abs(λ).max(initial=0.0), stable_step_of(λ, run.method)
-    return DivergenceError(
-        f"{chain.name}: no longer finite at t = {steps * run.step:.6g} s (step {steps}, joint {joint!r}); "
-        f"omega_max * step = {ω * run.step:.3g}, largest stable step of {run.method} is {h:.3g} s "
-        f"(got {run.step:.3g} s); {last + 1} samples kept",
-        _first(last + 1, scene, chain, q, qd),
-    )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink import balance
 from flexlink.chain import Chain
 from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
@@ -43,6 +44,11 @@ class Trajectory:
         Position of the tip in frame 0 [m], shape (samples, 3).
     energy
         Kinetic, gravity and elastic energy [J], each of shape (samples,).
+    work
+        Work W done on the arm so far by drives, prescribed motions, tip wrench and friction [J], shape (samples,),
+        integrated with the run's own method; None of a run of another engine.
+    warnings
+        What a reader of the result must know, such as that it was insisted on an unstable step.
     """
 
     chain: Chain
@@ -52,17 +58,43 @@ class Trajectory:
     tau: Array
     tip: Array
     energy: Energy
+    work: Array | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
+        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints>"
 
     @classmethod
     def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
-        """Add tip, energies and drive torques to states that a run of `scene` went through; all become read-only."""
-        tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
-        tips_and_energies(chain.arrays, q, qd, tip, parts)
-        work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
-        drive_torques(chain.arrays, work, *input_arrays(scene, chain), t, q, qd, tau)
-        for array in (t, q, qd, tip, parts, tau):
-            array.flags.writeable = False
-        return cls(chain, t, q, qd, tau, tip, Energy(*parts))
+        """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
+        record = Record(scene, chain, t, q.copy(), qd.copy())
+        record.derive(0, len(t))
+        return record.trajectory(len(t), balanced=False)
+
+    @property
+    def imbalance(self) -> Array:
+        """E(t) − E(0) − W(t) [J], shape (samples,): what the discretisation has done to the energy.
+
+        Raises
+        ------
+        ArgumentError
+            The run is another engine's, whose work is not known.
+        """
+        energy = np.array(self.energy)
+        return balance.imbalance(energy, self._known_work, energy[:, 0])
+
+    @property
+    def exchanged(self) -> Array:
+        """Energy exchanged up to each sample, the largest T + |ΔV_g| + |ΔV_e| + |W| [J]; errors as in `imbalance`."""
+        energy = np.array(self.energy)
+        return np.asarray(np.maximum.accumulate(balance.turned_over(energy, self._known_work, energy[:, 0])))
+
+    @property
+    def _known_work(self) -> Array:
+        if self.work is None:
+            raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
+        return self.work
 
     @property
     def columns(self) -> dict[str, Array]:
@@ -77,10 +109,11 @@ class Trajectory:
             "kinetic [J]": np.asarray(self.energy.kinetic),
             "gravity [J]": np.asarray(self.energy.gravity),
             "elastic [J]": np.asarray(self.energy.elastic),
+            **({} if self.work is None else {"work [J]": self.work, "imbalance [J]": self.imbalance}),
         }
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive (t, q, qd, tau, tip, kinetic, gravity, elastic, joints) or a .csv table.
+        """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
 
         Numbers are written so that they read back exactly. The file appears whole or not at all.
 
@@ -133,6 +166,48 @@ def plotting() -> ModuleType:
         ) from None
 
 
+class Record:
+    """Samples of a run while it goes on: room for all, of which the first ones are filled.
+
+    Attributes
+    ----------
+    q, qd, works
+        States (samples, n) and the integrated work (samples,), without that of the tip force, which has a potential.
+    """
+
+    def __init__(self, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> None:
+        self.chain, self.t, self.q, self.qd = chain, t, q, qd
+        self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
+        self.works = np.zeros(len(t))
+        self.inputs = input_arrays(scene, chain)
+        self.scratch = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+
+    def derive(self, first: int, stop: int) -> None:
+        """Tip, energies and drive torques of the samples first … stop − 1."""
+        rows = slice(first, stop)
+        t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
+        tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
+        drive_torques(self.chain.arrays, self.scratch, self.inputs, t, q, qd, self.tau[rows])
+
+    def work(self, rows: slice) -> Array:
+        """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""
+        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.wrench[:3])
+
+    def trajectory(self, stop: int, warnings: tuple[str, ...] = (), balanced: bool = True) -> Trajectory:
+        """The samples before `stop`, read-only; this record must not go on."""
+        work = self.work(slice(stop)) if balanced else None
+        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
+        energy = self.energy[:, :stop]
+        for array in (t, q, qd, tau, tip, energy, *([] if work is None else [work])):
+            array.flags.writeable = False
+        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*energy), work, warnings)
+
+
+def _kept(array: Array, stop: int) -> Array:
+    """The first rows, without holding the memory of the rest."""
+    return array if stop == len(array) else array[:stop].copy()
+
+
 @dataclasses.dataclass(frozen=True)
 class _Writer:
     trajectory: Trajectory
@@ -144,10 +219,13 @@ class _Writer:
             kinetic, gravity, elastic = run.energy
             joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
             with path.open("wb") as file:
-                np.savez_compressed(
-                    file, t=run.t, q=run.q, qd=run.qd, tau=run.tau, tip=run.tip, joints=joints,
-                    kinetic=kinetic, gravity=gravity, elastic=elastic,
-                )  # fmt: skip
+                arrays = {
+                    "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,
+                    "kinetic": kinetic, "gravity": gravity, "elastic": elastic, "warnings": np.array(run.warnings, str),
+                }  # fmt: skip
+                if run.work is not None:
+                    arrays |= {"work": run.work, "imbalance": run.imbalance}
+                np.savez_compressed(file, allow_pickle=False, **arrays)
             return
         rows = zip(*(column.tolist() for column in run.columns.values()), strict=True)
         header = ",".join('"' + name.replace('"', '""') + '"' for name in run.columns)

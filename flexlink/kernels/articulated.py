@@ -57,14 +57,15 @@ from flexlink.kernels.vec3 import add, add_scaled, combine, cross, dot, pick, pl
 
 @recursion
 def articulated(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); at prescribed hinges q̈ is given."""
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     gravity, layout, axes, given, bodies, hinges, dry, flat, trig = work
     prepare(q, qd, tau, hinges, trig[0])
     take_off_dry_friction(hinges, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
-    outward(layout, axes, bodies, hinges, qd, trig[1], trig[2])
+    ω = outward(layout, axes, bodies, hinges, qd, trig[1], trig[2])
     inward(layout, given, bodies, hinges, wrench, qdd)
-    accelerate(gravity, layout, given, bodies, hinges, qdd)
+    accelerate(gravity, layout, given, bodies, hinges, tau, qdd)
+    return dot(ω, vec(wrench, 3))
 
 
 @inlined
@@ -77,7 +78,7 @@ def prepare(q, qd, tau, hinges, angles):
 
 @inlined
 def outward(layout, axes, bodies, hinges, qd, cosines, sines):
-    """Axes, and the accelerations and forces that the rates alone ask for."""
+    """Axes, and the accelerations and forces that the rates alone ask for; returns the tip's angular velocity."""
     o = zero_of(qd)
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω = (o, o, o)
@@ -109,6 +110,7 @@ def outward(layout, axes, bodies, hinges, qd, cosines, sines):
         put_vec_of(bodies, add_scaled(scale(dot(ω, mc), ω), -ωω, mc), i, F)
         ω_body = (dot(x, ω), dot(y, ω), dot(z, ω))
         put_vec_of(bodies, cross(ω_body, sym_apply(inertia_of(bodies, i), ω_body)), i, N)
+    return ω
 
 
 @inlined
@@ -131,8 +133,7 @@ def inward(layout, given, bodies, hinges, wrench, qdd):
             else:
                 for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
                     if given[k]:
-                        e = scale(at(qdd, k), vec_of(hinges, k, AXIS))
-                        n, f = add(n, sym_apply(J, e)), add(f, place(e, H[0], H[1], H[2]))
+                        n, f = take_on_motion(hinges, k, at(qdd, k), J, H, n, f)
                     else:
                         J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
                 ζ = vec_of(bodies, i, ZETA)
@@ -260,8 +261,26 @@ def take_out_hinge(hinges, k, J, H, M, n, f):
 
 
 @inlined
-def accelerate(gravity, layout, given, bodies, hinges, qdd):
-    """Absolute accelerations, and their differences at the hinges."""
+def take_on_motion(hinges, k, acceleration, J, H, n, f):
+    """n, f before a hinge whose q̈ is given; keeps J e, Hᵀ e and e·n for the torque that it takes."""
+    e = vec_of(hinges, k, AXIS)
+    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    put_vec_of(hinges, Je, k, JE)
+    put_vec_of(hinges, He, k, HE)
+    put_at(hinges, dot(e, n), k, T_NET)
+    return add_scaled(n, acceleration, Je), add_scaled(f, acceleration, He)
+
+
+@inlined
+def torque_taken(hinges, k, tau, acceleration, α, a):
+    """Drive torque of a hinge whose q̈ is given: e·(J α + H a + n) + A q̈, and spring and friction on top."""
+    moment = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a) + at(hinges, k, T_NET)
+    return moment + at(hinges, k, ARMATURE) * acceleration + (tau - at(hinges, k, TORQUE))
+
+
+@inlined
+def accelerate(gravity, layout, given, bodies, hinges, tau, qdd):
+    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take."""
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
@@ -276,6 +295,8 @@ def accelerate(gravity, layout, given, bodies, hinges, qdd):
                     demand = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a)
                     put_at(qdd, at(hinges, k, INVERSE) * (at(hinges, k, T_NET) - demand), k)
                 α = add_scaled(α, at(qdd, k), vec_of(hinges, k, AXIS))
+                if given[k]:
+                    put_at(tau, torque_taken(hinges, k, at(tau, k), at(qdd, k), α, a), k)
         a = add(add(a, cross(α, vec_of(bodies, i, R))), vec_of(bodies, i, B))
 
 

@@ -18,7 +18,7 @@ from flexlink.kernels.mass import composite, composite_workspace
 from flexlink.kernels.planar import PlanarWork, planar, planar_lanes_workspace, planar_workspace
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.solve import solve_cholesky, solve_lu
-from flexlink.kernels.vec3 import vector
+from flexlink.kernels.vec3 import ZERO, add_scaled, dot, vector
 
 
 class DenseWork(NamedTuple):
@@ -43,7 +43,7 @@ def dense_workspace(chain, by_lu):
 
 @recursion
 def dense(chain, wrench, q, qd, tau, qdd, work):
-    """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve."""
+    """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
     by_lu, rne_work, composite_work, M, known, bias = work
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
@@ -60,12 +60,31 @@ def dense(chain, wrench, q, qd, tau, qdd, work):
         solve_lu(M, qdd)
     else:
         solve_cholesky(M, qdd)
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, rne_work)
+    ω = ZERO
+    for k in range(len(qd)):
+        ω = add_scaled(ω, qd[k], vector(composite_work[2][k]))
+    return dot(ω, (wrench[3], wrench[4], wrench[5]))
+
+
+@recursion
+def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
+    """Write the torques that the prescribed motions take, if there are any."""
+    for k in range(len(qdd)):
+        if chain.hinges[k].prescribed:
+            rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, rne_work)
+            break
+    for k in range(len(qdd)):
+        if chain.hinges[k].prescribed:
+            tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
 
 
 def forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); at prescribed hinges `qdd` is given and stays.
+    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns the power of its moment, m·ω [W].
 
-    With scratch of eight chains side by side (`lanes`) the arrays are of shape (n, 8).
+    Hybrid dynamics: at prescribed hinges `qdd` is given and stays, and the drive torque that it takes is written to
+    `tau` (Featherstone 2008, section 9.2). With scratch of eight chains side by side (`lanes`) the arrays are of shape
+    (n, 8). (A force on the tip has a potential, −f·p; a moment has none, so that its work must be integrated.)
     """
 
 
@@ -109,28 +128,28 @@ def _cholesky_work(chain):
 @kernel
 def _planar(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    planar(wrench, q, qd, tau, qdd, _planar_work(chain))
+    planar(wrench, q, qd, tau.copy(), qdd, _planar_work(chain))
     return qdd
 
 
 @kernel
 def _articulated(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    articulated(wrench, q, qd, tau, qdd, _articulated_work(chain))
+    articulated(wrench, q, qd, tau.copy(), qdd, _articulated_work(chain))
     return qdd
 
 
 @kernel
 def _lu(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    dense(chain, wrench, q, qd, tau, qdd, _lu_work(chain))
+    dense(chain, wrench, q, qd, tau.copy(), qdd, _lu_work(chain))
     return qdd
 
 
 @kernel
 def _cholesky(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    dense(chain, wrench, q, qd, tau, qdd, _cholesky_work(chain))
+    dense(chain, wrench, q, qd, tau.copy(), qdd, _cholesky_work(chain))
     return qdd
 
 

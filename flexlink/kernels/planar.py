@@ -90,7 +90,7 @@ def planar_workspace(bodies, hinges, gravity):
             k, to_body = j, ZERO
             links[k, SIGN] = np.sign(dot(axis, vec(base, NORMAL)))
             put_joint(links, k, hinges[k])
-            links[k, ARMATURE] = 0.0 if hinges[k].prescribed else hinges[k].armature
+            links[k, ARMATURE] = hinges[k].armature
         if k >= 0:
             cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
             normal = (dot(x, vec(base, NORMAL)), dot(y, vec(base, NORMAL)), dot(z, vec(base, NORMAL)))
@@ -142,18 +142,19 @@ def in_plane(base, a):
 
 @recursion
 def planar(wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); at prescribed hinges q̈ is given."""
+    """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     base, links, given, dry, flat, trig = work
-    outward(q, qd, tau, links, trig[0])
+    ω = outward(q, qd, tau, links, trig[0])
     take_off_dry_friction(links, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
     inward(base, wrench, given, qdd, links, trig[1], trig[2])
-    accelerate(base, given, links, qdd)
+    accelerate(base, given, links, tau, qdd)
+    return ω * dot(vec(base, NORMAL), vec(wrench, 3))
 
 
 @inlined
 def outward(q, qd, tau, links, angles):
-    """Absolute angles and rates, and the torques that are left for the motion."""
+    """Absolute angles and rates, and the torques that are left for the motion; returns the rate of the tip."""
     φ = ω = zero_of(q)
     for k in range(len(q)):
         σ = at(links, k, SIGN)
@@ -162,6 +163,7 @@ def outward(q, qd, tau, links, angles):
         put_at(angles, φ, k)
         put_at(links, ω * ω, k, RATE2)
         put_at(links, smooth_torque(links, k, at(q, k), at(qd, k), at(tau, k)), k, TORQUE)
+    return ω
 
 
 @inlined
@@ -194,16 +196,18 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
         fx, fy = fx + (Mxx * ax + Mxy * ay), fy + (Mxy * ax + Myy * ay)
         n += dx * fx + dy * fy
         Mxx, Myy, fx, fy = Mxx + m, Myy + m, fx - w * hy, fy + w * hx
-        if given[k]:
-            α = at(links, k, SIGN) * at(qdd, k)
-            ux, uy, β = o, o, 1.0 + o
-            j, gx, gy, n = D, Hx, Hy, n + D * α
+        if given[k]:  # kept for `accelerate`: the moment is n + D α + H·a once α and a are known
+            D -= A  # the rotor turns with the hinge alone, as given
+            step = at(links, k, SIGN) * at(qdd, k)
+            ux, uy, α, β = Hx, Hy, n, D
+            j, gx, gy, n = D, Hx, Hy, n + D * step
+            fx, fy = fx + Hx * step, fy + Hy * step
         else:
             inverse, T = 1.0 / D, τ - n
             ux, uy, α, β = Hx * inverse, Hy * inverse, T * inverse, A * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
             j, gx, gy, n = A * (1.0 - β), β * Hx, β * Hy, τ - A * α
-        fx, fy = fx + Hx * α, fy + Hy * α
+            fx, fy = fx + Hx * α, fy + Hy * α
         put_at(links, dx, k, DX)
         put_at(links, dy, k, DY)
         put_at(links, ux, k, UX)
@@ -213,14 +217,20 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
 
 
 @inlined
-def accelerate(base, given, links, qdd):
-    """Absolute accelerations, and their differences at the hinges."""
+def accelerate(base, given, links, tau, qdd):
+    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take."""
     ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
     before = zero_of(qdd)
     for k in range(len(qdd)):
         dx, dy, w = at(links, k, DX), at(links, k, DY), at(links, k, RATE2)
-        α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - at(links, k, UX) * ax - at(links, k, UY) * ay
-        if not given[k]:
+        pull = at(links, k, UX) * ax + at(links, k, UY) * ay
+        if given[k]:
+            α = before + at(links, k, SIGN) * at(qdd, k)
+            moment = at(links, k, SIGN) * (at(links, k, ALPHA) + at(links, k, BETA) * α + pull)
+            held = moment + at(links, k, ARMATURE) * at(qdd, k)
+            put_at(tau, held + (at(tau, k) - at(links, k, TORQUE)), k)  # spring and friction come on top
+        else:
+            α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - pull
             put_at(qdd, at(links, k, SIGN) * (α - before), k)
         ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
         before = α

@@ -2,6 +2,10 @@
 
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
+
+The work of drives, prescribed motions, friction and the wrench's moment is integrated with the same method:
+
+W_k ← W_k + h Σ b_i L_ik (T_EX − T_FR)_ik
 """
 
 import numpy as np
@@ -10,37 +14,39 @@ from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.kernels.lanes import at, put_at
+from flexlink.kernels.lanes import at, put_at, tanh, zero_of
 
 
 @kernel
-def integrate(chain, work, tableau, drive, motion, wrench, h, first_step, steps_per_sample, qs, qds):
-    """Fill rows 1 … of `qs`, `qds` (samples, n) from row 0, at step number `first_step`, with scratch of a solver.
+def integrate(chain, work, tableau, inputs, losses, h, first, last, every, state, samples):
+    """Advance the state q, q̇ (n,) and W (n + 1,) in place from step number `first` to `last`, with scratch of a solver.
 
-    Returns the number of steps done; it is smaller than asked for if the state left the finite numbers, and then
-    the row of that sample holds the last, non-finite state. With scratch of eight chains side by side the states are
-    (samples, n, 8), and the first chain that leaves the finite numbers stops all.
+    Every `every`-th state since step 0 goes to its row of `samples`: q, q̇ (rows, n) and the sum of W (rows,). Returns
+    the number of the last step whose q and q̇ are finite; if that is not `last`, the state is the first that is not.
+    With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
+    numbers stops all.
     """
-    q, qd = qs[0].copy(), qds[0].copy()
+    q, qd, done = state
+    qs, qds, works = samples
     stages = np.empty((2, len(tableau[2]), *q.shape))
     K, L = stages[0], stages[1]
     q_stage, tau = np.empty_like(q), np.zeros_like(q)
-    done = 0
-    for row in range(1, len(qs)):
-        for _ in range(steps_per_sample):
-            step(chain, work, tableau, drive, motion, wrench, h, first_step + done, q, qd, q_stage, tau, K, L)
-            done += 1
-            if not (is_finite(q) and is_finite(qd)):
-                qs[row], qds[row] = q, qd
-                return done
-        qs[row], qds[row] = q, qd
-    return done
+    for number in range(first, last):
+        step(chain, work, tableau, inputs, losses, h, number, state, q_stage, tau, K, L)
+        if not (is_finite(q) and is_finite(qd)):
+            return number
+        if (number + 1) % every == 0:
+            row = (number + 1) // every
+            qs[row], qds[row] = q, qd
+            put_at(works, total(done), row)
+    return last
 
 
 @recursion
-def step(chain, work, tableau, drive, motion, wrench, h, number, q, qd, q_stage, tau, K, L):
-    """Advance q and q̇ (n,) from t = number · h by h."""
+def step(chain, work, tableau, inputs, losses, h, number, state, q_stage, tau, K, L):
+    """Advance q, q̇ (n,) and W (n + 1,) from t = number · h by h."""
     A, b, c = tableau
+    q, qd, done = state
     for i in range(len(c)):
         t = (number + c[i]) * h
         q_dot, q_dot_dot = L[i], K[i]
@@ -49,12 +55,14 @@ def step(chain, work, tableau, drive, motion, wrench, h, number, q, qd, q_stage,
             put_at(q_dot, at(qd, k), k)
         for j in range(i):
             add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
-        follow(motion, t, q_stage, q_dot, q_dot_dot)
-        drive_torque(drive, t, q_stage, q_dot, tau)
-        forward_dynamics(chain, wrench, q_stage, q_dot, tau, q_dot_dot, work)
+        follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
+        drive_torque(inputs.drive, t, q_stage, q_dot, tau)
+        power = forward_dynamics(chain, inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
+        if b[i] != 0.0:
+            add_work(b[i] * h, losses, q_dot, tau, power, done)
     for i in range(len(c)):
         add_stage(b[i] * h, L, K, i, q, qd)
-    follow(motion, (number + 1) * h, q, qd, K[0])
+    follow(inputs.motion, (number + 1) * h, q, qd, K[0])
 
 
 @inlined
@@ -64,3 +72,27 @@ def add_stage(weight, L, K, i, q, qd):
         for k in range(len(q)):
             put_at(q, at(q, k) + weight * at(L, i, k), k)
             put_at(qd, at(qd, k) + weight * at(K, i, k), k)
+
+
+@inlined
+def add_work(weight, losses, qd, tau, power, done):
+    """W += weight q̇ (T_EX − T_FR), joint by joint, and in the last place weight times the power of the moment."""
+    n = len(qd)
+    for k in range(n):
+        rate = at(qd, k)
+        put_at(done, at(done, k) + weight * (rate * (at(tau, k) - at(losses.damping, k) * rate)), k)
+    for i in range(len(losses.dry)):
+        k = losses.dry[i]
+        rate = at(qd, k)
+        loss = rate * at(losses.coulomb, k) * tanh(rate / at(losses.coulomb_width, k))
+        put_at(done, at(done, k) - weight * loss, k)
+    put_at(done, at(done, n) + weight * power, n)
+
+
+@inlined
+def total(values):
+    """Sum of a vector (n,), or of eight side by side."""
+    result = zero_of(values)
+    for k in range(len(values)):
+        result += at(values, k)
+    return result

@@ -6,9 +6,7 @@ from flexlink.kernels.compiler import kernel
 from flexlink.kernels.energy import energies
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.kinematics import kinematics
-from flexlink.kernels.rne import inverse_dynamics
 
 
 @kernel
@@ -23,16 +21,13 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 
 @kernel
-def drive_torques(chain, work, drive, motion, wrench, ts, qs, qds, taus):
-    """T_EX (samples, n): what the drive gives, and M q̈ + T_GC + T_FL + T_FR at prescribed joints."""
+def drive_torques(chain, work, inputs, ts, qs, qds, taus):
+    """T_EX (samples, n): what the drive gives, and at prescribed joints what the motion takes."""
     qdd = np.zeros(len(chain.hinges))
     taus[:] = 0.0
     for row in range(len(ts)):
         q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
-        drive_torque(drive, ts[row], q, qd, tau)
-        if len(motion.joints) > 0:
-            follow(motion, ts[row], q, qd, qdd)
-            forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
-            torque = inverse_dynamics(chain, wrench, q, qd, qdd)
-            for k in motion.joints:
-                tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
+        drive_torque(inputs.drive, ts[row], q, qd, tau)
+        if len(inputs.motion.joints) > 0:
+            follow(inputs.motion, ts[row], q, qd, qdd)
+            forward_dynamics(chain, inputs.wrench, q, qd, tau, qdd, work)

@@ -1,0 +1,158 @@
+"""A run judges itself: its step before it starts, and while it goes on its samples, by their energies and postures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import balance
+from flexlink.chain import Chain
+from flexlink.dynamics import mass_matrix
+from flexlink.errors import DivergenceError, UnstableStepError
+from flexlink.inputs import Inputs
+from flexlink.scene import Run, Scene
+from flexlink.stability import Gains, fastest_eigenvalues, stable_step_of
+from flexlink.trajectory import Record, Trajectory
+
+Array = NDArray[np.float64]
+
+LOCKING = np.radians(84.0)
+"""Angle of the middle one of three hinges at one point from which the outer two nearly share an axis: cond(M) grows by
+1/cos² 84° = 90, two decimal digits."""
+
+
+def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:
+    """A warning if the run insists on a step beyond the largest stable one about the initial state.
+
+    Raises
+    ------
+    UnstableStepError
+        The step is beyond it, and `run.unstable` does not allow it.
+    """
+    run = scene.run
+    if run.duration == 0:
+        return ()
+    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=_gains(chain, inputs))
+    largest = stable_step_of(λ, run.method)
+    if run.step <= largest:
+        return ()
+    reason = (
+        f"run.step = {run.step:g} s: more than {largest:.3g} s, the largest stable step of {run.method} at the start "
+        f"of {scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
+    )
+    if run.unstable == "refuse":
+        raise UnstableStepError(f"{reason}; take a smaller step, or insist with unstable = 'allow' (--insist)", largest)
+    return (f"insisted on {reason}",)
+
+
+def _gains(chain: Chain, inputs: Inputs) -> Gains:
+    kp, kd = np.zeros((2, chain.n))
+    kp[inputs.drive.joints], kd[inputs.drive.joints] = inputs.drive.kp, inputs.drive.kd
+    return Gains(kp, kd)
+
+
+class Watch:
+    """What the samples of a run say of it, looked at piece by piece in the order of time.
+
+    Attributes
+    ----------
+    good
+        Number of samples that are good.
+    fault
+        What is wrong with the next one; empty if nothing is.
+    warnings
+        What is worth knowing of the good ones.
+    """
+
+    def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
+        chain = record.chain
+        self.record, self.run = record, run
+        self.middle = np.array(
+            [body["first"] + 1 for body in chain.bodies if body["stop"] - body["first"] == 3], dtype=np.intp
+        )
+        self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
+        self.good, self.fault = 0, ""
+        self.warnings = list(warnings)
+        self._exchanged = self._rounded = 0.0  # largest so far [J]
+        self._told: set[str] = set()
+
+    def look(self, stop: int) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at; whether all are good."""
+        first = self.good
+        if stop == first:
+            return True
+        with np.errstate(all="ignore"):
+            self.record.derive(first, stop)
+            self.good = stop
+            self._judge_energy(slice(first, stop))
+        if self.good > first and self.middle.size:
+            self._judge_bend(slice(first, self.good))
+        return not self.fault
+
+    def trajectory(self) -> Trajectory:
+        """The good samples, with the warnings."""
+        return self.record.trajectory(self.good, tuple(self.warnings))
+
+    def diverged(self, step: int = 0, state: Sequence[Array] = ()) -> DivergenceError:
+        """The error of a run with a fault, or else of one whose `state` after step number `step` is not finite."""
+        record, run = self.record, self.run
+        if self.fault:
+            told = f"t = {record.t[self.good]:.6g} s: {self.fault}"
+        else:
+            joint = record.chain.joint_name(int(np.argmin(np.isfinite(state[0]) & np.isfinite(state[1]))))
+            told = f"no longer finite at t = {step * run.step:.6g} s (step {step}, joint {joint!r})"
+        kept = f"{self.good} samples kept"
+        return DivergenceError(
+            f"{record.chain.name}: {told}; try a smaller step than {run.step:g} s; {kept}", self.trajectory()
+        )
+
+    def _judge_energy(self, rows: slice) -> None:
+        """Samples are finite, their kinetic energy is positive, and their energy balances."""
+        record = self.record
+        energy, start, work = record.energy[:, rows], record.energy[:, 0], record.work(rows)
+        r = balance.imbalance(energy, work, start)
+        X = _running_largest(self._exchanged, balance.turned_over(energy, work, start))
+        one = _running_largest(self._rounded, balance.rounded(record.chain, energy, work, record.q[rows]))
+        ε = one * (1 + self.run.steps_per_sample * np.arange(rows.start, rows.stop))
+        self._exchanged, self._rounded = float(X[-1]), float(one[-1])
+        finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
+        garbage = np.abs(r) > balance.SHARE * X + ε
+        if garbage.any():
+            k = int(np.argmax(garbage))
+            unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
+            if self.run.unstable == "allow":
+                self._warn("balance", rows.start + k, unbalanced)
+            else:
+                self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
+        self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
+        self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _judge_bend(self, rows: slice) -> None:
+        """Where three hinges share a point, the middle one is bent by less than 84°, and M is positive definite."""
+        record = self.record
+        level = np.abs(np.cos(record.q[rows][:, self.middle]))
+        row, column = np.unravel_index(int(np.argmin(level)), level.shape)
+        k, most = int(self.middle[column]), rows.start + int(row)
+        bent = f"hinge {record.chain.joint_name(k)!r} is bent by {np.degrees(record.q[most, k]):.1f}°"
+        if level[row, column] < np.cos(LOCKING):
+            self._warn("bend", most, f"{bent}: beyond 84° two of its axes nearly coincide; use more segments")
+        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[most]))[0] <= 0:
+            self.good, self.fault = (
+                most,
+                f"{bent}, too far for matched twist: M is indefinite; use more segments",
+            )
+
+    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
+        if bad.any() and rows.start + int(np.argmax(bad)) <= self.good:
+            self.good, self.fault = rows.start + int(np.argmax(bad)), fault
+
+    def _warn(self, key: str, row: int, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
+
+
+def _running_largest(so_far: float, values: Array) -> Array:
+    return np.asarray(np.maximum.accumulate(np.maximum(so_far, values)))

@@ -1,0 +1,189 @@
+"""A run judges itself: finite rows only, the step before the run, the power balance along it."""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.dynamics import SOLVERS
+
+
+@pytest.fixture
+def paper(models) -> fl.Scene:
+    return fl.load_scene(models / "paper_fig5.toml")
+
+
+def finite(run: fl.Trajectory) -> bool:
+    return all(np.isfinite(column).all() for column in run.columns.values())
+
+
+# -- the power balance -------------------------------------------------------------------------------------------------
+
+
+def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
+    """Drive, friction, damping, wrench with a moment, a prescribed joint with a rotor, gravity in no plane."""
+    links = (
+        flexible("a", flex, 3, joint=fl.Joint(viscous=0.4, coulomb=0.5, coulomb_width=0.1, armature=0.3)),
+        flexible("b", flex, 3, joint=fl.Joint(viscous=0.2, armature=0.1), damping=fl.Damping(ratio=0.05, at_hz=20.0)),
+    )
+    motion = fl.Motion(
+        link="a", times=(0.0, 0.1), angle_deg=(10.0, 25.0), rate_deg=(0.0, 40.0), acceleration_deg=(0.0, 0.0)
+    )
+    return make_scene(
+        *links, gravity=(1.0, 7.0, 3.0), motion=(motion,), initial=fl.Initial(joint_deg=(10.0, -30.0)),
+        drive=fl.Drive(kind="pd", kp=(0.0, 30.0), kd=(0.0, 2.0), target_deg=(0.0, 10.0)),
+        wrench=fl.Wrench(force=(3.0, -2.0, 1.0), moment=(0.4, 0.3, -0.5)),
+        run=fl.Run(step=2e-5, sample=1e-3, duration=0.1, dynamics=dynamics),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("dynamics", SOLVERS)
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, dynamics: str) -> None:
+    """To the order of the method: half the step leaves a sixteenth."""
+    scene = everything(flex, dynamics)
+    coarse, fine = (fl.simulate(scene, step=h) for h in (2e-5, 1e-5))
+    parts = np.abs(np.diff(coarse.work)).sum()
+    assert parts > 1.0  # J: there is something to balance
+    assert np.abs(coarse.imbalance).max() < 1e-7 * coarse.exchanged[-1]
+    assert np.abs(fine.imbalance).max() < np.abs(coarse.imbalance).max() / 8 + 1e-12 * parts
+
+
+def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
+    """J = 4 kg m² under 2 N m: q̇ = t/2, W = T = t²/2, all exact for a method of order 2."""
+    wheel = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 4.0))
+    drive = fl.Drive(kind="constant", torque=(2.0,))
+    run = fl.simulate(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), drive=drive), step=0.01, sample=0.1)
+    np.testing.assert_allclose(run.work, run.t**2 / 2, rtol=1e-12)
+    np.testing.assert_allclose(run.energy.kinetic, run.t**2 / 2, rtol=1e-12)
+
+
+def test_many_runs_carry_the_balance_of_single_ones() -> None:
+    scenes = [replace(everything("xyz"), initial=fl.Initial(joint_deg=(10.0, float(angle)))) for angle in range(9)]
+    for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
+        one = fl.simulate(scene)
+        np.testing.assert_allclose(many.work, one.work, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.tau, one.tau, rtol=1e-12, atol=1e-12)
+
+
+def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene) -> None:
+    run = fl.simulate(paper, duration=0.01)
+    other = fl.Trajectory.from_states(paper, run.chain, run.t, run.q, run.qd)
+    assert "work [J]" not in other.columns
+    with pytest.raises(fl.ArgumentError, match="flexlink's own runs only"):
+        _ = other.imbalance
+
+
+# -- finite rows only --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sample", [0.01, 0.05, 0.25, 1.0])
+@pytest.mark.parametrize("unstable", ["refuse", "allow"])
+def test_no_row_that_is_not_finite_is_ever_returned(paper: fl.Scene, sample: float, unstable: str) -> None:
+    """Also where the very last step of a piece, or of the run, is the one that leaves the finite numbers."""
+    with pytest.raises((fl.UnstableStepError, fl.DivergenceError)) as caught:
+        fl.simulate(paper, step=0.01, sample=sample, duration=1.0, unstable=unstable)
+    kept = getattr(caught.value, "trajectory", None)
+    assert kept is None or finite(kept)
+
+
+def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
+    wild = replace(paper, run=fl.Run(step=0.01, sample=0.01, duration=0.05, unstable="allow"))
+    with pytest.raises(fl.DivergenceError) as caught:
+        fl.simulate_many([wild, wild])
+    assert all(finite(run) for run in caught.value.runs)
+
+
+# -- the step is judged before the run ---------------------------------------------------------------------------------
+
+
+def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
+    with pytest.raises(fl.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist") as caught:
+        fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
+    assert caught.value.largest == pytest.approx(fl.stable_step(paper.chain(), "RK4"), rel=0.01)
+    assert pickle.loads(pickle.dumps(caught.value)).largest == caught.value.largest
+
+
+def test_who_insists_on_a_step_finds_it_in_the_result(paper: fl.Scene, tmp_path) -> None:
+    run = fl.simulate(paper, step=4.95e-4, sample=4.95e-3, duration=9.9e-3, unstable="allow")
+    assert "insisted on run.step = 0.000495 s" in run.warnings[0]
+    assert "insisted on run.step" in str(np.load(run.save(tmp_path / "run.npz"))["warnings"][0])
+
+
+def test_dry_friction_counts_with_its_slope_at_rest() -> None:
+    """Two rigid links, 500 N m of dry friction: at the default step the tip was a third of a metre off, finite."""
+    links = [
+        fl.Link(name=name, length=1.0, material="aluminium", section="square", joint=fl.Joint(coulomb=500.0))
+        for name in "ab"
+    ]
+    scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
+    with pytest.raises(fl.UnstableStepError, match="largest stable step of RK4"):
+        fl.simulate(scene, duration=0.1)
+
+
+def test_the_gains_of_a_drive_count() -> None:
+    """J q̈ = −k_p q − k_d q̇: with k_d alone RK4 holds up to 2.785 J/k_d."""
+    wheel = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 2.0))
+    for kp, kd, limit in ((0.0, 400.0, 2.785293563 * 2.0 / 400.0), (8e4, 0.0, 2.828427522 / 200.0)):
+        drive = fl.Drive(kind="pd", kp=(kp,), kd=(kd,), target_deg=(1.0,))
+        scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), drive=drive)
+        for h, refused in ((1.001 * limit, True), (0.999 * limit, False)):
+            run = fl.Run(step=h, sample=h, duration=h)
+            with pytest.raises(fl.UnstableStepError) if refused else contextlib.nullcontext():
+                fl.simulate(replace(scene, run=run), unstable="refuse")
+
+
+def test_loads_that_stiffen_count() -> None:
+    """A string of two point masses under a pull P ≫ k/l: ω² grows with P, and the stable step falls with it."""
+    scene = make_scene(flexible("a", "z", 5, joint=fl.Joint(locked=True)), gravity=(0, 0, 0))
+    chain, q = scene.chain(), np.zeros(4)
+    slack, pulled = (fl.stable_step(chain, "RK4", q, tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
+    ω = fl.natural_frequencies(chain, q, tip_wrench=[1e6, 0, 0, 0, 0, 0])[-1]
+    assert pulled * ω == pytest.approx(2.828427522, rel=1e-6)
+    assert pulled < 0.8 * slack
+    with pytest.raises(fl.UnstableStepError):
+        fl.simulate(replace(scene, wrench=fl.Wrench(force=(1e6, 0, 0))), step=slack, sample=slack, duration=10 * slack)
+
+
+def test_a_falling_arm_that_nothing_holds_has_a_stable_step_all_the_same() -> None:
+    """An upright rod falls, or rises, at the rate √(3g/2l): neither refused nor let off (λ = −rate: 2.785/rate)."""
+    scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
+    rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
+    assert fl.stable_step(scene.chain(), "RK4", [0.0]) * rate == pytest.approx(2.785293563, rel=1e-6)
+    fl.simulate(scene, step=1e-3, sample=1e-2, duration=0.1)
+
+
+# -- garbage, although finite ------------------------------------------------------------------------------------------
+
+
+def test_a_run_whose_energy_is_garbage_is_an_error_although_finite() -> None:
+    """A pendulum swung so coarsely that the method eats its energy: below the stable step at rest, and wrong."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
+    with pytest.raises(fl.DivergenceError, match=r"the energy does not balance, .*allowed are 10%") as caught:
+        fl.simulate(scene, step=0.35, sample=0.35, duration=35.0)
+    kept = caught.value.trajectory
+    assert (np.abs(kept.imbalance) <= 0.1 * kept.exchanged + 1e-9).all()
+    insisted = fl.simulate(scene, step=0.35, sample=0.35, duration=35.0, unstable="allow")
+    assert any("the energy does not balance" in warning for warning in insisted.warnings)
+
+
+def test_rounding_of_an_arm_at_rest_is_not_garbage(paper: fl.Scene) -> None:
+    """Nothing is exchanged, so that any share of it is large; what is left is below the rounding of the energies."""
+    still = replace(paper, initial=replace(paper.initial, joint_deg=(0.0, -90.0, 0.0), passive="static"))
+    assert np.abs(fl.simulate(still, duration=0.5).imbalance).max() < 1e-10
+
+
+def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
+    soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
+    scene = make_scene(soft, gravity=(0.0, 0.0, -60.0), run=fl.Run(step=1e-4, sample=1e-2, duration=1.0))
+    rubber = {"aluminium": fl.Material(young=2e6, density=1000.0)}
+    run = fl.simulate(replace(scene, arm=replace(scene.arm, materials=rubber)))
+    assert np.degrees(np.abs(run.q).max()) > 84
+    assert any("hinge 'a.1.y' is bent by" in warning for warning in run.warnings)
