@@ -36,8 +36,13 @@ def rounded(chain: Chain, energy: Array, work: Array, q: Array) -> Array:
     A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
     gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
     """
-    bodies = chain.bodies
-    reach = np.linalg.norm(bodies["translation"], axis=1).sum() + np.linalg.norm(bodies["center"], axis=1).max()
-    weight = bodies["mass"].sum() * np.linalg.norm(chain.gravity) * reach
+    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * reach(chain)
     size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
     return np.asarray(4 * np.finfo(float).eps * size)
+
+
+def reach(chain: Chain) -> float:
+    """How far from the origin of frame 0 any of the arm's masses can get [m], at most."""
+    bodies = chain.bodies
+    offsets, centers = (np.linalg.norm(bodies[name], axis=1) for name in ("translation", "center"))
+    return float(offsets.sum() + centers.max())

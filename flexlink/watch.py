@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +11,29 @@ from flexlink import balance
 from flexlink.chain import Chain
 from flexlink.dynamics import mass_matrix
 from flexlink.errors import DivergenceError, UnstableStepError
-from flexlink.inputs import Inputs
+from flexlink.inputs import Inputs, losses
+from flexlink.kernels.samples import tip_errors
 from flexlink.scene import Run, Scene
 from flexlink.stability import Gains, fastest_eigenvalues, stable_step_of
+from flexlink.tableaus import tableau
 from flexlink.trajectory import Record, Trajectory
 
 Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
 
-LOCKING = np.radians(84.0)
-"""Angle of the middle one of three hinges at one point from which the outer two nearly share an axis: cond(M) grows by
-1/cos² 84° = 90, two decimal digits."""
+FAR = np.radians(84.0)
+"""Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
+coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+
+TIP_SHARE = 0.05
+"""Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
+
+DOUBT = 0.1
+"""Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
+energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
+
+PROBED = 64
+"""Steps for one whose own error is looked at, by two of half the size: it costs three in so many, 5 %."""
 
 
 def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:
@@ -34,7 +47,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     run = scene.run
     if run.duration == 0:
         return ()
-    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=_gains(chain, inputs))
+    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()
@@ -47,7 +60,8 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     return (f"insisted on {reason}",)
 
 
-def _gains(chain: Chain, inputs: Inputs) -> Gains:
+def gains_of(chain: Chain, inputs: Inputs) -> Gains:
+    """Gains of the drive, joint by joint."""
     kp, kd = np.zeros((2, chain.n))
     kp[inputs.drive.joints], kd[inputs.drive.joints] = inputs.drive.kp, inputs.drive.kd
     return Gains(kp, kd)
@@ -69,13 +83,13 @@ class Watch:
     def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
         chain = record.chain
         self.record, self.run = record, run
-        self.middle = np.array(
-            [body["first"] + 1 for body in chain.bodies if body["stop"] - body["first"] == 3], dtype=np.intp
-        )
+        self.passive = np.setdiff1d(np.arange(chain.n), chain.active)
         self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
+        self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
+        self.tableau, self.losses = tableau(run.method).arrays, losses(chain)
         self._told: set[str] = set()
 
     def look(self, stop: int) -> bool:
@@ -87,13 +101,15 @@ class Watch:
             self.record.derive(first, stop)
             self.good = stop
             self._judge_energy(slice(first, stop))
-        if self.good > first and self.middle.size:
-            self._judge_bend(slice(first, self.good))
+            if self.good > first:
+                self._judge_bend(slice(first, self.good))
+            if self.good > first:
+                self._probe_steps(slice(first, self.good))
         return not self.fault
 
     def trajectory(self) -> Trajectory:
         """The good samples, with the warnings."""
-        return self.record.trajectory(self.good, tuple(self.warnings))
+        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()))
 
     def diverged(self, step: int = 0, state: Sequence[Array] = ()) -> DivergenceError:
         """The error of a run with a fault, or else of one whose `state` after step number `step` is not finite."""
@@ -119,6 +135,8 @@ class Watch:
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
         garbage = np.abs(r) > balance.SHARE * X + ε
+        share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
+        self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
         if garbage.any():
             k = int(np.argmax(garbage))
             unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
@@ -130,18 +148,47 @@ class Watch:
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
 
     def _judge_bend(self, rows: slice) -> None:
-        """Where three hinges share a point, the middle one is bent by less than 84°, and M is positive definite."""
-        record = self.record
-        level = np.abs(np.cos(record.q[rows][:, self.middle]))
-        row, column = np.unravel_index(int(np.argmin(level)), level.shape)
-        k, most = int(self.middle[column]), rows.start + int(row)
+        """No hinge is bent far, and M is positive definite in spite of the negative rotors of matched twist."""
+        record, passive = self.record, self.passive
+        if not passive.size:
+            return
+        bends = np.abs(record.q[rows][:, passive])
+        row, column = np.unravel_index(int(np.argmax(bends)), bends.shape)
+        k, most = int(passive[column]), rows.start + int(row)
         bent = f"hinge {record.chain.joint_name(k)!r} is bent by {np.degrees(record.q[most, k]):.1f}°"
-        if level[row, column] < np.cos(LOCKING):
-            self._warn("bend", most, f"{bent}: beyond 84° two of its axes nearly coincide; use more segments")
+        if bends[row, column] > FAR:
+            self._warn("bend", most, f"{bent}: beyond 84° a chain says little of the beam; use more segments")
         if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[most]))[0] <= 0:
-            self.good, self.fault = (
-                most,
-                f"{bent}, too far for matched twist: M is indefinite; use more segments",
+            self.good, self.fault = most, f"{bent}, too far for matched twist: M is indefinite; use more segments"
+
+    def _probe_steps(self, rows: slice) -> None:
+        """Add up the errors of the steps themselves, of one step in about 64."""
+        record, per_sample = self.record, self.run.steps_per_sample
+        steps_apart = max(1, min(PROBED, (self.run.samples - 1) * per_sample // PROBED))
+        every = max(1, steps_apart // per_sample)  # samples
+        probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
+        errors = np.empty(len(probed))
+        tip_errors(
+            record.chain.arrays, record.scratch, self.tableau, record.inputs, self.losses, self.run.step,
+            probed * per_sample, record.q[probed], record.qd[probed], errors,
+        )  # fmt: skip
+        errors[errors < 10 * EPS * balance.reach(record.chain)] = 0.0  # rounding
+        self._tip_error += float(errors.sum()) * every * per_sample
+
+    def _doubts(self) -> Iterator[str]:
+        """What makes a run doubtful that is not garbage."""
+        if self.good == 0:
+            return
+        moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+        if self._tip_error > DOUBT * TIP_SHARE * moved:
+            yield (
+                f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                "halve the step and compare"
+            )
+        if self._unbalanced > DOUBT * balance.SHARE:
+            yield (
+                f"doubtful: the energy is out of balance by {self._unbalanced:.2g} of what was exchanged; "
+                "halve the step and compare"
             )
 
     def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:

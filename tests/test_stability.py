@@ -11,8 +11,12 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink import stability
+from flexlink.inputs import input_arrays
+from flexlink.interruption import Stop
+from flexlink.simulate import prepare, run_alone
 from flexlink.stability import eigenvalues, stability_polynomial
 from flexlink.tableaus import tableau
+from flexlink.watch import gains_of
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,
@@ -78,3 +82,54 @@ def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:
     scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
     with pytest.raises(fl.UnstableStepError, match="the largest stable step of RK4"):
         fl.simulate(scene, step=1e-4, sample=1e-3, duration=0.1)
+
+
+LOCKED = fl.Joint(locked=True)
+SITUATIONS = {
+    "pulled by 1e5 N": lambda: make_scene(
+        flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(1e5, 0, 0))
+    ),
+    "pushed, 0.95 of buckling": lambda: pushed(0.95),
+    "a heavy payload hangs on it": lambda: make_scene(
+        flexible("a", "yz", 5, joint=LOCKED), gravity=(9.81, 0, 0), tip=fl.Payload(mass=1000.0)
+    ),
+    "hangs free": lambda: make_scene(flexible("a", "xyz", 4), flexible("b", "z", 3), gravity=(9.81, 0, 0)),
+    "dry friction": lambda: make_scene(
+        flexible("a", "z", 3, joint=fl.Joint(coulomb=200.0, armature=0.01)), gravity=(9.81, 0, 0)
+    ),
+    "stiff servo": lambda: make_scene(
+        flexible("a", "z", 3, joint=fl.Joint(armature=1e-4)), gravity=(9.81, 0, 0),
+        drive=fl.Drive(kind="pd", kp=(3e4,), kd=(2.0,), target_deg=(0.0,)),
+    ),
+    "strong servo damping": lambda: make_scene(
+        flexible("a", "yz", 3, joint=fl.Joint(armature=1e-4)), gravity=(9.81, 0, 0),
+        drive=fl.Drive(kind="pd", kp=(10.0,), kd=(300.0,), target_deg=(0.0,)),
+    ),
+}  # fmt: skip
+
+
+def pushed(part: float) -> fl.Scene:
+    scene = make_scene(flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(-1.0, 0, 0)))
+    critical = fl.buckling_loads(scene.chain(), tip_wrench=scene.tip_wrench)[0]
+    return msgspec.structs.replace(scene, wrench=fl.Wrench(force=(-part * float(critical), 0, 0)))
+
+
+@pytest.mark.parametrize("situation", SITUATIONS)
+def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situation: str, rng) -> None:
+    """About an equilibrium, within 5 %: at 0.95 of the step nothing grows, at 1.05 it grows a hundredfold in 200."""
+    scene = SITUATIONS[situation]()
+    chain = scene.chain()
+    gains = gains_of(chain, input_arrays(scene, chain))
+    h = fl.stable_step(chain, "RK4", np.zeros(chain.n), tip_wrench=scene.tip_wrench, gains=gains)
+    disturbance = 1e-9 * rng.standard_normal(chain.n)
+    growth = []
+    for step in (0.95 * h, 1.05 * h):
+        run = fl.Run(step=step, sample=200 * step, duration=200 * step, unstable="allow")
+        watch = prepare(msgspec.structs.replace(scene, run=run), chain)
+        watch.record.q[0] += disturbance
+        try:
+            growth.append(np.abs(run_alone(watch, Stop()).q[-1]).max() / np.abs(disturbance).max())
+        except fl.DivergenceError:
+            growth.append(np.inf)
+    assert growth[0] < 10
+    assert growth[1] > 100

@@ -1,5 +1,7 @@
 """What follows from the states of a run: tip, energies, and the drive torques that the run took."""
 
+import math
+
 import numpy as np
 
 from flexlink.kernels.compiler import kernel
@@ -7,6 +9,8 @@ from flexlink.kernels.energy import energies
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.runge_kutta import step
+from flexlink.kernels.vec3 import dot, sub, vector
 
 
 @kernel
@@ -31,3 +35,24 @@ def drive_torques(chain, work, inputs, ts, qs, qds, taus):
         if len(inputs.motion.joints) > 0:
             follow(inputs.motion, ts[row], q, qd, qdd)
             forward_dynamics(chain, inputs.wrench, q, qd, tau, qdd, work)
+
+
+@kernel
+def tip_errors(chain, work, tableau, inputs, losses, h, numbers, qs, qds, errors):
+    """How far apart [m] one step of h and two of h/2 put the tip, from each state (rows, n) at step number (rows,)."""
+    bodies, n = len(chain.bodies), len(chain.hinges)
+    rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
+    stages, scratch, ends, done = np.empty((2, len(tableau[2]), n)), np.zeros((2, n)), np.empty((2, 3)), np.zeros(n + 1)
+    for row in range(len(numbers)):
+        for parts in range(1, 3):
+            state = qs[row].copy(), qds[row].copy(), done
+            for part in range(parts):
+                number = parts * numbers[row] + part
+                step(
+                    chain, work, tableau, inputs, losses, h / parts, number, state,
+                    scratch[0], scratch[1], stages[0], stages[1],
+                )  # fmt: skip
+            kinematics(chain, state[0], rotations, points, axes)
+            ends[parts - 1] = points[-1]
+        apart = sub(vector(ends[0]), vector(ends[1]))
+        errors[row] = math.sqrt(dot(apart, apart))
