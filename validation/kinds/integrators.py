@@ -73,7 +73,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _measure(scene: Scene, method: str, step: float, cost: float, exact: Trajectory) -> Point:
-    run = simulate(with_run(scene, method=method, step=step))
+    run = simulate(with_run(scene, method=method, step=step, unstable="allow"))
     total = np.asarray(run.energy.total)
     drift = float(np.abs(total - total[0]).max())
     return Point(method, step, _distance(run, exact), drift, tableau(method).stages / step, cost / step)
@@ -81,7 +81,7 @@ def _measure(scene: Scene, method: str, step: float, cost: float, exact: Traject
 
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
     """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
-    timed = with_run(scene, method=method, step=step, sample=steps * step, duration=steps * step)
+    timed = with_run(scene, method=method, step=step, sample=steps * step, duration=steps * step, unstable="allow")
     simulate(timed)
     times = []
     for _ in range(repeats):
@@ -119,7 +119,8 @@ def _stable(scene: Scene, method: str, step: float) -> bool:
     """The total energy changes by less than 1 % of what gravity takes and gives."""
     steps = round(scene.run.duration / step)
     try:
-        run = simulate(with_run(scene, method=method, step=step, sample=step, duration=steps * step))
+        settings = {"method": method, "step": step, "sample": step, "duration": steps * step, "unstable": "allow"}
+        run = simulate(with_run(scene, **settings))
     except DivergenceError:
         return False
     total = np.asarray(run.energy.total)
