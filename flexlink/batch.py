@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from flexlink.chain import Chain
+from flexlink.checks import all_given, integer
 from flexlink.dynamics import lanes_workspace, solver_for
-from flexlink.errors import ArgumentError, DivergenceError
+from flexlink.errors import DivergenceError
 from flexlink.inputs import input_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
@@ -41,12 +42,11 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     Raises
     ------
     ArgumentError
-        `threads` is less than 1.
+        `scenes` holds something that is no Scene, or `threads` is no whole number of at least 1.
     DivergenceError
         The state of a member left the finite numbers; the error's `runs` holds all runs, that member's up to there.
     """
-    if threads < 1:
-        raise ArgumentError(f"threads = {threads!r}: must be at least 1")
+    scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
     with ThreadPoolExecutor(threads) as pool:
         blocks = pool.map(_simulate_block, list(_blocks(_members(scenes))))
         outcomes = [outcome for block in blocks for outcome in block]

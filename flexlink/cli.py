@@ -21,6 +21,7 @@ from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, Inter
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
 from flexlink.modal import modes
+from flexlink.notes import notes
 from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
@@ -144,6 +145,8 @@ def _info(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     with _about(options.scene):
         _show(scene)
+        for note in notes(scene):
+            print(f"note: {note}", file=sys.stderr)
     return 0
 
 

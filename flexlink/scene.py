@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from flexlink import catalogue
 from flexlink.arm import Arm
 from flexlink.chain import Chain
+from flexlink.checks import given, given_path
 from flexlink.errors import SceneError
 from flexlink.lumping import lump
-from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, short
+from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, meant, short
 from flexlink.statics import solve_static
 from flexlink.tableaus import tableau
 
@@ -113,6 +114,7 @@ class Run(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
         tableau(self.method)
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
@@ -193,12 +195,12 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
         if [other.link for other in self.motion].count(motion.link) > 1:
             raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
-        for key, start, given in (
+        for key, start, first in (
             ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
             ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
         ):
-            if start != given:
-                raise SceneError(f"{path}.{key}[0] = {given!r}: must be the initial value, {start!r}")
+            if start != first:
+                raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
 
     def chain(self) -> Chain:
         """Lump the arm into its chain; locked joints stay at their initial angle."""
@@ -213,8 +215,8 @@ class Scene(Spec, frozen=True):
         ConvergenceError
             passive = "static", and the arm finds no equilibrium.
         """
-        q = np.radians(spread(chain, self.initial.joint_deg))
-        if self.initial.passive == "static":
+        q = np.radians(spread(given("chain", chain, Chain), self.initial.joint_deg))
+        if self.initial.passive == "static" and len(chain.active) < chain.n:
             q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
         return q, np.radians(spread(chain, self.initial.rates))
 
@@ -250,10 +252,12 @@ def load_scene(path: str | Path) -> Scene:
 
     Raises
     ------
+    ArgumentError
+        `path` is no path.
     SceneError
         The message names the file, the key path, the value and what is allowed.
     """
-    path = Path(path)
+    path = given_path("path", path)
     raw = catalogue.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
@@ -266,8 +270,8 @@ def load_scene(path: str | Path) -> Scene:
 
 def _find_beside(scene: Path, table: object, key: str) -> None:
     """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
-    if isinstance(table, dict) and isinstance(table.get(key), str) and table[key].endswith(".toml"):
-        table[key] = str(scene.parent / table[key])
+    if isinstance(table, dict) and isinstance(table.get(key), str):
+        table[key] = catalogue.absolute(table[key], scene.parent)
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:
@@ -283,7 +287,8 @@ def scene_from(raw: dict[str, Any]) -> Scene:
     fields = own | arm
     for key, value in raw.items():
         if key not in fields:
-            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {', '.join(fields)}")
+            allowed = ", ".join(fields) + meant(key, fields)
+            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
     for key, field in fields.items():
         if field.required and key not in raw:
             raise SceneError(f"{key}: missing; this key is required")

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import callable_or_none, given
 from flexlink.dynamics import solver_for
 from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
 from flexlink.inputs import input_arrays
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
+from flexlink.spec import meant
 from flexlink.stability import fastest_eigenvalues, stable_step_of
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
@@ -45,7 +47,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     Raises
     ------
     ArgumentError
-        An override that is not a run setting.
+        `scene` is no Scene, `progress` no function, or an override no run setting.
     SceneError
         A run setting with a value that is not allowed.
     DivergenceError
@@ -53,7 +55,8 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     InterruptedRunError
         Ctrl-C; its `trajectory` holds the samples up to there.
     """
-    scene = _override(scene, overrides)
+    callable_or_none("progress", progress)
+    scene = _override(given("scene", scene, Scene), overrides)
     run, chain = scene.run, scene.chain()
     try:
         times, q, qd = run.times, *np.empty((2, run.samples, chain.n))
@@ -93,7 +96,8 @@ def _first(kept: int, scene: Scene, chain: Chain, q: Array, qd: Array) -> Trajec
 def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
     for name in overrides:
         if name not in Run.__struct_fields__:
-            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(Run.__struct_fields__)}")
+            allowed = Run.__struct_fields__
+            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(allowed)}{meant(name, allowed)}")
     return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **overrides))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
@@ -31,15 +31,37 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     def __post_init__(self) -> None:
         for field in msgspec.structs.fields(type(self)):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                value = value.tolist()
+            try:
+                value = plain(getattr(self, field.name))
+            except RecursionError:
+                raise SceneError(f"{field.encode_name}: nested too deeply") from None
             _check_finite(value, field.encode_name)
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+
+def plain(value: object) -> object:
+    """`value` with Python's own numbers, texts and lists for NumPy's, at any depth.
+
+    A sweep is written with NumPy; msgspec takes np.float64 for a class it does not know.
+    """
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _scalar(value)
+    if type(value) in {list, tuple}:
+        return type(value)(plain(item) for item in value)  # type: ignore[attr-defined, call-arg]
+    if type(value) is dict:
+        return {plain(key): plain(item) for key, item in value.items()}
+    return value
+
+
+def _scalar(value: np.generic) -> object:
+    """The Python object of a NumPy scalar; `item` alone hands a longdouble back as it is."""
+    return float(value) if isinstance(value, np.floating) else value.item()
 
 
 def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
@@ -89,14 +111,12 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         name, allowed = unknown[1], [field.encode_name for field in msgspec.structs.fields(kind)]
-        close = difflib.get_close_matches(name, allowed, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
         key = f"{where}.{name}".lstrip(".")
-        return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{hint}"
+        return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
-    return f"{where} = {short(value)}: {_allowed(kind) or _lower(reason)}".removeprefix(" = ")
+    return f"{where} = {short(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -107,9 +127,17 @@ def _fits(value: object, kind: Any) -> bool:
     return True
 
 
-def _allowed(kind: Any) -> str:
-    """What a `Literal` annotation allows; empty for others."""
-    return "allowed are " + ", ".join(map(repr, get_args(kind))) if get_origin(kind) is Literal else ""
+def _allowed(kind: Any, value: object) -> str:
+    """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
+    allowed = get_args(kind) if get_origin(kind) is Literal else ()
+    return "allowed are " + ", ".join(map(repr, allowed)) + meant(value, allowed) if allowed else ""
+
+
+def meant(value: object, allowed: Iterable[str]) -> str:
+    """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
+    by_case = {name.casefold(): name for name in reversed(list(allowed))}
+    close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
+    return f"; did you mean {by_case[close[0]]!r}?" if close else ""
 
 
 def _type_below(kind: Any, key: str) -> Any:

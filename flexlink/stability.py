@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.checks import vector
+from flexlink.checks import given, vector
 from flexlink.dynamics import forward_dynamics, inverse_dynamics
 from flexlink.modal import damping_slope, first_order_matrix, regular_mass
 from flexlink.tableaus import Tableau, tableau
@@ -56,7 +56,7 @@ def fastest_eigenvalues(chain: Chain, q: ArrayLike) -> Complex:
     forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
     which it is under Kelvin-Voigt damping. Errors as in `eigenvalues`.
     """
-    if chain.n <= DENSE:
+    if given("chain", chain, Chain).n <= DENSE:
         return eigenvalues(chain, q)
     q = vector("q", q, chain.n)
     square = _largest_ratio(chain, q, chain.stiffness)
@@ -118,7 +118,9 @@ def stable_step(chain: Chain, method: str = "RK4", q: ArrayLike | None = None) -
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    return stable_step_of(fastest_eigenvalues(chain, np.zeros(chain.n) if q is None else q), method)
+    return stable_step_of(
+        fastest_eigenvalues(chain, np.zeros(given("chain", chain, Chain).n) if q is None else q), method
+    )
 
 
 def stable_step_of(λ: Complex, method: str) -> float:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import given_path
 from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
 from flexlink.inputs import input_arrays
@@ -91,7 +92,7 @@ class Trajectory:
         OutputError
             It cannot be written.
         """
-        path = Path(path)
+        path = given_path("path", path)
         write_whole(path, self.writer(path))
         return path
 

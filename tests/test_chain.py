@@ -55,7 +55,7 @@ def test_sequential_and_three_index_coordinates_are_inverse(chain: Chain) -> Non
 def test_an_unknown_coordinate_is_refused(chain: Chain) -> None:
     with pytest.raises(ArgumentError, match="not in this chain"):
         chain.index(1, 99, 3)
-    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be 0"):
+    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be a whole number, 0"):
         chain.coordinate(chain.n)
 
 
