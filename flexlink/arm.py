@@ -11,7 +11,7 @@ from flexlink import catalogue
 from flexlink.errors import SceneError
 from flexlink.rules import hinges
 from flexlink.sections import SHAPES, SectionProperties
-from flexlink.spec import NonNegative, Positive, Spec, Vector3, meant
+from flexlink.spec import NonNegative, Positive, Spec, Vector3, meant, short
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -243,6 +243,6 @@ class Arm(Spec, frozen=True):
             There is none.
         """
         names = [link.name for link in self.links]
-        if name not in names:
-            raise SceneError(f"link = {name!r}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
+        if not isinstance(name, str) or name not in names:
+            raise SceneError(f"link = {short(name)}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
         return names.index(name) + 1

@@ -71,7 +71,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
         No such name (the message lists those that exist), or a file that is not a valid description.
     """
     known = names(folder)
-    if not is_own(name) and name not in known:
+    if not isinstance(name, str) or not (is_own(name) or name in known):
         raise SceneError(
             f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
             f"{meant(name, known)}"

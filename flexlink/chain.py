@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from flexlink.checks import given, integer
 from flexlink.errors import ArgumentError
+from flexlink.spec import short
 
 Array = NDArray[np.float64]
 
@@ -184,10 +185,14 @@ class Chain:
         ArgumentError
             There is no such coordinate, or its joint is locked.
         """
-        wanted = Coordinate(*(integer(*part, 0) for part in (("link", link), ("segment", segment), ("axis", axis))))
+        wanted = Coordinate(
+            integer("link", link, 1, len(self.link_names)), integer("segment", segment, 0), integer("axis", axis, 0, 3)
+        )
         if wanted not in self._sequential:
-            known = sorted({tuple(c) for c in self.coordinates if c.link == link})
-            raise ArgumentError(f"(link, segment, axis) = {tuple(wanted)}: not in this chain; link {link} has {known}")
+            known = short(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
+            raise ArgumentError(
+                f"(link, segment, axis) = {short(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
+            )
         return self._sequential[wanted]
 
     def coordinate(self, k: int) -> Coordinate:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterable
+import sys
 from pathlib import Path
 from typing import TypeVar
 
@@ -90,15 +89,19 @@ def given(name: str, value: object, kind: type[T]) -> T:
         It is none; the message says what it is.
     """
     if not isinstance(value, kind):
-        raise ArgumentError(f"{name} = {short(value)}: is a {type(value).__name__}; expected a {kind.__name__}")
+        raise ArgumentError(f"{name} = {short(value)}: expected a {kind.__name__}, got {type(value).__name__}")
     return value
 
 
 def all_given(name: str, values: object, kind: type[T]) -> list[T]:
     """`values` as a list, every one of which must be a `kind`; errors as in `given`."""
-    if isinstance(values, str | bytes) or not isinstance(values, Iterable):
+    try:
+        items = None if isinstance(values, str | bytes) else list(values)  # type: ignore[call-overload]
+    except TypeError:  # of a 0-d array, too, which has an __iter__
+        items = None
+    if items is None:
         raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {kind.__name__}")
-    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(values)]
+    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(items)]
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
@@ -109,7 +112,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     ArgumentError
         It is no whole number, or out of range; the message names the range.
     """
-    number = plain(value)
+    number = _number(value)
     if type(number) is not int or number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
         raise ArgumentError(f"{name} = {short(value)}: must be a whole number, {allowed}")
@@ -118,10 +121,15 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
 
 def positive(name: str, value: object) -> float:
     """`value` as a finite float > 0; errors as in `integer`."""
-    number = plain(value)
-    if type(number) not in {int, float} or not 0 < number < math.inf:  # type: ignore[operator]
+    number = _number(value)
+    if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
         raise ArgumentError(f"{name} = {short(value)}: must be a finite number > 0")
     return float(number)  # type: ignore[arg-type]
+
+
+def _number(value: object) -> object:
+    """Python's number for a NumPy scalar or an array of no dimension; anything else as it is."""
+    return plain(value) if isinstance(value, np.generic | np.ndarray) else value
 
 
 def flag(name: str, value: object) -> bool:
@@ -140,7 +148,7 @@ def callable_or_none(name: str, value: object) -> None:
 def given_path(name: str, value: object) -> Path:
     """`value`, a str or a Path, as a Path; errors as in `given`."""
     if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(f"{name} = {short(value)}: is a {type(value).__name__}; expected a str or a Path")
+        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
     return Path(value)
 
 

@@ -59,8 +59,10 @@ def lump(
     """
     links = len(given("arm", arm, Arm).links)
     angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
+    given("name", name, str)
     g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
-    for link_name in all_given("prescribed", prescribed, str):
+    prescribed = all_given("prescribed", prescribed, str)
+    for link_name in prescribed:
         arm.number(link_name)
     builder = _Builder()
     with np.errstate(over="ignore", invalid="ignore"):  # refused below, by name

@@ -153,6 +153,8 @@ def _type_below(kind: Any, key: str) -> Any:
 def _check_finite(value: object, path: str) -> None:
     if isinstance(value, float) and not math.isfinite(value):
         raise SceneError(f"{path} = {value!r}: must be a finite number")
+    if isinstance(value, set | frozenset):
+        raise SceneError(f"{path} = {short(value)}: a set has no order; expected a list")
     if isinstance(value, Mapping):
         for key, item in value.items():
             _check_finite(item, f"{path}.{key}".lstrip("."))
@@ -168,9 +170,9 @@ def _lower(reason: str) -> str:
 
 
 def short(value: object) -> str:
-    """`repr` cut to a length that fits on one line of a message."""
+    """`repr` in one line, cut to a length that fits into a message."""
     try:
-        text = repr(value)
-    except RecursionError:
-        return "…"
+        text = " ".join(repr(value).split())
+    except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
+        return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
     return text if len(text) <= 60 else text[:57] + "…"
