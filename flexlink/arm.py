@@ -63,7 +63,7 @@ class Section(Spec, frozen=True):
                 raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
         for name in wanted:
             if name not in given:
-                raise SceneError(f"{name} = None: a {self.shape} needs {', '.join(wanted)}")
+                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
             raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):

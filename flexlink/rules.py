@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.spec import NonNegative, Positive, Spec
+from flexlink.spec import NonNegative, Positive, Spec, short
 
 Array = NDArray[np.float64]
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
@@ -46,11 +46,15 @@ class Element(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
-            raise SceneError(f"weights = {self.weights}: must be as many as nodes = {self.nodes}, at least one")
+            raise SceneError(
+                f"weights = {short(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one"
+            )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {self.nodes}: must increase within [0, 1]")
+            raise SceneError(f"nodes = {short(self.nodes)}: must increase within [0, 1]")
         if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
-            raise SceneError(f"weights = {self.weights}: must sum to 1; together they stand for the whole element")
+            raise SceneError(
+                f"weights = {short(self.weights)}: must sum to 1; together they stand for the whole element"
+            )
 
 
 class Jacobi(Spec, frozen=True):

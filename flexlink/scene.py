@@ -62,10 +62,11 @@ class Drive(Spec, frozen=True):
         }[self.kind]  # fmt: skip
         for name in ("torque", "times", "torques", "kp", "kd", "target_deg"):
             if (getattr(self, name) is not None) != (name in wanted):
-                takes = ", ".join(wanted) or "nothing else"
-                raise SceneError(f"{name} = {getattr(self, name)!r}: drive kind {self.kind!r} takes {takes}")
+                takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
+                said = ": missing;" if value is None else f" = {short(value)}:"
+                raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
         if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
-            raise SceneError(f"times = {self.times}: must increase")
+            raise SceneError(f"times = {short(self.times)}: must increase")
         if self.smooth and len(self.times or ()) < 2:
             raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
         if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
@@ -179,7 +180,7 @@ class Scene(Spec, frozen=True):
         }
         for key, values in per_link.items():
             if values is not None and len(values) != links:
-                raise SceneError(f"{key} = {values!r}: expected one number per link, {links}")
+                raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")

@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
@@ -105,6 +106,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
             tail = tail.replace("[...]", f".{key}", 1)
         value = value[int(key)] if isinstance(value, list | tuple) else value[key]
         kind = _type_below(kind, key)
+    kind = _bare(kind)
     where = (path + tail).lstrip(".")
     if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
         return f"{where}.{error.__cause__}".lstrip(".")
@@ -142,12 +144,18 @@ def meant(value: object, allowed: Iterable[str]) -> str:
 
 def _type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
-    while get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
+    kind = _bare(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in msgspec.structs.fields(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
+
+
+def _bare(kind: Any) -> Any:
+    """An annotation without its range and without its `| None`."""
+    while get_origin(kind) is Annotated or get_origin(kind) is UnionType:
+        kind = next(part for part in get_args(kind) if part is not NoneType)
+    return kind
 
 
 def _check_finite(value: object, path: str) -> None:
