@@ -157,7 +157,7 @@ class Link(Spec, frozen=True):
     material: str | None = None
     section: str | None = None
     section_tip: str | None = None
-    segments: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 1
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
     lumping: str = "gauss"
     joint: Joint = Joint()
     mount: Mount = Mount()
