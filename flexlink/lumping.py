@@ -65,7 +65,7 @@ def lump(
     for link_name in prescribed:
         arm.number(link_name)
     builder = _Builder()
-    with np.errstate(over="ignore", invalid="ignore"):  # refused below, by name
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for number, link in enumerate(arm.links, start=1):
             _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
         builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
@@ -112,6 +112,8 @@ def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
     loss_times = {axis: _loss_time(link.damping, beam, axis, nodes, weights) for axis in AXES[link.flex]}
     twist_rotors = beam.polar_inertia * rule.twist_inertias(nodes, weights)
     stiffnesses = beam.rigidities(nodes) / (weights * link.length)
+    if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
+        raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
     edges = np.array([0.0, *nodes, 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * link.length, strict=True)
     for segment, (mass, center, inertia, length) in enumerate(slices):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import copy
+import functools
 import io
+import operator
 import os
 import pickle
 import subprocess
 import sys
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli import main
+from flexlink.scene import scene_from
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
@@ -120,6 +123,36 @@ def test_text_that_breaks_parsers_is_refused(text: str, wanted: str, tmp_path: P
     assert line.startswith(f"flexlink: {path}: ")
     assert wanted in line
     assert len(line) < 400
+
+
+ODD = ["a.toml", -1, 0, 1e308, 5e-324, [1e200] * 3, {"a": 1}]
+"""Values of every kind, some of which some keys take."""
+
+
+def places(value: object, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """The paths of all keys and items below a parsed file."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield (*path, key)
+        yield from places(item, (*path, key))
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("odd", ODD, ids=str)
+def test_whatever_stands_at_a_key_is_taken_as_a_whole_or_refused_in_one_line(odd: object) -> None:
+    refused = 0
+    for *above, last in places(T3):
+        raw = copy.deepcopy(T3)
+        functools.reduce(operator.getitem, above, raw)[last] = odd
+        try:
+            scene = scene_from(raw)
+            scene.chain()
+            assert scene_from(tomllib.loads(scene.to_toml())) == scene
+        except fl.SceneError as error:
+            refused += 1
+            assert "\n" not in str(error)
+            assert len(str(error)) < 400
+    assert refused > 30
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="needs a device that never ends")

@@ -15,6 +15,7 @@ from flexlink import (
     Initial,
     Joint,
     Link,
+    Material,
     Mount,
     Payload,
     Run,
@@ -115,6 +116,14 @@ def test_locking_a_joint_equals_a_fixed_rotation() -> None:
     turned = make_scene(flexible("a"), flexible("b", joint=Joint(locked=True), mount=Mount(rpy_deg=(0, 0, 30)))).chain()
     for field in ("translation", "rotation", "mass", "center", "inertia"):
         np.testing.assert_allclose(locked.bodies[field], turned.bodies[field], atol=1e-15)
+
+
+def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
+    soft = Material(young=1e-320, density=1.0)
+    scene = make_scene(flexible("a"))
+    scene.arm.materials["aluminium"] = soft
+    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
+        scene.chain()
 
 
 def test_a_payload_joins_the_last_segment() -> None:
