@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import msgspec
 
+from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.rules import lumping_rule
+from flexlink.rules import hinges
 from flexlink.sections import SHAPES, SectionProperties
-from flexlink.spec import NonNegative, Positive, Spec, Vector3
+from flexlink.spec import NonNegative, Positive, Spec, Vector3, meant, short
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -61,11 +63,22 @@ class Section(Spec, frozen=True):
                 raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
         for name in wanted:
             if name not in given:
-                raise SceneError(f"{name} = None: a {self.shape} needs {', '.join(wanted)}")
+                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
             raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
         if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
             raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width")
+        self._check_properties(wanted)
+
+    def _check_properties(self, dimensions: tuple[str, ...]) -> None:
+        try:
+            properties = self.properties._asdict()
+        except OverflowError:  # of Python's own power
+            properties = {"area or second moment": math.inf}
+        for name, value in properties.items():
+            if not 0 < value < math.inf:
+                given = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                raise SceneError(f"{given}: {name} = {value!r} is beyond the numbers of float64")
 
     @property
     def properties(self) -> SectionProperties:
@@ -144,7 +157,7 @@ class Link(Spec, frozen=True):
     material: str | None = None
     section: str | None = None
     section_tip: str | None = None
-    segments: Annotated[int, msgspec.Meta(ge=1, le=1_000_000)] = 1
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
     lumping: str = "gauss"
     joint: Joint = Joint()
     mount: Mount = Mount()
@@ -153,6 +166,7 @@ class Link(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        msgspec.structs.force_setattr(self, "lumping", catalogue.absolute(self.lumping))
         if not self.name:
             raise SceneError("name = '': must not be empty")
         if (self.material is None) != (self.section is None):
@@ -161,17 +175,24 @@ class Link(Spec, frozen=True):
             )
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
-        if self.flex == "rigid":
-            if self.segments != 1:
-                raise SceneError(f"segments = {self.segments}: a rigid link has 1")
-            return
+        if self.flex != "rigid":
+            self._check_hinges()
+        elif self.segments != 1:
+            raise SceneError(f"segments = {self.segments}: a rigid link has 1")
+        elif self.material is not None and self.length == 0:
+            raise SceneError(
+                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0; "
+                "one without length has neither material nor section, but may have a hub"
+            )
+
+    def _check_hinges(self) -> None:
         if self.segments < 2:
             raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
         if self.length <= 0:
             raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
-        nodes, _ = lumping_rule(self.lumping).hinges(self.segments - 1)
+        nodes, _ = hinges(self.lumping, self.segments)
         if nodes[0] == 0 and not (self.joint.locked or self.joint.armature or self.hub.inertia[2]):
             raise SceneError(
                 f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
@@ -201,7 +222,9 @@ class Arm(Spec, frozen=True):
                 name = getattr(link, key)
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
-                    raise SceneError(f"link[{k}].{key} = {name!r}: not defined; defined are {known}")
+                    raise SceneError(
+                        f"link[{k}].{key} = {name!r}: not defined; defined are {known}{meant(name, table)}"
+                    )
             if link.section_tip is not None and link.section is not None:
                 shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
                 if shapes[0] != shapes[1]:
@@ -220,6 +243,6 @@ class Arm(Spec, frozen=True):
             There is none.
         """
         names = [link.name for link in self.links]
-        if name not in names:
-            raise SceneError(f"link = {name!r}: not in this arm; it has {', '.join(names)}")
+        if not isinstance(name, str) or name not in names:
+            raise SceneError(f"link = {short(name)}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
         return names.index(name) + 1

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import all_given, integer
 from flexlink.dynamics import lanes_workspace, solver_for
-from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError
+from flexlink.errors import DivergenceError, InterruptedRunError
 from flexlink.inputs import losses_side_by_side
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.lanes import LANES
@@ -46,7 +47,7 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     Raises
     ------
     ArgumentError
-        `threads` is less than 1.
+        `scenes` holds something that is no Scene, or `threads` is no whole number of at least 1.
     UnstableStepError
         The step of a member is larger than its largest stable one; unstable = "allow" insists.
     DivergenceError
@@ -54,8 +55,7 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
     InterruptedRunError
         Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
     """
-    if threads < 1:
-        raise ArgumentError(f"threads = {threads!r}: must be at least 1")
+    scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop, ThreadPoolExecutor(threads) as pool:
         blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
         outcomes = [outcome for block in blocks for outcome in block]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from flexlink.errors import SceneError
-from flexlink.spec import decode, short
+from flexlink.spec import decode, meant, short
 
 T = TypeVar("T")
 
@@ -22,12 +23,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     SceneError
-        The file is missing, unreadable, larger than 1 MB, empty, not UTF-8 or not TOML.
+        The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
+        not TOML.
     """
     try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
+            raise OSError(errno.EINVAL, "is a pipe or a device; a description is a regular file")
         with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)  # a size asked for beforehand says nothing about pipes and devices
-        text = data.decode()
+            data = file.read(LARGEST_FILE + 1)
+        text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 at byte {error.start}; a description is UTF-8 text") from None
     except (OSError, ValueError) as error:  # ValueError: a null character in the path
@@ -66,22 +70,40 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     SceneError
         No such name (the message lists those that exist), or a file that is not a valid description.
     """
-    own = isinstance(name, str) and name.endswith(".toml")
-    path = Path(name) if own else DATA / folder / f"{name}.toml"
-    if not own and name not in names(folder):
-        allowed = ", ".join(names(folder))
-        raise SceneError(f"{key} = {short(name)}: unknown; allowed are {allowed} or a path ending in .toml")
+    known = names(folder)
+    if not isinstance(name, str) or not (is_own(name) or name in known):
+        raise SceneError(
+            f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
+            f"{meant(name, known)}"
+        )
+    path = Path(absolute(name)) if is_own(name) else DATA / folder / f"{name}.toml"
     try:
-        changed = path.stat().st_mtime_ns if path.exists() else 0
-        found: T = _decoded(path, changed, cast("Any", kind))
+        found: T = _decoded(path, _version(path), cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
         raise SceneError(f"{key} = {short(name)}: {error}") from None
     return found
 
 
+def is_own(name: object) -> bool:
+    """Whether `name` is a path to the user's own file, not the name of a description that comes with flexlink."""
+    return isinstance(name, str) and name.endswith(".toml")
+
+
+def absolute(name: str, folder: Path = Path()) -> str:
+    """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
+    return str((folder / name).absolute()) if is_own(name) else name
+
+
+def _version(path: Path) -> tuple[int, ...]:
+    if not path.exists():
+        return ()
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
 @functools.lru_cache(maxsize=64)
-def _decoded(path: Path, _changed: int, kind: Any) -> Any:
-    """Decode a file once for each time it was changed."""
+def _decoded(path: Path, _version: tuple[int, ...], kind: Any) -> Any:
+    """Decode a file once for each version of it."""
     raw = read_toml(path)
     try:
         return decode(raw, kind)

@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.checks import given, integer
 from flexlink.errors import ArgumentError
+from flexlink.spec import short
 
 Array = NDArray[np.float64]
 
@@ -64,7 +67,7 @@ class Coordinate(NamedTuple):
     axis: int
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Chain:
     """A serial chain of `n` one-axis hinges.
 
@@ -97,6 +100,10 @@ class Chain:
         """Copies and pickles are built anew: their arrays, too, are read-only, which the compiled kernels expect."""
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
+    def __repr__(self) -> str:
+        kilograms = self.bodies["mass"].sum()
+        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {kilograms:.6g} kg>"
+
     @functools.cached_property
     def arrays(self) -> ChainArrays:
         """The kernels' view of this chain."""
@@ -128,20 +135,33 @@ class Chain:
         return np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
 
     @functools.cached_property
-    def is_planar(self) -> bool:
-        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
-
-        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques. Axes
-        count as parallel within 16 ulp per mount rotation, the rounding of the rotations themselves.
-        """
-        rotation, turns = np.eye(3), 1
+    def axes(self) -> Array:
+        """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
+        rotation = np.eye(3)
         axes = np.empty((self.n, 3))
         for body in self.bodies:
             if body["turned"]:
-                rotation, turns = rotation @ body["rotation"], turns + 1
+                rotation = rotation @ body["rotation"]
             for k in range(body["first"], body["stop"]):
                 axes[k] = rotation[:, self.hinges["axis"][k]]
-        return bool(np.abs(np.cross(axes, axes[0])).max() <= 16 * turns * np.finfo(float).eps)
+        axes.flags.writeable = False
+        return axes
+
+    def all_axes_parallel_to(self, direction: Array) -> bool:
+        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and thus at all angles.
+
+        Within 16 ulp per mount rotation, the rounding of the rotations themselves.
+        """
+        turns = 1 + int(self.bodies["turned"].sum())
+        return bool(np.abs(np.cross(self.axes, direction)).max() <= 16 * turns * np.finfo(float).eps)
+
+    @functools.cached_property
+    def is_planar(self) -> bool:
+        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
+
+        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques.
+        """
+        return self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:
@@ -149,6 +169,7 @@ class Chain:
 
     def same_layout(self, other: Chain) -> bool:
         """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
+        given("other", other, Chain)
         return (
             len(self.bodies) == len(other.bodies)
             and all(np.array_equal(self.bodies[name], other.bodies[name]) for name in ("first", "stop"))
@@ -164,10 +185,14 @@ class Chain:
         ArgumentError
             There is no such coordinate, or its joint is locked.
         """
-        wanted = Coordinate(link, segment, axis)
+        wanted = Coordinate(
+            integer("link", link, 1, len(self.link_names)), integer("segment", segment, 0), integer("axis", axis, 0, 3)
+        )
         if wanted not in self._sequential:
-            known = sorted({tuple(c) for c in self.coordinates if c.link == link})
-            raise ArgumentError(f"(link, segment, axis) = {tuple(wanted)}: not in this chain; link {link} has {known}")
+            known = short(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
+            raise ArgumentError(
+                f"(link, segment, axis) = {short(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
+            )
         return self._sequential[wanted]
 
     def coordinate(self, k: int) -> Coordinate:
@@ -178,12 +203,29 @@ class Chain:
         ArgumentError
             `k` is out of range.
         """
-        if not 0 <= k < self.n:
-            raise ArgumentError(f"k = {k!r}: must be 0 … {self.n - 1}")
-        return self.coordinates[k]
+        return self.coordinates[integer("k", k, 0, self.n - 1)]
 
     def joint_name(self, k: int) -> str:
-        """Unique readable name of coordinate `k`: "upper", or "upper.2.z" for a passive hinge."""
-        c = self.coordinate(k)
-        link = self.link_names[c.link - 1]
-        return link if c.axis == 0 else f"{link}.{c.segment}.{'xyz'[c.axis - 1]}"
+        """Unique readable name of coordinate `k`: "upper", or "upper.2.z" for a passive hinge; errors as above.
+
+        Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
+        """
+        return self._names[integer("k", k, 0, self.n - 1)]
+
+    @functools.cached_property
+    def _names(self) -> tuple[str, ...]:
+        hinges = [f"{self.link_names[c.link - 1]}.{c.segment}.{' xyz'[c.axis]}" for c in self.coordinates]
+        distinct = unique([*self.link_names, *hinges])  # links come first: they keep their own names
+        links = len(self.link_names)
+        return tuple(distinct[c.link - 1 if c.axis == 0 else links + k] for k, c in enumerate(self.coordinates))
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """The names, the later of two equal ones numbered."""
+    taken: dict[str, None] = {}
+    for name in names:
+        candidate, number = name, 2
+        while candidate in taken:
+            candidate, number = f"{name}_{number}", number + 1
+        taken[candidate] = None
+    return list(taken)

@@ -21,6 +21,7 @@ from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, Inter
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
 from flexlink.modal import modes
+from flexlink.notes import notes
 from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
 from flexlink.simulate import simulate
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LISTED = 100  # coordinates that `info` names
+SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -144,6 +146,8 @@ def _info(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     with _about(options.scene):
         _show(scene)
+        for note in notes(scene):
+            print(f"note: {note}", file=sys.stderr)
     return 0
 
 
@@ -158,6 +162,8 @@ def _show(scene: Scene) -> None:
         print(f"  {k:4d}  (link {c.link}, segment {c.segment}, axis {c.axis})  {chain.joint_name(k):<16} {spring}")
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
+    if chain.n > SLOW:
+        print(f"finding the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import all_given, given, integer
 from flexlink.engines import Engine, load
-from flexlink.errors import ArgumentError
 from flexlink.scene import Scene
 
 Array = NDArray[np.float64]
@@ -169,14 +169,16 @@ def compare(
     Raises
     ------
     ArgumentError
-        `samples` < 1, `seed` < 0, or an unknown engine.
+        `scene` is no Scene, `samples` < 1, `seed` < 0, or an unknown engine.
     MissingDependencyError
         An engine is not installed.
     """
-    if samples < 1:
-        raise ArgumentError(f"samples = {samples}: must be at least 1")
-    if seed < 0:
-        raise ArgumentError(f"seed = {seed}: must not be negative")
+    given("scene", scene, Scene)
+    samples, seed, engines = (
+        integer("samples", samples, 1),
+        integer("seed", seed, 0),
+        all_given("engines", engines, str),
+    )
     chain = msgspec.structs.replace(scene, motion=()).chain()  # prescribed joints are free in the exported files
     native = load("native", chain)
     loaded = [load(name, chain) for name in engines]

@@ -9,6 +9,7 @@ All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in s
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain import Chain
-from flexlink.checks import choice, dimensions, matrix, vector, wrench_vector
+from flexlink.checks import all_given, beyond_float64, choice, dimensions, given, matrix, vector, wrench_vector
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
@@ -80,12 +81,19 @@ def inverse_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite.
+        An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
-    n = chain.n
-    q, qd, qdd = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n)
-    tau: Array = inverse_dynamics_kernel(chain.arrays, wrench_vector(tip_wrench), q, qd, qdd)
+    n = given("chain", chain, Chain).n
+    q, qd, qdd, wrench = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n), wrench_vector(tip_wrench)
+    tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
+    if not is_finite(tau):
+        raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return tau
+
+
+def _at(what: str, chain: Chain, values: Array) -> str:
+    """Words for the first of `values`, one per joint, that is not finite."""
+    return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
 def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> Array:
@@ -93,7 +101,7 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike
 
     Parameters, shapes and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
     """
-    return inverse_dynamics(chain, q, qd, np.zeros(chain.n), tip_wrench)
+    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -104,7 +112,7 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
     """
-    return inverse_dynamics(chain, q, np.zeros(chain.n), np.zeros(chain.n))
+    return bias_torque(chain, q, np.zeros(given("chain", chain, Chain).n))
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -113,9 +121,13 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite.
+        `q` has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
-    torque: Array = chain.stiffness * (vector("q", q, chain.n) - chain.rest)
+    q = vector("q", q, given("chain", chain, Chain).n)
+    with np.errstate(over="ignore"):
+        torque: Array = chain.stiffness * (q - chain.rest)
+    if not is_finite(torque):
+        raise beyond_float64(_at("elastic torque", chain, torque), q=q)
     return torque
 
 
@@ -128,11 +140,14 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     Raises
     ------
     ArgumentError
-        `qd` has the wrong shape, is not real or not finite.
+        `qd` has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
-    qd = vector("qd", qd, chain.n)
+    qd = vector("qd", qd, given("chain", chain, Chain).n)
     hinges = chain.hinges
-    torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    with np.errstate(over="ignore"):  # far beyond the width tanh is 1
+        torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    if not is_finite(torque):
+        raise beyond_float64(_at("friction torque", chain, torque), qd=qd)
     return torque
 
 
@@ -152,11 +167,13 @@ def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite, or the method is unknown.
+        `q` has the wrong shape, is not real or not finite, the method is unknown, or M is beyond float64.
     """
-    q = vector("q", q, chain.n)
+    q = vector("q", q, given("chain", chain, Chain).n)
     M = np.zeros((chain.n, chain.n))
     choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    if not is_finite(M.reshape(-1)):
+        raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
     return M
 
 
@@ -206,7 +223,7 @@ def forward_dynamics(
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
-    chains = [chain] if isinstance(chain, Chain) else list(chain)
+    chains = [chain] if isinstance(chain, Chain) else all_given("chain", chain, Chain)
     if not chains:
         raise ArgumentError("chain: no chain given; expected one, or one per state")
     for k, other in enumerate(chains):
@@ -218,6 +235,8 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 def _forward_dynamics_of_many(
     chains: Sequence[Chain], solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
 ) -> Array:
+    if dimensions(q) != 2:
+        raise ArgumentError(f"q has {dimensions(q)} dimensions; many chains take 2, of shape (b, {chains[0].n})")
     shape = b, _ = np.shape(q)[0], chains[0].n
     states = [matrix(name, value, shape) for name, value in (("q", q), ("qd", qd), ("tau", tau))]
     if len(chains) not in {1, b}:
@@ -274,9 +293,15 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     Raises
     ------
     ArgumentError
-        `q` or `qd` has the wrong shape, is not real or not finite.
+        `q` or `qd` has the wrong shape, is not real or not finite, or an energy is beyond float64.
     """
-    return Energy(*energies(chain.arrays, vector("q", q, chain.n), vector("qd", qd, chain.n)))
+    n = given("chain", chain, Chain).n
+    q, qd = vector("q", q, n), vector("qd", qd, n)
+    found = Energy(*energies(chain.arrays, q, qd))
+    if not math.isfinite(found.total):
+        name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
+        raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
+    return found
 
 
 def frames(chain: Chain, q: ArrayLike) -> Frames:
@@ -287,7 +312,7 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
     """
-    bodies = len(chain.bodies)
+    bodies = len(given("chain", chain, Chain).bodies)
     placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
     kinematics(chain.arrays, vector("q", q, chain.n), placed.rotations, placed.points, np.empty((chain.n, 3)))
     return placed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Collection, Sequence
 
@@ -13,7 +12,7 @@ from scipy import linalg
 
 from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
-from flexlink.checks import vector
+from flexlink.checks import all_given, given, vector
 from flexlink.errors import SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.rules import lumping_rule
@@ -58,13 +57,15 @@ def lump(
     ArgumentError
         `locked_deg` does not have one angle per link, or `gravity` is not three finite numbers.
     """
-    links = len(arm.links)
+    links = len(given("arm", arm, Arm).links)
     angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
+    given("name", name, str)
     g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
+    prescribed = all_given("prescribed", prescribed, str)
     for link_name in prescribed:
         arm.number(link_name)
     builder = _Builder()
-    with np.errstate(over="ignore", invalid="ignore"):  # refused below, by name
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for number, link in enumerate(arm.links, start=1):
             _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
         builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
@@ -110,18 +111,22 @@ def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
     nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
     loss_times = {axis: _loss_time(link.damping, beam, axis, nodes, weights) for axis in AXES[link.flex]}
     twist_rotors = beam.polar_inertia * rule.twist_inertias(nodes, weights)
-    for segment, (start, stop) in enumerate(itertools.pairwise([0.0, *nodes.tolist(), 1.0])):
+    stiffnesses = beam.rigidities(nodes) / (weights * link.length)
+    if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
+        raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
+    edges = np.array([0.0, *nodes, 1.0])
+    slices = zip(*beam.slices(edges), np.diff(edges) * link.length, strict=True)
+    for segment, (mass, center, inertia, length) in enumerate(slices):
         if segment:
             builder.start_body()
-            rigidity = beam.rigidity(start)
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                k = rigidity[axis] / (weights[segment - 1] * link.length)
+                k = float(stiffnesses[axis - 1, segment - 1])
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
                 builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_times[axis] * k, armature=rotor)
-        if stop > start:  # a hinge at the very root has nothing before it
-            builder.add_inertia(*beam.inertia(start, stop))
-        builder.move(np.array([(stop - start) * link.length, 0, 0]))
+        if length > 0:  # a hinge at the very root has nothing before it
+            builder.add_inertia(float(mass), np.array([center, 0, 0]), np.diag(inertia))
+        builder.move(np.array([length, 0, 0]))
 
 
 def _loss_time(damping: Damping | None, beam: _Beam, axis: int, nodes: Array, weights: Array) -> float:
@@ -141,44 +146,48 @@ class _Beam:
     root: Section
     tip: Section
 
-    def rigidity(self, x: float) -> dict[int, float]:
-        """GJ, EI_y, EI_z at x, by axis [N m²]."""
-        p, m = self.root.towards(self.tip, x), self.material
-        return {1: m.shear * p.torsion, 2: m.young * p.i_y, 3: m.young * p.i_z}
+    def sections(self, x: Array) -> Array:
+        """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
+        if self.root == self.tip:
+            return np.multiply.outer(self.root.properties, np.ones(x.shape))
+        found = [self.root.towards(self.tip, float(place)) for place in x.flat]
+        return np.reshape(np.transpose(found), (4, *x.shape))
+
+    def rigidities(self, x: Array) -> Array:
+        """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""
+        _, i_y, i_z, torsion = self.sections(x)
+        return np.array([self.material.shear * torsion, self.material.young * i_y, self.material.young * i_z])
 
     @property
     def polar_inertia(self) -> float:
         """ρ ∫ (I_y + I_z) dx of the whole beam [kg m²]."""
-        return float(self.inertia(0.0, 1.0)[2][0, 0])
+        return float(self.slices(np.array([0.0, 1.0]))[2][0, 0])
 
-    def inertia(self, start: float, stop: float) -> tuple[float, Array, Array]:
-        """Mass, centre in the frame at `start`, and inertia about the centre of the slice from `start` to `stop`.
+    def slices(self, edges: Array) -> tuple[Array, Array, Array]:
+        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).
 
         Four Gauss points: exact for every shape whose area is quadratic and whose I are of degree 4 in x. For a prism
         I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
         """
-        x = (GAUSS_NODES + 1) / 2
-        line = self.material.density * (stop - start) * self.length * GAUSS_WEIGHTS / 2
-        sections = [self.root.towards(self.tip, start + (stop - start) * u) for u in x]
-        areas, i_y, i_z = (line * np.array([p[k] for p in sections]) for k in (0, 1, 2))
-        place = x * (stop - start) * self.length
-        mass = float(areas.sum())
-        center = float(areas @ place) / mass
-        bending = float(areas @ (place - center) ** 2)
-        moments = [i_y.sum() + i_z.sum(), i_y.sum() + bending, i_z.sum() + bending]
-        return mass, np.array([center, 0, 0]), np.diag(moments)
+        u = (GAUSS_NODES + 1) / 2
+        x, length = edges[:-1, None] + np.diff(edges)[:, None] * u, np.diff(edges)[:, None] * self.length
+        areas, i_y, i_z, _ = self.material.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
+        mass = areas.sum(axis=1)
+        center = (areas * u * length).sum(axis=1) / mass
+        bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
+        y, z = i_y.sum(axis=1), i_z.sum(axis=1)
+        return mass, center, np.column_stack([y + z, y + bending, z + bending])
 
     def largest_frequency(self, axis: int, nodes: Array, weights: Array) -> float:
         """Of the link's own chain, clamped and straight [rad/s]: M_ij = Σ_beyond m (x_c − x_i)(x_c − x_j) + I."""
-        slices = [self.inertia(start, stop) for start, stop in itertools.pairwise([*nodes, 1.0])]
-        mass, inertia = (np.array([part[k] for part in slices]) for k in (0, 2))
-        centers = nodes * self.length + np.array([part[1][0] for part in slices])
+        mass, center, inertia = self.slices(np.array([*nodes, 1.0]))
+        centers = nodes * self.length + center
         beyond = np.tril(np.ones((len(nodes), len(nodes))))  # segment s is moved by hinges j ≤ s
         levers = (centers[:, None] - nodes * self.length) * beyond
-        M = beyond.T @ (inertia[:, axis - 1, axis - 1, None] * beyond)
+        M = beyond.T @ (inertia[:, axis - 1, None] * beyond)
         if axis != TWIST:
             M = M + levers.T @ (mass[:, None] * levers)
-        k = np.array([self.rigidity(x)[axis] for x in nodes]) / (weights * self.length)
+        k = self.rigidities(nodes)[axis - 1] / (weights * self.length)
         return float(np.sqrt(linalg.eigh(np.diag(k), M, eigvals_only=True)[-1]))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.checks import vector, wrench_vector
+from flexlink.checks import flag, given, vector, wrench_vector
 from flexlink.dynamics import frames, mass_matrix
 from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
@@ -111,7 +111,7 @@ def modes(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    n = chain.n
+    n, follower = given("chain", chain, Chain).n, flag("follower", follower)
     q = chain.rest.copy() if q is None else vector("q", q, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)

@@ -16,10 +16,13 @@ from numpy.typing import NDArray
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.spec import NonNegative, Positive, Spec
+from flexlink.spec import NonNegative, Positive, Spec, short
 
 Array = NDArray[np.float64]
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
+
+MOST_JACOBI = 1000
+"""Hinges of a Gauss-Jacobi rule, whose nodes are eigenvalues, found in O(N²); 1000 are exact far beyond float64."""
 
 
 class Grid(Spec, frozen=True):
@@ -43,11 +46,15 @@ class Element(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
-            raise SceneError(f"weights = {self.weights}: must be as many as nodes = {self.nodes}, at least one")
+            raise SceneError(
+                f"weights = {short(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one"
+            )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {self.nodes}: must increase within [0, 1]")
+            raise SceneError(f"nodes = {short(self.nodes)}: must increase within [0, 1]")
         if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
-            raise SceneError(f"weights = {self.weights}: must sum to 1; together they stand for the whole element")
+            raise SceneError(
+                f"weights = {short(self.weights)}: must sum to 1; together they stand for the whole element"
+            )
 
 
 class Jacobi(Spec, frozen=True):
@@ -90,7 +97,7 @@ class LumpingRule(Spec, frozen=True):
         Raises
         ------
         SceneError
-            The rule does not exist for that many hinges.
+            The rule does not exist for that many hinges; the message says what it takes.
         """
         if self.grid is not None:
             return _grid_hinges(self.grid, count)
@@ -101,7 +108,7 @@ class LumpingRule(Spec, frozen=True):
         if count % size:
             below = count - count % size
             near = " or ".join(str(k + 1) for k in (below, below + size) if k)
-            raise SceneError(f"segments = {count + 1}: the rule takes its hinges in groups of {size}; near are {near}")
+            raise SceneError(f"takes its hinges in groups of {size}; near are {near} segments")
         elements = count // size
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements
@@ -126,7 +133,7 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
     corrected = len(grid.first_weights) + len(grid.last_weights)
     spaces = grid.first + count - 1 + grid.last
     if count < max(1, corrected) or spaces <= 0:
-        raise SceneError(f"segments = {count + 1}: this rule needs at least {max(1, corrected) + 1}")
+        raise SceneError(f"needs at least {max(1, corrected) + 1} segments")
     weights = np.ones(count)
     weights[: len(grid.first_weights)] = grid.first_weights
     weights[count - len(grid.last_weights) :] = grid.last_weights[::-1]
@@ -136,10 +143,30 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
 def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
 
+    if count > MOST_JACOBI:
+        raise SceneError(f"takes at most {MOST_JACOBI + 1} segments; rules such as gauss take any number")
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))
     return x, np.asarray(weighted / ((1 - x) ** jacobi.tip * x**jacobi.root), dtype=np.float64)
+
+
+def hinges(name: str, segments: int) -> tuple[Array, Array]:
+    """Nodes and weights, (segments − 1,) each, of a link of that many segments by the rule called `name`.
+
+    Raises
+    ------
+    SceneError
+        No such rule, or it does not exist for that many hinges.
+    """
+    rule = lumping_rule(name)
+    try:
+        nodes, weights = rule.hinges(segments - 1)
+        if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
+            raise SceneError("puts them closer, or gives them less weight, than float64 can tell from zero")
+    except SceneError as error:
+        raise SceneError(f"segments = {segments}, so {segments - 1} hinges: rule {name!r} {error}") from None
+    return nodes, weights
 
 
 def lumping_rule(name: str) -> LumpingRule:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from flexlink import catalogue
 from flexlink.arm import Arm
 from flexlink.chain import Chain
+from flexlink.checks import given, given_path
 from flexlink.errors import SceneError
 from flexlink.lumping import lump
-from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, short
+from flexlink.spec import NonNegative, Positive, Spec, Vector3, decode, meant, short
 from flexlink.statics import solve_static
 from flexlink.tableaus import tableau
 
@@ -61,10 +62,11 @@ class Drive(Spec, frozen=True):
         }[self.kind]  # fmt: skip
         for name in ("torque", "times", "torques", "kp", "kd", "target_deg"):
             if (getattr(self, name) is not None) != (name in wanted):
-                takes = ", ".join(wanted) or "nothing else"
-                raise SceneError(f"{name} = {getattr(self, name)!r}: drive kind {self.kind!r} takes {takes}")
+                takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
+                said = ": missing;" if value is None else f" = {short(value)}:"
+                raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
         if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
-            raise SceneError(f"times = {self.times}: must increase")
+            raise SceneError(f"times = {short(self.times)}: must increase")
         if self.smooth and len(self.times or ()) < 2:
             raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
         if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
@@ -117,6 +119,7 @@ class Run(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
         tableau(self.method)
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
@@ -181,7 +184,7 @@ class Scene(Spec, frozen=True):
         }
         for key, values in per_link.items():
             if values is not None and len(values) != links:
-                raise SceneError(f"{key} = {values!r}: expected one number per link, {links}")
+                raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
@@ -197,12 +200,12 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
         if [other.link for other in self.motion].count(motion.link) > 1:
             raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
-        for key, start, given in (
+        for key, start, first in (
             ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
             ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
         ):
-            if start != given:
-                raise SceneError(f"{path}.{key}[0] = {given!r}: must be the initial value, {start!r}")
+            if start != first:
+                raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
 
     def chain(self) -> Chain:
         """Lump the arm into its chain; locked joints stay at their initial angle."""
@@ -217,8 +220,8 @@ class Scene(Spec, frozen=True):
         ConvergenceError
             passive = "static", and the arm finds no equilibrium.
         """
-        q = np.radians(spread(chain, self.initial.joint_deg))
-        if self.initial.passive == "static":
+        q = np.radians(spread(given("chain", chain, Chain), self.initial.joint_deg))
+        if self.initial.passive == "static" and len(chain.active) < chain.n:
             q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
         return q, np.radians(spread(chain, self.initial.rates))
 
@@ -254,10 +257,12 @@ def load_scene(path: str | Path) -> Scene:
 
     Raises
     ------
+    ArgumentError
+        `path` is no path.
     SceneError
         The message names the file, the key path, the value and what is allowed.
     """
-    path = Path(path)
+    path = given_path("path", path)
     raw = catalogue.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
@@ -270,8 +275,8 @@ def load_scene(path: str | Path) -> Scene:
 
 def _find_beside(scene: Path, table: object, key: str) -> None:
     """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
-    if isinstance(table, dict) and isinstance(table.get(key), str) and table[key].endswith(".toml"):
-        table[key] = str(scene.parent / table[key])
+    if isinstance(table, dict) and isinstance(table.get(key), str):
+        table[key] = catalogue.absolute(table[key], scene.parent)
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:
@@ -287,7 +292,8 @@ def scene_from(raw: dict[str, Any]) -> Scene:
     fields = own | arm
     for key, value in raw.items():
         if key not in fields:
-            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {', '.join(fields)}")
+            allowed = ", ".join(fields) + meant(key, fields)
+            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
     for key, field in fields.items():
         if field.required and key not in raw:
             raise SceneError(f"{key}: missing; this key is required")

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import callable_or_none, given
 from flexlink.errors import ArgumentError, InterruptedRunError, SceneError
 from flexlink.inputs import Inputs, Losses, losses
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
+from flexlink.spec import meant
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Record, Trajectory
 from flexlink.watch import Watch, judge_step
@@ -49,7 +51,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     Raises
     ------
     ArgumentError
-        An override that is not a run setting.
+        `scene` is no Scene, `progress` no function, or an override no run setting.
     SceneError
         A run setting with a value that is not allowed.
     UnstableStepError
@@ -60,7 +62,8 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     InterruptedRunError
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
-    scene = _override(scene, overrides)
+    callable_or_none("progress", progress)
+    scene = _override(given("scene", scene, Scene), overrides)
     watch = prepare(scene, scene.chain())
     with deferred() as stop:
         return run_alone(watch, stop, progress)
@@ -134,5 +137,6 @@ def pieces(
 def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
     for name in overrides:
         if name not in Run.__struct_fields__:
-            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(Run.__struct_fields__)}")
+            allowed = Run.__struct_fields__
+            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(allowed)}{meant(name, allowed)}")
     return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **overrides))

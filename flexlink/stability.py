@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.checks import vector, wrench_vector
+from flexlink.checks import given, vector, wrench_vector
 from flexlink.dynamics import bias_torque, forward_dynamics, inverse_dynamics
 from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness
 from flexlink.modal import damping_slope, first_order_matrix, regular_mass
@@ -114,7 +114,8 @@ def fastest_eigenvalues(
 def _state(
     chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, gains: Gains | None
 ) -> _State:
-    n, zero = chain.n, np.zeros(chain.n)
+    n = given("chain", chain, Chain).n
+    zero = np.zeros(n)
     rates = zero if qd is None else vector("qd", qd, n)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     gains = Gains(zero, zero) if gains is None else gains
@@ -219,7 +220,7 @@ def stable_step(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    q = np.zeros(chain.n) if q is None else q
+    q = np.zeros(given("chain", chain, Chain).n) if q is None else q
     return stable_step_of(fastest_eigenvalues(chain, q, qd=qd, tip_wrench=tip_wrench, gains=gains), method)
 
 

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.chain import Chain
-from flexlink.checks import vector, wrench_vector
+from flexlink.checks import flag, given, positive, vector, wrench_vector
 from flexlink.errors import ConvergenceError
 from flexlink.tangent import load_torque, stiffness_matrix, unlocked
 
@@ -102,7 +102,8 @@ def solve_static(
     ConvergenceError
         The path from q0 does not reach the full load; the error holds the posture at the largest part reached.
     """
-    n = chain.n
+    n = given("chain", chain, Chain).n
+    follower, tolerance = flag("follower", follower), positive("tolerance", tolerance)
     q = chain.rest.copy() if q0 is None else vector("q0", q0, n).copy()
     wrench = wrench_vector(tip_wrench)
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
@@ -162,7 +163,8 @@ def buckling_loads(
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     """
-    q = chain.rest.copy() if q is None else vector("q", q, chain.n)
+    n = given("chain", chain, Chain).n
+    q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
     sprung = free[chain.stiffness[free] > 0]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink import catalogue
 from flexlink.errors import SceneError
-from flexlink.spec import Spec
+from flexlink.spec import Spec, short
 
 Array = NDArray[np.float64]
 
@@ -44,13 +44,13 @@ class Tableau(Spec, frozen=True):
             raise SceneError(f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1}")
         for x in (*self.b, *self.c, *(x for row in self.A for x in row)):
             if not COEFFICIENT.fullmatch(x):
-                raise SceneError(f"A, b, c: {x!r}: a coefficient is a decimal or a fraction such as '1/6'")
+                raise SceneError(f"A, b, c: {short(x)}: a coefficient is a decimal or a fraction such as '1/6'")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > Fraction(1, 10**15):
-            raise SceneError(f"b = {self.b}: must sum to 1")
+            raise SceneError(f"b = {short(self.b)}: must sum to 1")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > Fraction(1, 10**15):
-                raise SceneError(f"A[{i}] = {self.A[i]}: must sum to c[{i}] = {self.c[i]!r}")
+                raise SceneError(f"A[{i}] = {short(self.A[i])}: must sum to c[{i}] = {short(self.c[i])}")
 
     @property
     def stages(self) -> int:

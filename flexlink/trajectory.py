@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink import balance
 from flexlink.chain import Chain
+from flexlink.checks import given_path
 from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
 from flexlink.inputs import input_arrays
@@ -124,7 +125,7 @@ class Trajectory:
         OutputError
             It cannot be written.
         """
-        path = Path(path)
+        path = given_path("path", path)
         write_whole(path, self.writer(path))
         return path
 

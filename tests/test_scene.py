@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
@@ -27,16 +29,36 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "zero density": ("density = 2700.0", "density = 0", ["material.aluminium.density", "0", "> 0"]),
     "zero step": ("step     = 1e-4", "step = 0.0", ["run.step", "0.0", "> 0"]),
     "negative payload": ("[initial]", "[tip]\nmass = -1.0\n[initial]", ["tip.mass", "-1.0", ">= 0"]),
+    "key of an optional table": ("[initial]", "[link.damping]\nratio = 0.1\nat_Hz = 4\n[initial]",
+                                 ["link[2].damping.at_Hz = 4", "unknown key", "did you mean 'at_hz'?"]),
+    "drive incomplete": ("[initial]", "[drive]\nkind = 'constant'\n[initial]", ["drive.torque: missing"]),
     "nan": ("young   = 70e9", "young = nan", ["material.aluminium.young", "nan", "finite"]),
     "infinity": ("9.81", "inf", ["gravity[2]", "inf", "finite"]),
     "one segment": ("segments = 5", "segments = 1", ["link[1].segments", "1", "at least 2"]),
     "fractional segments": ("segments = 5", "segments = 4.5", ["link[1].segments", "4.5", "int"]),
     "unknown flex": ('flex     = "z"', 'flex = "w"', ["link[1].flex", "'w'", "'xyz'"]),
+    "flex misspelt": ('flex     = "z"', 'flex = "xzy"', ["link[1].flex", "'xzy'", "did you mean 'xyz'?"]),
+    "shape misspelt": ('"rectangle"', '"rectangel"', ["section.square.shape", "did you mean 'rectangle'?"]),
+    "material misspelt": ('"aluminium"\nsection', '"aluminum"\nsection', ["link[1].material", "mean 'aluminium'?"]),
+    "section misspelt": ('section  = "square"', 'section = "Square"', ["link[1].section", "did you mean 'square'?"]),
+    "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link[1].lumping", "did you mean 'paper'?"]),
+    "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
+    "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
+    "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
+                      "acceleration_deg = [0]\n[initial]", ["motion[0].link", "'uper'", "did you mean 'upper'?"]),
     "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',
                      ["link[1].lumping", "'papr'", "midpoint"]),
     "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                           'segments = 4\nflex = "z"\nlumping = "gauss"',
-                          ["link[1].segments", "4", "groups of 2", "near are 3 or 5"]),
+                          ["link[1].segments", "4, so 3 hinges: rule 'gauss'", "groups of 2", "near are 3 or 5"]),
+    "rule of at least": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
+                         'segments = 3\nflex = "z"\nlumping = "gregory"',
+                         ["link[1].segments", "3, so 2 hinges: rule 'gregory' needs at least"]),
+    "too many nodes to find": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
+                               'segments = 100001\nflex = "z"\nlumping = "legendre"',
+                               ["link[1].segments", "rule 'legendre' takes at most 1001"]),
+    "section beyond float64": ("width  = 0.04", "width = 1e308", ["section.square.height", "1e+308: ", "beyond"]),
+    "section below float64": ("width  = 0.04", "width = 1e-200", ["section.square.height", "i_y = 0.0 is beyond"]),
     "sample no multiple": ("sample   = 0.005", "sample = 0.00123", ["run.sample", "0.00123", "multiple of step"]),
     "step no divisor": ("step     = 1e-4", "step = 3e-4", ["run.sample", "0.005", "multiple of step"]),
     "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
@@ -87,6 +109,46 @@ def test_a_missing_file_and_a_folder_are_refused(tmp_path: Path) -> None:
             load_scene(path)
 
 
+def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(PAPER, encoding="utf-8-sig")
+    assert path.read_bytes().startswith(b"\xef\xbb\xbf")
+    assert load_scene(path) == load_scene(ROOT / "models" / "paper_fig5.toml")
+
+
+def one_hinge_rule(node: float) -> str:
+    return f'about = "a"\nsource = "b"\n[element]\nnodes = [{node}]\nweights = [1.0]\n'
+
+
+def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_path: Path, monkeypatch) -> None:
+    folder = tmp_path / "sub"
+    folder.mkdir()
+    (folder / "rule.toml").write_text(one_hinge_rule(0.5), encoding="utf-8")
+    (folder / "own.toml").write_text((ROOT / "flexlink" / "data" / "tableaus" / "RK4.toml").read_text("utf-8"), "utf-8")
+    text = PAPER.replace('"paper"\n\n', '"rule.toml"\n\n').replace('"RK4"', '"own.toml"')
+    (folder / "scene.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    scene = load_scene("sub/scene.toml")
+    for copy in (folder / "copy.toml", tmp_path / "copy.toml"):
+        copy.write_text(scene.to_toml(), encoding="utf-8")
+        assert load_scene(copy) == scene
+    monkeypatch.chdir(ROOT)
+    np.testing.assert_array_equal(scene.chain().stiffness, load_scene(folder / "copy.toml").chain().stiffness)
+
+
+def test_a_rule_named_in_python_is_that_of_the_folder_it_was_named_in(tmp_path: Path, monkeypatch) -> None:
+    links = []
+    for folder, node in (("a", 0.25), ("b", 0.75)):
+        (tmp_path / folder).mkdir()
+        monkeypatch.chdir(tmp_path / folder)
+        Path("rule.toml").write_text(one_hinge_rule(node), encoding="utf-8")
+        os.utime("rule.toml", ns=(0, 0))  # the same name, time and size
+        links.append(flexible("link", segments=2, lumping="rule.toml"))
+    monkeypatch.chdir(tmp_path)
+    placed = [make_scene(link).chain().bodies["translation"][1, 0] for link in links]
+    assert placed == [0.25 * 1.25, 0.75 * 1.25]
+
+
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) -> None:
     scene = load_scene(path)
@@ -99,6 +161,8 @@ def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) ->
 def test_python_objects_are_checked_like_files() -> None:
     with pytest.raises(SceneError, match=r"length = -1.0: expected float >= 0.0"):
         Link(name="a", length=-1.0)
+    with pytest.raises(SceneError, match=r"length = 0.0: a link of material 'aluminium' needs a length > 0"):
+        Link(name="a", material="aluminium", section="square")
     with pytest.raises(SceneError, match=r"armature = nan: must be a finite number"):
         Joint(armature=float("nan"))
     with pytest.raises(SceneError, match=r"link\[0\].material = 'steel': not defined; defined are aluminium"):
@@ -121,7 +185,10 @@ def test_decimal_multiples_count_as_multiples(value: float, unit: float) -> None
     whole("a", value, "b", unit)
 
 
-@pytest.mark.parametrize(("value", "unit"), [(1.0, 0.3), (0.1, 0.2), (1e300, 1e-300), (1e-12, 1.0)])
+@pytest.mark.parametrize(
+    ("value", "unit"),
+    [(1.0, 0.3), (0.1, 0.2), (1e300, 1e-300), (1e-12, 1.0), (1.0005, 1.0), (1 + 2e-9, 1.0), (1000.000002, 1.0)],
+)
 def test_other_ratios_are_refused(value: float, unit: float) -> None:
     with pytest.raises(SceneError, match=r"^a = .*(multiple of b|more than 2\*\*53)"):
         whole("a", value, "b", unit)

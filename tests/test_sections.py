@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from fractions import Fraction
+
 import pytest
 
 from flexlink import Section
@@ -36,6 +39,33 @@ def test_circle_is_a_tube_without_a_hole_and_twists_with_its_polar_moment() -> N
     circle = Section(shape="circle", diameter=0.02).properties
     assert circle == Section(shape="tube", outer=0.02, inner=0.0).properties
     assert circle.torsion == pytest.approx(circle.i_y + circle.i_z)
+
+
+ROUNDING = 8 * 2.0**-52
+"""Fewer than eight roundings lead to each of the properties below."""
+
+
+def test_a_tube_has_the_moments_of_its_rings_in_closed_form() -> None:
+    """Outer diameter 2, inner 1: A = π (4 − 1)/4, I = π (16 − 1)/64, J = ∫ r² dA = 2π [r⁴/4] from 1/2 to 1 = 15π/32."""
+    p = Section(shape="tube", outer=2.0, inner=1.0).properties
+    assert p.area == pytest.approx(3 * math.pi / 4, rel=ROUNDING)
+    assert p.i_y == p.i_z == pytest.approx(15 * math.pi / 64, rel=ROUNDING)
+    assert p.torsion == pytest.approx(15 * math.pi / 32, rel=ROUNDING)
+
+
+def test_a_box_is_the_difference_of_two_rectangles_and_twists_by_bredt() -> None:
+    """5 × 3 with walls of 1/2: hollow 4 × 2, middle line 9/2 × 5/2: J = 4 (45/4)² ½ / 14."""
+    p = Section(shape="box", height=5.0, width=3.0, wall=0.5).properties
+    wanted = [
+        Fraction(15 - 8), Fraction(5 * 3**3 - 4 * 2**3, 12), Fraction(3 * 5**3 - 2 * 4**3, 12),
+        4 * Fraction(45, 4) ** 2 / 2 / 14,
+    ]  # fmt: skip
+    assert p == pytest.approx([float(value) for value in wanted], rel=ROUNDING)
+
+
+def test_a_rectangle_bends_by_its_closed_form() -> None:
+    p = Section(shape="rectangle", height=3.0, width=2.0).properties
+    assert p[:3] == pytest.approx((6.0, 2.0, 4.5), rel=ROUNDING)  # 3 · 2³/12, 2 · 3³/12
 
 
 def test_a_general_section_is_what_it_says() -> None:

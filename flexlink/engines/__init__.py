@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 
 from flexlink.chain import Chain
-from flexlink.checks import choice
+from flexlink.checks import choice, given
 from flexlink.engines.base import Engine
 from flexlink.errors import MissingDependencyError
 
@@ -32,6 +32,7 @@ def load(name: str, chain: Chain) -> Engine:
     MissingDependencyError
         The engine is not installed.
     """
+    given("chain", chain, Chain)
     factory = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")

@@ -6,7 +6,8 @@ import re
 from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
-from flexlink.chain import Chain
+from flexlink.chain import Chain, unique
+from flexlink.checks import given
 
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold, not even escaped."""
@@ -17,20 +18,10 @@ def valid(name: str) -> str:
     return NOT_XML.sub("\ufffd", name)
 
 
-def unique(names: Iterable[str]) -> list[str]:
-    """Valid names, the later of two equal ones numbered: a link may be called like another link's hinge."""
-    taken: dict[str, None] = {}
-    for name in map(valid, names):
-        candidate, number = name, 2
-        while candidate in taken:
-            candidate, number = f"{name}_{number}", number + 1
-        taken[candidate] = None
-    return list(taken)
-
-
 def joint_names(chain: Chain) -> list[str]:
     """One name per coordinate, in sequential order; "universe" is Pinocchio's own."""
-    return unique(["universe", *(chain.joint_name(k) for k in range(chain.n))])[1:]
+    given("chain", chain, Chain)
+    return unique(["universe", *(valid(chain.joint_name(k)) for k in range(chain.n))])[1:]
 
 
 def link_names(chain: Chain) -> list[str]:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain import Chain
+from flexlink.checks import given
 from flexlink.errors import ArgumentError
 from flexlink.export.document import joint_names, link_names, numbers, text, valid
 from flexlink.rotation import quaternion_from_matrix
@@ -55,7 +56,7 @@ def to_mjcf(chain: Chain) -> str:
     ArgumentError
         The chain is longer than MuJoCo's parser can nest, or its last joints move no mass.
     """
-    if len(chain.bodies) > MAX_BODIES:
+    if len(given("chain", chain, Chain).bodies) > MAX_BODIES:
         raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
     root = ET.Element("mujoco", model=valid(chain.name))
     ET.SubElement(root, "compiler", COMPILER)

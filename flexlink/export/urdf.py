@@ -12,8 +12,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import Chain
-from flexlink.export.document import joint_names, link_names, numbers, text, unique, valid
+from flexlink.chain import Chain, unique
+from flexlink.export.document import joint_names, link_names, numbers, text, valid
 from flexlink.rotation import rpy_from_matrix
 
 Array = NDArray[np.float64]

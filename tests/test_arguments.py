@@ -1,0 +1,207 @@
+"""What Python gives to public functions: the wrong kind is named in one line, NumPy's numbers are numbers."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import MODELS, flexible, make_scene
+
+import flexlink as fl
+from flexlink.compare import compare
+from flexlink.engines import load
+from flexlink.notes import notes
+
+
+@functools.cache
+def scene() -> fl.Scene:
+    upper = flexible("upper", "xyz", 3, mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0)))
+    return make_scene(fl.Link(name="waist"), upper, run=fl.Run(step=2.5e-5, duration=0.005))
+
+
+@functools.cache
+def chain() -> fl.Chain:
+    return scene().chain()
+
+
+class Unprintable:
+    def __repr__(self) -> str:
+        raise RuntimeError("no words for it")
+
+
+WRONG = {
+    "nothing": None,
+    "number": 3.5,
+    "text": "waist",
+    "bytes": b"waist",
+    "class": fl.Run,
+    "array": np.array(["a"]),
+    "object": Unprintable(),
+    "none in a 0-d array": np.array(None),
+    "array of rows": np.ones((2, 2, 2)),
+}
+"""Kinds that no argument below takes, except where `FITS` says so."""
+
+ZERO = np.zeros(10)
+CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
+    "inverse_dynamics": (fl.inverse_dynamics, {"chain": chain, "q": ZERO, "qd": ZERO, "qdd": ZERO}),
+    "bias_torque": (fl.bias_torque, {"chain": chain, "q": ZERO, "qd": ZERO}),
+    "gravity_torque": (fl.gravity_torque, {"chain": chain, "q": ZERO}),
+    "elastic_torque": (fl.elastic_torque, {"chain": chain, "q": ZERO}),
+    "friction_torque": (fl.friction_torque, {"chain": chain, "qd": ZERO}),
+    "mass_matrix": (fl.mass_matrix, {"chain": chain, "q": ZERO, "method": "lower"}),
+    "forward_dynamics": (fl.forward_dynamics, {"chain": chain, "q": ZERO, "qd": ZERO, "tau": ZERO, "method": "lu"}),
+    "energy": (fl.energy, {"chain": chain, "q": ZERO, "qd": ZERO}),
+    "frames": (fl.frames, {"chain": chain, "q": ZERO}),
+    "tip_position": (fl.tip_position, {"chain": chain, "q": ZERO}),
+    "modes": (fl.modes, {"chain": chain, "follower": False}),
+    "natural_frequencies": (fl.natural_frequencies, {"chain": chain, "follower": False}),
+    "solve_static": (fl.solve_static, {"chain": chain, "follower": False, "tolerance": 1e-9}),
+    "buckling_loads": (fl.buckling_loads, {"chain": chain}),
+    "stable_step": (fl.stable_step, {"chain": chain, "method": "RK4"}),
+    "lump": (fl.lump, {"arm": scene().arm, "gravity": [0.0, 0.0, 9.81], "prescribed": ["waist"], "name": "arm"}),
+    "load_scene": (fl.load_scene, {"path": MODELS[0]}),
+    "to_urdf": (fl.to_urdf, {"chain": chain}),
+    "to_mjcf": (fl.to_mjcf, {"chain": chain}),
+    "simulate": (fl.simulate, {"scene": scene(), "progress": None, "method": "RK4", "step": 1e-4, "duration": 0.005}),
+    "simulate_many": (fl.simulate_many, {"scenes": [scene()], "threads": 1}),
+    "compare": (compare, {"scene": scene(), "engines": ["native"], "samples": 1, "seed": 0}),
+    "load": (load, {"name": "native", "chain": chain}),
+    "notes": (notes, {"scene": scene()}),
+    "index": (lambda **k: chain().index(**k), {"link": 1, "segment": 0, "axis": 0}),
+    "coordinate": (lambda **k: chain().coordinate(**k), {"k": 0}),
+    "joint_name": (lambda **k: chain().joint_name(**k), {"k": 0}),
+    "same_layout": (lambda **k: chain().same_layout(**k), {"other": chain}),
+    "number": (scene().arm.number, {"name": "waist"}),
+    "initial_state": (lambda **k: scene().initial_state(**k), {"chain": chain}),
+}
+FITS = {
+    ("load_scene", "path", "text"), ("lump", "name", "text"), ("number", "name", "text"),
+    ("solve_static", "tolerance", "number"),
+    ("simulate", "progress", "nothing"), ("simulate", "progress", "class"), ("simulate", "duration", "number"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "argument"), [(name, key) for name, (_, keys) in CALLS.items() for key in keys])
+def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argument: str) -> None:
+    function, good = CALLS[call]
+    arguments = {key: value() if value is chain else value for key, value in good.items()}
+    for kind, wrong in WRONG.items():
+        if (call, argument, kind) in FITS:
+            continue
+        with pytest.raises((fl.ArgumentError, fl.SceneError)) as caught:
+            function(**(arguments | {argument: wrong}))
+        assert "\n" not in str(caught.value), kind
+        assert len(str(caught.value)) < 300, kind
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (lambda: fl.simulate(None), "scene = None: expected a Scene, got NoneType"),
+        (lambda: fl.simulate(scene(), progress=5), "progress = 5: expected a function, or None"),
+        (lambda: fl.simulate(scene(), stp=1e-4), "stp: not a run setting; .*; did you mean 'step'"),
+        (lambda: fl.simulate_many(scene()), "scenes = Scene.*: expected a sequence, each item a Scene"),
+        (lambda: fl.simulate_many([scene(), 1]), r"scenes\[1\] = 1: expected a Scene, got int"),
+        (lambda: fl.simulate_many([scene()], threads="2"), "threads = '2': must be a whole number, at least 1"),
+        (lambda: fl.simulate_many([scene()], threads=True), "threads = True: must be a whole number"),
+        (lambda: fl.lump(scene().arm, [0, 0, 9.81], prescribed="waist"), "prescribed = 'waist': expected a sequence"),
+        (lambda: fl.load_scene(5), "path = 5: expected a str or a Path, got int"),
+        (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
+        (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
+        (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
+        (lambda: chain().index(3, 0, 0), r"link = 3: must be a whole number, 1 … 2"),
+        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q has 1 dimensions; many chains take 2, of shape"),
+        (lambda: fl.mass_matrix(chain(), ZERO[: chain().n], "uper"), "unknown; allowed are .*; did you mean 'upper'"),
+    ],
+)
+def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
+    with pytest.raises(fl.ArgumentError, match=f"^({wanted}|method = 'uper': {wanted})"):
+        call()
+
+
+def test_numpy_numbers_are_numbers_in_every_description() -> None:
+    f, i = np.float64, np.int64
+    link = fl.Link(
+        name=np.str_("a"), length=f(1.25), flex="z", segments=i(5), lumping="paper", material="m", section="s",
+        joint=fl.Joint(locked=np.bool_(False), viscous=np.float32(0.5)), mount={"xyz": (f(1), np.array(2.0), i(3))},
+    )  # fmt: skip
+    plain = fl.Link(
+        name="a", length=1.25, flex="z", segments=5, lumping="paper", material="m", section="s",
+        joint=fl.Joint(viscous=0.5), mount=fl.Mount(xyz=(1.0, 2.0, 3.0)),
+    )  # fmt: skip
+    assert link == plain
+    assert type(link.length) is float
+    assert type(link.segments) is int
+    angles = np.radians([30.0, 45.0])
+    assert fl.Initial(joint_deg=tuple(np.degrees(angles))).joint_deg == tuple(np.degrees(angles).tolist())
+    assert fl.Run(step=np.array(1e-4), sample=f(0.005)) == fl.Run(step=1e-4, sample=0.005)
+    assert fl.Material(young=np.linspace(1.0, 2.0, 3)[1], density=np.longdouble(2)) == fl.Material(young=1.5, density=2)
+    table = fl.Drive(kind="table", times=np.arange(2), torques=np.ones((2, 1)))
+    assert table == fl.Drive(kind="table", times=(0, 1), torques=((1,), (1,)))
+
+
+def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
+    for wrong in (np.bool_(True), np.complex128(1), np.datetime64("2020"), np.array([1.0, 2.0]), np.str_("1")):
+        with pytest.raises(fl.SceneError, match=r"^young = .*: expected float"):
+            fl.Material(young=wrong, density=1.0)
+    with pytest.raises(fl.SceneError, match=r"^young = nan: must be a finite number"):
+        fl.Material(young=np.float64("nan"), density=1.0)
+    with pytest.raises(fl.SceneError, match=r"^joint_deg = \{.*\}: a set has no order"):
+        fl.Initial(joint_deg={1.0, 2.0})
+    nested: list = []
+    nested.append(nested)
+    with pytest.raises(fl.SceneError, match=r"^joint_deg: nested too deeply"):
+        fl.Initial(joint_deg=nested)
+
+
+def test_numpy_numbers_are_arguments_and_run_settings() -> None:
+    run = fl.simulate(scene(), step=np.float64(1e-4), sample=np.float64(0.005))
+    assert run.q.shape == fl.simulate(scene()).q.shape
+    assert fl.simulate_many([scene()], threads=np.int64(1))[0].q.shape == run.q.shape
+    assert chain().joint_name(np.int64(0)) == chain().joint_name(np.array(0)) == "waist"
+    assert chain().index(np.int64(2), np.int32(1), np.int8(3)) == chain().index(2, 1, 3)
+    assert len(fl.modes(chain(), follower=np.bool_(False)).eigenvalues) == chain().n
+
+
+BIG = 1e160
+"""A rate whose square is beyond float64, of which the largest number is 1.8e308."""
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (lambda q: fl.inverse_dynamics(chain(), 0 * q, q, 0 * q), "the torque of joint 'waist' .*qd"),
+        (lambda q: fl.inverse_dynamics(chain(), 0 * q, 0 * q, q * 1e148), "the torque of joint .*qdd"),
+        (lambda q: fl.bias_torque(chain(), 0 * q, q), "the torque of joint 'waist' .*qd"),
+        (lambda q: fl.energy(chain(), 0 * q, q), "the kinetic energy .*qd"),
+        (lambda q: fl.energy(chain(), q, 0 * q), "the elastic energy .*q"),
+        (lambda q: fl.elastic_torque(chain(), q * 1e148), "the elastic torque of joint 'upper.1.x' .*q"),
+    ],
+)
+def test_what_float64_cannot_hold_is_an_error_that_names_the_cause(call: Callable, wanted: str) -> None:
+    wanted += r"\[\d\]\| = 1e\+\d+$"
+    with pytest.raises(fl.ArgumentError, match=wanted):
+        call(np.full(chain().n, BIG))
+
+
+def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() -> None:
+    arm = make_scene(fl.Link(name="a", joint=fl.Joint(viscous=1e200, coulomb=2.0, coulomb_width=1e-300))).chain()
+    assert fl.friction_torque(arm, [1e50]) == pytest.approx(1e250)
+    with pytest.raises(fl.ArgumentError, match="the friction torque of joint 'a' is beyond"):
+        fl.friction_torque(arm, [1e200])
+
+
+def test_a_mass_matrix_beyond_float64_is_an_error() -> None:
+    arm = make_scene(flexible("a"), flexible("b"), tip=fl.Payload(mass=1e308))
+    with pytest.raises(fl.ArgumentError, match="the mass matrix of 'test' is beyond float64"):
+        fl.mass_matrix(arm.chain(), np.zeros(arm.chain().n))
+
+
+def test_a_path_may_be_text_or_a_path(tmp_path: Path) -> None:
+    assert fl.load_scene(MODELS[0]) == fl.load_scene(str(MODELS[0]))
+    run = fl.simulate(scene())
+    assert run.save(str(tmp_path / "a.npz")) == run.save(tmp_path / "a.npz")
