@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import msgspec
@@ -118,14 +119,18 @@ class Payload(Spec, frozen=True):
 class Damping(Spec, frozen=True):
     """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
 
-    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), under which the ratio of a mode grows with its
-    frequency, ζ = η ω/2, and shrinks the stable step of explicit methods. `cap` bounds ζ of the fastest mode of the
-    link's chain: η is lowered to 2 cap / ω_max where needed, at the price of less damping at `at_hz`.
+    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
+    mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
+    explicit methods: `flexlink info` says by how much.
     """
 
     ratio: NonNegative
     at_hz: Positive
-    cap: Positive | None = None
+
+    @property
+    def loss_time(self) -> float:
+        """Kelvin-Voigt's η [s]."""
+        return self.ratio / (math.pi * self.at_hz)
 
 
 class Link(Spec, frozen=True):

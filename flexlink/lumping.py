@@ -9,14 +9,13 @@ from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
-from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
+from flexlink.arm import AXES, Arm, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.checks import vector
 from flexlink.errors import SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
-from flexlink.rules import lumping_rule
+from flexlink.rules import LumpingRule, lumping_rule
 
 Array = NDArray[np.float64]
 TWIST = 1
@@ -108,8 +107,8 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
 def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
     rule = lumping_rule(link.lumping)
     nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
-    loss_times = {axis: _loss_time(link.damping, beam, axis, nodes, weights) for axis in AXES[link.flex]}
-    twist_rotors = beam.polar_inertia * rule.twist_inertias(nodes, weights)
+    loss_time = beam.material.loss_time if link.damping is None else link.damping.loss_time
+    twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
     for segment, (start, stop) in enumerate(itertools.pairwise([0.0, *nodes.tolist(), 1.0])):
         if segment:
             builder.start_body()
@@ -118,18 +117,32 @@ def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
             for axis in AXES[link.flex][:: -1 if backward else 1]:
                 k = rigidity[axis] / (weights[segment - 1] * link.length)
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
-                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_times[axis] * k, armature=rotor)
+                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_time * k, armature=rotor)
         if stop > start:  # a hinge at the very root has nothing before it
             builder.add_inertia(*beam.inertia(start, stop))
         builder.move(np.array([(stop - start) * link.length, 0, 0]))
 
 
-def _loss_time(damping: Damping | None, beam: _Beam, axis: int, nodes: Array, weights: Array) -> float:
-    """Kelvin-Voigt's η of the hinges about `axis` [s]: the material's, or the link's target, capped."""
-    if damping is None:
-        return beam.material.loss_time
-    η = damping.ratio / (math.pi * damping.at_hz)
-    return η if damping.cap is None else min(η, 2 * damping.cap / beam.largest_frequency(axis, nodes, weights))
+def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
+    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
+
+    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
+    """
+    if not rule.matched_twist or TWIST not in AXES[link.flex]:
+        return np.zeros(len(nodes))
+    inertias, moments = beam.polar_moments(nodes)
+    rotors = rule.twist_inertias(weights, inertias, moments)
+    A = 0.0
+    for i in reversed(range(len(nodes))):
+        A = inertias[i] + A
+        if A + rotors[i] <= 0:
+            raise SceneError(
+                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a rule "
+                "without matched_twist, such as 'gauss', or more segments"
+            )
+        A = A * rotors[i] / (A + rotors[i])
+    return rotors
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,10 +159,18 @@ class _Beam:
         p, m = self.root.towards(self.tip, x), self.material
         return {1: m.shear * p.torsion, 2: m.young * p.i_y, 3: m.young * p.i_z}
 
-    @property
-    def polar_inertia(self) -> float:
-        """ρ ∫ (I_y + I_z) dx of the whole beam [kg m²]."""
-        return float(self.inertia(0.0, 1.0)[2][0, 0])
+    def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
+        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
+
+        Four Gauss points, as in `inertia`.
+        """
+        edges = np.append(nodes, 1.0)
+        half = np.diff(edges)[:, None] / 2
+        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
+        sections = [self.root.towards(self.tip, place) for place in x.flat]
+        polar = self.material.density * self.length * np.array([p.i_y + p.i_z for p in sections]).reshape(x.shape)
+        weighted = half * GAUSS_WEIGHTS * polar
+        return weighted.sum(axis=1), (x * weighted).sum(axis=1)
 
     def inertia(self, start: float, stop: float) -> tuple[float, Array, Array]:
         """Mass, centre in the frame at `start`, and inertia about the centre of the slice from `start` to `stop`.
@@ -167,19 +188,6 @@ class _Beam:
         bending = float(areas @ (place - center) ** 2)
         moments = [i_y.sum() + i_z.sum(), i_y.sum() + bending, i_z.sum() + bending]
         return mass, np.array([center, 0, 0]), np.diag(moments)
-
-    def largest_frequency(self, axis: int, nodes: Array, weights: Array) -> float:
-        """Of the link's own chain, clamped and straight [rad/s]: M_ij = Σ_beyond m (x_c − x_i)(x_c − x_j) + I."""
-        slices = [self.inertia(start, stop) for start, stop in itertools.pairwise([*nodes, 1.0])]
-        mass, inertia = (np.array([part[k] for part in slices]) for k in (0, 2))
-        centers = nodes * self.length + np.array([part[1][0] for part in slices])
-        beyond = np.tril(np.ones((len(nodes), len(nodes))))  # segment s is moved by hinges j ≤ s
-        levers = (centers[:, None] - nodes * self.length) * beyond
-        M = beyond.T @ (inertia[:, axis - 1, axis - 1, None] * beyond)
-        if axis != TWIST:
-            M = M + levers.T @ (mass[:, None] * levers)
-        k = np.array([self.rigidity(x)[axis] for x in nodes]) / (weights * self.length)
-        return float(np.sqrt(linalg.eigh(np.diag(k), M, eigvals_only=True)[-1]))
 
 
 @dataclasses.dataclass
