@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
@@ -138,8 +137,8 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
         if A + rotors[i] <= 0:
             raise SceneError(
                 f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
-                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a rule "
-                "without matched_twist, such as 'gauss', or more segments"
+                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a "
+                "rule without matched_twist, such as 'gauss', or more segments"
             )
         A = A * rotors[i] / (A + rotors[i])
     return rotors
