@@ -216,6 +216,12 @@ class Arm(Spec, frozen=True):
         if all(link.joint.locked and link.flex == "rigid" for link in self.links):
             raise SceneError("link: every joint is locked and every link rigid; at least one must move")
 
+    def loss_time(self, link: Link) -> float:
+        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material."""
+        if link.flex == "rigid" or link.material is None:
+            return 0.0
+        return (link.damping or self.materials[link.material]).loss_time
+
     def number(self, name: str) -> int:
         """Number of the link called `name`, from 1.
 

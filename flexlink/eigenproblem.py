@@ -78,7 +78,7 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
         squares, Φ = _swinging(L, S, w, V, resting)
         return _Modes(squares, Φ, falling, resting)
     down = linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
-    lift = 2 * np.linalg.norm(down, 2) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
+    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
     for _ in range(2):
         lifted = np.sqrt(S**2 + lift * np.diag(M))
         w, V = np.linalg.eigh((stiffness.symmetric + lift * M) / np.outer(lifted, lifted))
@@ -90,11 +90,20 @@ def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
 
 
 def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Array, Array]:
-    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` of w count as zero."""
-    Y = S[:, None] * V[:, resting:] * np.sqrt(w[resting:])
-    _, ω, right = np.linalg.svd(linalg.solve_triangular(L, Y, lower=True).T)  # all n rows of `right`
-    Φ = linalg.solve_triangular(L, right[::-1].T, lower=True, trans="T")
-    return np.concatenate([np.zeros(resting), ω[::-1] ** 2]), Φ
+    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` of w count as zero.
+
+    With Yᵀ L⁻ᵀ = U ω Rᵀ the shapes are Φ = L⁻ᵀ R, and Yᵀ Φ = U ω, too: the first rounds row i by eps ‖(L⁻ᵀ)_i‖, the
+    second by eps ω/S_i, which is less where a stiff hinge takes part in a slow mode. Each entry is the better one.
+    """
+    still, root = V[:, :resting], np.sqrt(w[resting:])
+    Y = S[:, None] * V[:, resting:] * root
+    inverse = linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
+    U, ω, right = np.linalg.svd(Y.T @ inverse)  # all n rows of `right`
+    Φ = inverse @ right.T
+    moving = Φ[:, : len(ω)]
+    by_springs = (V[:, resting:] @ (U * ω / root[:, None]) + still @ (still.T @ (S[:, None] * moving))) / S[:, None]
+    Φ[:, : len(ω)] = np.where(np.outer(1 / S, ω) < np.linalg.norm(inverse, axis=1)[:, None], by_springs, moving)
+    return np.concatenate([np.zeros(resting), ω[::-1] ** 2]), Φ[:, ::-1]
 
 
 def _undamped(modes: _Modes, without_potential: Array) -> Solution:
@@ -127,6 +136,8 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
     A[np.ix_(y, x)] = -(Φ.T @ without_potential @ Φ)[:, :m] / s
     A[y[:m], x] -= μ[:m] / s
     A[x, y[:m]] = s
+    if not np.isfinite(A).all():
+        raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
     λ, left, right = linalg.eig(A, left=True)
     rounding = _rounding(A, left, right)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):

@@ -100,13 +100,13 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
         builder.move(np.array([link.length, 0, 0]))
     else:
         root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-        _add_beam(builder, link, number, _Beam(link.length, arm.materials[link.material], root, tip))
+        beam = _Beam(link.length, arm.materials[link.material], root, tip)
+        _add_beam(builder, link, number, beam, arm.loss_time(link))
 
 
-def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
+def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float) -> None:
     rule = lumping_rule(link.lumping)
     nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
-    loss_time = beam.material.loss_time if link.damping is None else link.damping.loss_time
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
     for segment, (start, stop) in enumerate(itertools.pairwise([0.0, *nodes.tolist(), 1.0])):
         if segment:
@@ -183,8 +183,8 @@ class _Beam:
         areas, i_y, i_z = (line * np.array([p[k] for p in sections]) for k in (0, 1, 2))
         place = x * (stop - start) * self.length
         mass = float(areas.sum())
-        center = float(areas @ place) / mass
-        bending = float(areas @ (place - center) ** 2)
+        center = float((areas * place).sum()) / mass
+        bending = float((areas * (place - center) ** 2).sum())
         moments = [i_y.sum() + i_z.sum(), i_y.sum() + bending, i_z.sum() + bending]
         return mass, np.array([center, 0, 0]), np.diag(moments)
 

@@ -88,7 +88,7 @@ def unlocked(chain: Chain, locked: Locked) -> NDArray[np.intp]:
     if items and all(isinstance(item, bool | np.bool_) for item in items):
         if len(items) != chain.n:
             raise ArgumentError(f"locked: a mask of {len(items)} booleans; expected one per coordinate, {chain.n}")
-        held = np.flatnonzero(items)
+        held = np.flatnonzero(np.array(items, dtype=bool))
     else:
         held = np.array([k for item in items for k in _coordinates(chain, item)], dtype=np.intp)
     free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
