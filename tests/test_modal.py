@@ -246,6 +246,22 @@ def test_tangents_are_slopes_of_the_torques():
     assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # Euler: degree 2 in q̇
 
 
+def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
+    """Power R f · v + R m · ω of the tip, from the motion of its frame alone, whichever joint turns."""
+    chain, rng = nasty_scene().chain(), np.random.default_rng(2)
+    q, still, none = rng.uniform(-1, 1, chain.n), np.zeros(chain.n), np.zeros(6)
+    R = fl.frames(chain, q).rotations[-1]
+    for wrench in (np.array([3.0, -2.0, 5.0, 0, 0, 0]), np.array([0, 0, 0, 4.0, -1.0, 2.0])):
+        found = load_torque(chain, q, still, wrench, follower=True) - load_torque(chain, q, still, none)
+        for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
+            ahead, behind = fl.frames(chain, q + quarter), fl.frames(chain, q - quarter)
+            turning = (ahead.rotations[-1] - behind.rotations[-1]) / 2 @ R.T  # ω×, exact: degree 1
+            ω = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
+            v = (ahead.points[-1] - behind.points[-1]) / 2
+            work = (R @ wrench[:3]) @ v + (R @ wrench[3:]) @ ω
+            assert found[j] == pytest.approx(-work, abs=1e-12)
+
+
 def test_rigid_pendulum():
     scene = make_scene(Link(name="rod", length=2.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
     chain = scene.chain()
