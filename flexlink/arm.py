@@ -131,14 +131,18 @@ class Payload(Spec, frozen=True):
 class Damping(Spec, frozen=True):
     """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
 
-    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), under which the ratio of a mode grows with its
-    frequency, ζ = η ω/2, and shrinks the stable step of explicit methods. `cap` bounds ζ of the fastest mode of the
-    link's chain: η is lowered to 2 cap / ω_max where needed, at the price of less damping at `at_hz`.
+    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
+    mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
+    explicit methods: `flexlink info` says by how much.
     """
 
     ratio: NonNegative
     at_hz: Positive
-    cap: Positive | None = None
+
+    @property
+    def loss_time(self) -> float:
+        """Kelvin-Voigt's η [s]."""
+        return self.ratio / (math.pi * self.at_hz)
 
 
 class Link(Spec, frozen=True):
@@ -233,6 +237,12 @@ class Arm(Spec, frozen=True):
                     )
         if all(link.joint.locked and link.flex == "rigid" for link in self.links):
             raise SceneError("link: every joint is locked and every link rigid; at least one must move")
+
+    def loss_time(self, link: Link) -> float:
+        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material."""
+        if link.flex == "rigid" or link.material is None:
+            return 0.0
+        return (link.damping or self.materials[link.material]).loss_time
 
     def number(self, name: str) -> int:
         """Number of the link called `name`, from 1.

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import io
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
 from flexlink import catalogue
+from flexlink.chain import Chain
 from flexlink.compare import compare
 from flexlink.dynamics import SOLVERS
 from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, InterruptedRunError
 from flexlink.export import FORMATS
 from flexlink.kernels.compiler import is_warm
-from flexlink.modal import modes
+from flexlink.modal import Modes, modes
 from flexlink.notes import notes
 from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
+LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -115,7 +118,9 @@ def _parser() -> argparse.ArgumentParser:
 
     shapes = add("modes", _modes, "Natural frequencies and mode shapes about the initial posture, with gravity.")
     shapes.add_argument("scene", type=Path, help="scene file (.toml)")
-    shapes.add_argument("--lock", nargs="+", default=[], metavar="LINK", help="links whose joint is held")
+    shapes.add_argument(
+        "--lock", nargs="+", default=[], metavar="NAME", help="links, or joints (boom.2.z), that are held"
+    )
     shapes.add_argument("--count", type=int, default=8, help="how many modes to show, slowest first (default: 8)")
     shapes.add_argument("--plot", type=Path, help="draw the mode shapes to this .png, .svg or .pdf file")
 
@@ -157,9 +162,8 @@ def _show(scene: Scene) -> None:
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     for k in range(min(chain.n, LISTED)):
-        c = chain.coordinate(k)
-        spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if c.axis else "driven"
-        print(f"  {k:4d}  (link {c.link}, segment {c.segment}, axis {c.axis})  {chain.joint_name(k):<16} {spring}")
+        spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if chain.coordinate(k).axis else "driven"
+        print(f"  {k:4d}  {chain.joint_name(k):<16} {spring}")
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
     if chain.n > SLOW:
@@ -168,8 +172,33 @@ def _show(scene: Scene) -> None:
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
+    bare = _without_structural_damping(chain)
+    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
     for method in catalogue.names("tableaus"):
-        print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s")
+        cost = "" if bare is chain else f"; {stable_step_of(free, method):.4g} s without structural damping"
+        print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s{cost}")
+    if bare is not chain and chain.n <= LARGEST_MODAL:
+        found = modes(chain, q0, tip_wrench=scene.tip_wrench)
+        print("structural damping about the start, with gravity:")
+        _print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _without_structural_damping(chain: Chain) -> Chain:
+    """The chain with Kelvin-Voigt's law left out; the same chain where there is none."""
+    hinges = chain.hinges.copy()
+    hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
+    return chain if np.array_equal(hinges, chain.hinges) else dataclasses.replace(chain, hinges=hinges)
+
+
+def _print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
+    """Frequency, damping ratio, and beside it what the links' damping asks for at that frequency, η ω/2."""
+    η = [scene.arm.loss_time(link) for link in scene.arm.links if link.flex != "rigid"]
+    asks = any(η)
+    print("mode  frequency [Hz]  damping ratio" + "  asked" * asks)
+    for k in which:
+        line = f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}"
+        bounds = [f"{bound(η) * found.frequencies[k] / 2:.4g}" for bound in (min, max)] if asks else []
+        print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 
 
 def _some(values: np.ndarray) -> str:
@@ -211,11 +240,10 @@ def _modes(options: argparse.Namespace) -> int:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")
     with _about(options.scene):
         chain = scene.chain()
-        locked = [chain.index(scene.arm.number(name), 0, 0) for name in options.lock]
+        names = {*chain.link_names, *(chain.joint_name(k) for k in range(chain.n))}
+        locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         found = modes(chain, scene.initial_state(chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
-    print("mode  frequency [Hz]  damping ratio")
-    for k in range(min(options.count, len(found.eigenvalues))):
-        print(f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}")
+    _print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     if options.plot is not None:
         _draw(plotting().plot_modes(found, scene.name, options.count), options.plot)
     return 0

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg
 
-from flexlink.arm import AXES, Arm, Damping, Link, Material, Section
+from flexlink.arm import AXES, Arm, Link, Material, Section
 from flexlink.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.checks import all_given, given, vector
 from flexlink.errors import SceneError
 from flexlink.rotation import cos_sin_deg, matrix_from_rpy_deg
-from flexlink.rules import lumping_rule
+from flexlink.rules import LumpingRule, lumping_rule
 
 Array = NDArray[np.float64]
 TWIST = 1
@@ -103,14 +101,14 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
         builder.move(np.array([link.length, 0, 0]))
     else:
         root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-        _add_beam(builder, link, number, _Beam(link.length, arm.materials[link.material], root, tip))
+        beam = _Beam(link.length, arm.materials[link.material], root, tip)
+        _add_beam(builder, link, number, beam, arm.loss_time(link))
 
 
-def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
+def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float) -> None:
     rule = lumping_rule(link.lumping)
     nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
-    loss_times = {axis: _loss_time(link.damping, beam, axis, nodes, weights) for axis in AXES[link.flex]}
-    twist_rotors = beam.polar_inertia * rule.twist_inertias(nodes, weights)
+    twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
     stiffnesses = beam.rigidities(nodes) / (weights * link.length)
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
@@ -123,18 +121,32 @@ def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam) -> None:
             for axis in AXES[link.flex][:: -1 if backward else 1]:
                 k = float(stiffnesses[axis - 1, segment - 1])
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
-                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_times[axis] * k, armature=rotor)
+                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_time * k, armature=rotor)
         if length > 0:  # a hinge at the very root has nothing before it
             builder.add_inertia(float(mass), np.array([center, 0, 0]), np.diag(inertia))
         builder.move(np.array([length, 0, 0]))
 
 
-def _loss_time(damping: Damping | None, beam: _Beam, axis: int, nodes: Array, weights: Array) -> float:
-    """Kelvin-Voigt's η of the hinges about `axis` [s]: the material's, or the link's target, capped."""
-    if damping is None:
-        return beam.material.loss_time
-    η = damping.ratio / (math.pi * damping.at_hz)
-    return η if damping.cap is None else min(η, 2 * damping.cap / beam.largest_frequency(axis, nodes, weights))
+def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
+    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
+
+    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
+    """
+    if not rule.matched_twist or TWIST not in AXES[link.flex]:
+        return np.zeros(len(nodes))
+    inertias, moments = beam.polar_moments(nodes)
+    rotors = rule.twist_inertias(weights, inertias, moments)
+    A = 0.0
+    for i in reversed(range(len(nodes))):
+        A = inertias[i] + A
+        if A + rotors[i] <= 0:
+            raise SceneError(
+                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a "
+                "rule without matched_twist, such as 'gauss', or more segments"
+            )
+        A = A * rotors[i] / (A + rotors[i])
+    return rotors
 
 
 @dataclasses.dataclass(frozen=True)
@@ -158,10 +170,17 @@ class _Beam:
         _, i_y, i_z, torsion = self.sections(x)
         return np.array([self.material.shear * torsion, self.material.young * i_y, self.material.young * i_z])
 
-    @property
-    def polar_inertia(self) -> float:
-        """ρ ∫ (I_y + I_z) dx of the whole beam [kg m²]."""
-        return float(self.slices(np.array([0.0, 1.0]))[2][0, 0])
+    def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
+        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
+
+        Four Gauss points, as in `slices`.
+        """
+        edges = np.append(nodes, 1.0)
+        half = np.diff(edges)[:, None] / 2
+        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
+        _, i_y, i_z, _ = self.sections(x)
+        polar = half * GAUSS_WEIGHTS * self.material.density * self.length * (i_y + i_z)
+        return polar.sum(axis=1), (x * polar).sum(axis=1)
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
         """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).
@@ -177,18 +196,6 @@ class _Beam:
         bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
         y, z = i_y.sum(axis=1), i_z.sum(axis=1)
         return mass, center, np.column_stack([y + z, y + bending, z + bending])
-
-    def largest_frequency(self, axis: int, nodes: Array, weights: Array) -> float:
-        """Of the link's own chain, clamped and straight [rad/s]: M_ij = Σ_beyond m (x_c − x_i)(x_c − x_j) + I."""
-        mass, center, inertia = self.slices(np.array([*nodes, 1.0]))
-        centers = nodes * self.length + center
-        beyond = np.tril(np.ones((len(nodes), len(nodes))))  # segment s is moved by hinges j ≤ s
-        levers = (centers[:, None] - nodes * self.length) * beyond
-        M = beyond.T @ (inertia[:, axis - 1, None] * beyond)
-        if axis != TWIST:
-            M = M + levers.T @ (mass[:, None] * levers)
-        k = self.rigidities(nodes)[axis - 1] / (weights * self.length)
-        return float(np.sqrt(linalg.eigh(np.diag(k), M, eigvals_only=True)[-1]))
 
 
 @dataclasses.dataclass

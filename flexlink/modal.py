@@ -9,17 +9,17 @@ slope of T_FR at rest.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
+from flexlink import eigenproblem
 from flexlink.chain import Chain
 from flexlink.checks import flag, given, vector, wrench_vector
 from flexlink.dynamics import frames, mass_matrix
 from flexlink.errors import ArgumentError, SingularMassError
-from flexlink.tangent import gyroscopic_matrix, point_jacobian, stiffness_matrix, unlocked
+from flexlink.tangent import Locked, gyroscopic_matrix, point_jacobian, tangent, unlocked
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -40,12 +40,15 @@ class Modes:
         Displacement of the body origins and the tip that goes with φ, frame 0, shape (modes, bodies, 3) [m].
     points
         Body origins and tip at the posture itself, frame 0, shape (bodies, 3) [m].
+    rounding
+        How far rounding may have moved each λ [1/s], shape (modes,); 0 where the sign of its real part is certain.
     """
 
     eigenvalues: Complex
     shapes: NDArray[np.inexact]
     paths: NDArray[np.inexact]
     points: Array
+    rounding: Array
 
     @property
     def frequencies(self) -> Array:
@@ -62,19 +65,19 @@ class Modes:
     def damping_ratios(self) -> Array:
         """ζ = −Re λ / |λ|, shape (modes,): 0 undamped, 1 creeping back, negative growing; 0 for λ = 0."""
         size = np.abs(self.eigenvalues)
-        return -self.eigenvalues.real / np.where(size > 0, size, 1.0)
+        return 0.0 - self.eigenvalues.real / np.where(size > 0, size, 1.0)
 
     @property
     def stable(self) -> bool:
-        """Nothing grows: no ζ below the rounding of the eigenvalues, 1e-8."""
-        return bool((self.damping_ratios > -1e-8).all())
+        """Nothing grows: no Re λ > 0 that rounding does not explain; a neutral joint, λ = 0, does not."""
+        return bool((self.eigenvalues.real <= self.rounding).all())
 
 
 def modes(
     chain: Chain,
     q: ArrayLike | None = None,
     *,
-    locked: Sequence[int] = (),
+    locked: Locked = (),
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
     qd: ArrayLike | None = None,
@@ -90,7 +93,8 @@ def modes(
     q
         Posture [rad], shape (n,); default: springs slack, joints at zero.
     locked
-        Sequential indices of the coordinates that do not move, such as servo-held joints. Prescribed joints never do.
+        Coordinates that do not move, such as servo-held joints: names of joints or links, sequential indices, or a
+        boolean mask, shape (n,). Prescribed joints never do.
     tip_wrench
         Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     follower
@@ -116,23 +120,21 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    block = np.ix_(free, free)
-    M = regular_mass(chain, q, free)
-    K = stiffness_matrix(chain, q, rates, wrench, follower)[block]
-    C = (gyroscopic_matrix(chain, q, rates) + np.diag(damping_slope(chain)))[block]
-    λ, vectors = _general(M, C, K) if C.any() else _undamped(M, K)
+    C = (gyroscopic_matrix(chain, q, rates) + np.diag(damping_slope(chain)))[np.ix_(free, free)]
+    M, L = factored_mass(chain, q, free)
+    λ, vectors, rounding = eigenproblem.solve(M, L, C, tangent(chain, q, rates, wrench, free, follower))
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
     shapes[:, free] = (vectors / largest).T
-    points = frames(chain, q).points
-    return Modes(λ, shapes, np.einsum("mk,bkx->mbx", shapes, point_jacobian(chain, q)), points)
+    paths = np.einsum("mk,bkx->mbx", shapes, point_jacobian(chain, q))
+    return Modes(λ, shapes, paths, frames(chain, q).points, rounding)
 
 
 def natural_frequencies(
     chain: Chain,
     q: ArrayLike | None = None,
     *,
-    locked: Sequence[int] = (),
+    locked: Locked = (),
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
     qd: ArrayLike | None = None,
@@ -144,49 +146,40 @@ def natural_frequencies(
     return modes(chain, q, locked=locked, tip_wrench=tip_wrench, follower=follower, qd=qd).frequencies
 
 
-def _undamped(M: Array, K: Array) -> tuple[Complex, NDArray[np.inexact]]:
-    """K φ = μ M φ, λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
-    if not np.isfinite(K).all():
-        raise ArgumentError("the loads lead to a stiffness beyond float64")
-    if np.abs(K - K.T).max() <= 1e-12 * np.abs(K).max():  # conservative loads; the bound is rounding of K
-        μ, vectors = linalg.eigh((K + K.T) / 2, M)
-    else:
-        μ, vectors = linalg.eig(K, M)
-    order = np.argsort(μ.real, kind="stable")
-    λ = np.sqrt(-μ[order].astype(complex))
-    return np.where(λ.imag < 0, -λ, λ), vectors[:, order]
-
-
 def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
-    """M of the free coordinates, of which each must move inertia of its own.
+    """M of `factored_mass`."""
+    return factored_mass(chain, q, free)[0]
+
+
+def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
+    """M of the free coordinates, of which each must move inertia of its own, and L of M = L Lᵀ.
 
     Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
-    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.)
+    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.) Close to that
+    bound another way to the same factor may fail, so that L goes with M.
+
+    Raises
+    ------
+    SingularMassError
+        It does not, or M is beyond float64.
     """
-    M = mass_matrix(chain, q)[np.ix_(free, free)]
-    factor, stopped = linalg.lapack.dpotrf(M, lower=1)
-    good = np.diag(factor) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
+    M = np.ascontiguousarray(mass_matrix(chain, q)[np.ix_(free, free)])
+    L, stopped = linalg.lapack.dpotrf(M, lower=1)
+    with np.errstate(invalid="ignore"):
+        good = np.diag(L) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
     if stopped or not good.all():
         k = free[stopped - 1 if stopped else int(np.argmin(good))]
         raise SingularMassError(
             f"{chain.name}: joint {chain.joint_name(int(k))!r} moves no inertia of its own at this posture, or one "
             "beyond float64; M must be positive definite"
         )
-    return np.asarray(M)
-
-
-def _general(M: Array, C: Array, K: Array) -> tuple[Complex, Complex]:
-    """(λ² M + λ C + K) φ = 0 through the linear problem in (φ, λφ); one of each conjugate pair."""
-    λ, vectors = linalg.eig(first_order_matrix(M, C, K))
-    kept = λ.imag >= 0
-    order = np.argsort(np.abs(λ[kept]), kind="stable")
-    return λ[kept][order], vectors[: len(M), kept][:, order]
+    return M, np.asarray(L)
 
 
 def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
-    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n)."""
-    factor = linalg.cho_factor(M)
-    lower = [-linalg.cho_solve(factor, right, check_finite=False) for right in (K, C)]
+    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), with the factor of M that `factored_mass` found regular."""
+    L, _ = linalg.lapack.dpotrf(M, lower=1)
+    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
         raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")

@@ -50,5 +50,5 @@ def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
     }
     largest = max(candidates)
     q = np.array(candidates[largest], float)
-    q = q / np.linalg.norm(q) * (1 if q[0] >= 0 else -1)
+    q = q / math.hypot(*q) * (1 if q[0] >= 0 else -1)
     return float(q[0]), float(q[1]), float(q[2]), float(q[3])

@@ -13,7 +13,7 @@ The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 198
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,7 +22,7 @@ from scipy import linalg
 from flexlink.chain import Chain
 from flexlink.checks import flag, given, positive, vector, wrench_vector
 from flexlink.errors import ConvergenceError
-from flexlink.tangent import load_torque, stiffness_matrix, unlocked
+from flexlink.tangent import Locked, load_torque, stiffness_matrix, tangent, unlocked
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -43,8 +43,8 @@ class Equilibrium:
     residual
         Largest torque left over on a coordinate that is not locked [N m].
     stable
-        No coordinate can fall: all eigenvalues of the tangent stiffness have a positive real part. (A follower
-        wrench can also flutter: see `modes`.)
+        No coordinate can fall: no eigenvalue of the tangent stiffness has a negative real part, beyond rounding; a
+        joint that nothing holds rests. (A follower wrench can also flutter: see `modes`.)
     path
         The (s, q) of all steps, shape (steps, 1 + n); s is the part of the load that is on.
     """
@@ -61,7 +61,7 @@ def solve_static(
     tip_wrench: ArrayLike | None = None,
     tau: ArrayLike | None = None,
     *,
-    locked: Sequence[int] = (),
+    locked: Locked = (),
     qd: ArrayLike | None = None,
     follower: bool = False,
     tolerance: float = 1e-9,
@@ -81,7 +81,7 @@ def solve_static(
     tau
         Drive torque T_EX [N m], shape (n,).
     locked
-        Sequential indices of the coordinates that do not move.
+        Coordinates that do not move: names of joints or links, sequential indices, or a boolean mask, shape (n,).
     qd
         Constant rates [rad/s], shape (n,), for the relative equilibrium of a steadily turning arm.
     follower
@@ -140,7 +140,7 @@ def solve_static(
     return Equilibrium(
         whole(end[1:]),
         float(np.abs(equations.value(end)).max()),
-        bool((np.linalg.eigvals(equations.slopes(end)[:, 1:]).real > 0).all()),
+        not tangent(chain, whole(end[1:]), rates, wrench, free, follower).falls,
         np.array([[point[0], *whole(point[1:])] for point in path]),
     )
 
@@ -150,7 +150,7 @@ def buckling_loads(
     q: ArrayLike | None = None,
     tip_wrench: ArrayLike | None = None,
     *,
-    locked: Sequence[int] = (),
+    locked: Locked = (),
 ) -> Array:
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -130,4 +131,65 @@ def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, ca
     assert float(lines[1].split()[1]) == pytest.approx(6.058, rel=1e-3)
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["modes", paper, "--lock", "elbow"]) == 2
-    assert "link = 'elbow': not in this arm; it has waist, upper, fore" in error_line(capsys)
+    assert "locked: 'elbow' is no link and no joint of this chain; its links are waist, upper, fore" in error_line(
+        capsys
+    )
+
+
+def frequencies(capsys: pytest.CaptureFixture[str]) -> list[str]:
+    return [line.split()[1] for line in capsys.readouterr().out.splitlines()[1:]]
+
+
+def test_lock_takes_links_joints_and_indices(paper: str, capsys) -> None:
+    for lock in (["upper", "fore", "upper.1.z"], ["0", "5", "1"], ["waist", "upper", "fore", "1"]):
+        assert main(["modes", paper, "--lock", *lock]) == 0
+        found = frequencies(capsys)
+        assert len(found) == 7
+        assert float(found[0]) > 6.06
+
+
+BOOM = """
+name = "boom"
+gravity = [0.0, 9.81, 0.0]
+initial.joint_deg = [0.0]
+material.steel = { young = 210e9, density = 7850.0 }
+section.pipe = { shape = "tube", outer = 0.06, inner = 0.05 }
+link = [{ name = "boom", length = 3.0, flex = "yz", segments = 9, material = "steel", section = "pipe"DAMPING }]
+"""
+
+
+def damped_boom(tmp_path: Path, damping: str) -> str:
+    path = tmp_path / "boom.toml"
+    path.write_text(BOOM.replace("DAMPING", f", damping = {damping}" if damping else ""), encoding="utf-8")
+    return str(path)
+
+
+def test_info_and_modes_show_the_damping_asked_for_beside_the_damping_there_is(tmp_path: Path, capsys) -> None:
+    path = damped_boom(tmp_path, "{ ratio = 0.01, at_hz = 5.0 }")
+    for command in (["info", path], ["modes", path, "--lock", "boom"]):
+        assert main(command) == 0
+        lines = capsys.readouterr().out.splitlines()
+        head = lines.index("mode  frequency [Hz]  damping ratio  asked")
+        rows = [[float(number) for number in line.split()] for line in lines[head + 1 :]]
+        assert len(rows) == 4 if command[0] == "info" else 8
+        for _, hertz, ratio, asked in rows:
+            assert asked == pytest.approx(0.01 * hertz / 5.0, rel=1e-3)
+            assert ratio == pytest.approx(asked, rel=1e-2)  # gravity stiffens a little, and does not damp
+    assert main(["modes", damped_boom(tmp_path, "")]) == 0
+    assert "asked" not in capsys.readouterr().out
+
+
+def test_info_says_what_damping_costs_an_explicit_step(tmp_path: Path, capsys) -> None:
+    def steps(damping: str) -> list[float]:
+        assert main(["info", damped_boom(tmp_path, damping)]) == 0
+        line = next(line for line in capsys.readouterr().out.splitlines() if "step, RK4" in line)
+        return [float(word) for word in line.replace(";", " ").split() if word[0].isdigit()]
+
+    (free,) = steps("")
+    damped, without = steps("{ ratio = 0.05, at_hz = 5.0 }")
+    assert without == free > 4 * damped
+
+
+def test_info_names_links_as_errors_do(paper: str, capsys) -> None:
+    assert main(["info", paper]) == 0
+    assert not re.search(r"link \d", capsys.readouterr().out)

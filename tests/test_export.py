@@ -8,11 +8,27 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from conftest import MODELS, ROOT, flexible, make_scene, nasty_scene
+from conftest import ALUMINIUM, MODELS, ROOT, flexible, make_scene, nasty_scene
 from numpy.testing import assert_allclose, assert_array_equal
 
-from flexlink import ArgumentError, Chain, Link, Mount, Payload, load_scene
+from flexlink import (
+    ArgumentError,
+    Arm,
+    Chain,
+    Damping,
+    Link,
+    Mount,
+    Payload,
+    Section,
+    SingularMassError,
+    load_scene,
+    lump,
+    modes,
+    stable_step,
+    to_mjcf,
+)  # fmt: skip
 from flexlink.engines import load
+from flexlink.engines import mujoco as mujoco_engine
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.export import FORMATS
@@ -209,10 +225,63 @@ def test_mujoco_refuses_last_joints_without_mass() -> None:
         MujocoEngine(chain)
 
 
-def test_what_mujoco_refuses_is_an_error_of_ours() -> None:
+def thin_strip(width: float, **fields: object) -> Chain:
+    """Planar, a strip of 1 m × 10 mm × `width` in eight segments."""
+    strip = Section(shape="rectangle", height=0.01, width=width)
+    link = flexible("a", "yz", 9, length=1.0, section="strip", **fields)
+    return lump(Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"strip": strip}), (0.0, 0.0, 9.81))
+
+
+def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_refused_by_name() -> None:
+    """I_xx = ρ l (I_y + I_z) of the shortest segment crosses MuJoCo's 1e-15 kg m²."""
+    least = min(thin_strip(1e-3).bodies["inertia"][:-1, 0, 0]) / 1e-3  # proportional to the width while it is thin
+    for share, loads in ((1.01, True), (0.99, False)):
+        chain = thin_strip(float(share * 1e-15 / least))
+        if loads:
+            assert MujocoEngine(chain).n == chain.n
+        else:
+            with pytest.raises(ArgumentError, match=r"^segment behind joint 'a(\.\d\.[yz])?': mass .* link 'a'"):
+                to_mjcf(chain)
+            assert PinocchioEngine(chain).n == chain.n  # from the URDF
+
+
+def test_a_point_mass_is_refused_by_name() -> None:
     point_mass = make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=Payload(mass=1.0)).chain()
+    with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': mass 1 kg, .* 0, 0, 0 kg m²: .* below 1e-15"):
+        to_mjcf(point_mass)
+
+
+def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
+    flat = make_scene(Link(name="rod", length=1.0), tip=Payload(mass=1.0, inertia=(1.0, 1.0, 2.1))).chain()
+    with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': .* no moment larger than the other two"):
+        to_mjcf(flat)
+    assert PinocchioEngine(flat).n == 1
+
+
+def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mujoco_engine, "to_mjcf", lambda _: "<mujoco><nonsense/></mujoco>")
     with pytest.raises(ArgumentError, match="MuJoCo cannot load 'test'"):
-        MujocoEngine(point_mass)
+        MujocoEngine(make_scene(flexible("a")).chain())
+
+
+@pytest.mark.parametrize("damping", [None, Damping(ratio=0.01, at_hz=1.0)])
+def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping: Damping | None) -> None:
+    """Near the bound, Cholesky's method by columns passed where by rows it failed, with a traceback."""
+    known = 0
+    for mass in np.logspace(13.0, 14.0, 41):
+        link = flexible("a", "z", 5, length=1.6527754983443814, section="round", lumping="gauss", damping=damping)
+        arm = Arm(
+            links=(link,), materials={"aluminium": ALUMINIUM},
+            sections={"round": Section(shape="circle", diameter=0.04)}, tip=Payload(mass=float(mass)),
+        )  # fmt: skip
+        chain = lump(arm, (0.0, 0.0, 9.81))
+        for work in (to_mjcf, modes, stable_step):
+            try:
+                work(chain)
+            except SingularMassError as error:
+                assert "moves no inertia of its own" in str(error)
+                known += 1
+    assert 0 < known < 3 * 41
 
 
 def rotation(quaternion: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from flexlink import (
     Joint,
     Link,
     Material,
+    Mount,
     Payload,
     Section,
     elastic_torque,
@@ -30,8 +31,9 @@ from flexlink import (
     natural_frequencies,
     tip_position,
 )
+from flexlink.rotation import matrix_from_rpy_deg
 from flexlink.rules import lumping_rule
-from flexlink.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
+from flexlink.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 
 BEAM = reference("eb_beam_roots")["dimensionless_omega_(betaL)^2"]
 CLAMPED = np.array(BEAM["clamped_free"][:3], float)
@@ -244,6 +246,22 @@ def test_tangents_are_slopes_of_the_torques():
     assert G @ qd == pytest.approx(2 * whole, abs=1e-12 * np.abs(whole).max() * chain.n)  # Euler: degree 2 in q̇
 
 
+def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
+    """Power R f · v + R m · ω of the tip, from the motion of its frame alone, whichever joint turns."""
+    chain, rng = nasty_scene().chain(), np.random.default_rng(2)
+    q, still, none = rng.uniform(-1, 1, chain.n), np.zeros(chain.n), np.zeros(6)
+    R = fl.frames(chain, q).rotations[-1]
+    for wrench in (np.array([3.0, -2.0, 5.0, 0, 0, 0]), np.array([0, 0, 0, 4.0, -1.0, 2.0])):
+        found = load_torque(chain, q, still, wrench, follower=True) - load_torque(chain, q, still, none)
+        for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
+            ahead, behind = fl.frames(chain, q + quarter), fl.frames(chain, q - quarter)
+            turning = (ahead.rotations[-1] - behind.rotations[-1]) / 2 @ R.T  # ω×, exact: degree 1
+            ω = np.array([turning[2, 1], turning[0, 2], turning[1, 0]])
+            v = (ahead.points[-1] - behind.points[-1]) / 2
+            work = (R @ wrench[:3]) @ v + (R @ wrench[3:]) @ ω
+            assert found[j] == pytest.approx(-work, abs=1e-12)
+
+
 def test_rigid_pendulum():
     scene = make_scene(Link(name="rod", length=2.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
     chain = scene.chain()
@@ -348,6 +366,142 @@ def test_a_column_stands_up_to_its_buckling_load_and_hangs_stiffer():
     assert not modes(cantilever("gauss", 8, gravity=(-8.5, 0.0, 0.0))).stable
 
 
+# --- rounding: stiff beside soft, and joints that nothing holds ------------------------------------------------------
+
+
+def l_arm(ratio, segments=9, gravity=(0.0, 0.0, 0.0), loss_time=0.0):
+    """Two links at a right angle, EI_z = `ratio` EI_y, clamped."""
+    links = [
+        Link(
+            name=name, length=1.0, flex="yz", segments=segments, material="m", section="s", joint=Joint(locked=True),
+            mount=Mount(rpy_deg=(0.0, 0.0, turn)),
+        )
+        for name, turn in (("a", 0.0), ("b", 90.0))
+    ]  # fmt: skip
+    strip = Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16 * ratio, torsion=1e-16)
+    material = Material(young=1e18, density=1.0, loss_time=loss_time)
+    return lump(Arm(links=tuple(links), materials={"m": material}, sections={"s": strip}), gravity)
+
+
+def sixty_digits(chain):
+    """ω of the chain's own M and K, slowest first."""
+    q, every = np.zeros(chain.n), np.arange(chain.n)
+    K = tangent(chain, q, q, np.zeros(6), every).symmetric
+    with mpmath.workdps(60):
+        inverse = mpmath.inverse(mpmath.cholesky(mpmath.matrix(fl.mass_matrix(chain, q).tolist())))
+        S = inverse * mpmath.matrix(K.tolist()) * inverse.T
+        return np.array([float(mpmath.sqrt(v)) for v in sorted(mpmath.eigsy(S, eigvals_only=True))])
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (0.0, 0.0, 9.81)])
+@pytest.mark.parametrize("ratio", [1e8, 1e12])
+def test_soft_modes_keep_their_digits_beside_stiff_ones(ratio, gravity):
+    """Squared, ω_max² eps would be 3e-4 of the first mode at 1e8 and 60 % of it at 1e12."""
+    chain = l_arm(ratio, segments=5, gravity=gravity)
+    exact = sixty_digits(chain)
+    assert exact[-1] / exact[0] > 50 * ratio**0.5
+    M = fl.mass_matrix(chain, np.zeros(chain.n))
+    size = np.sqrt(np.diag(M))
+    # Of Cholesky's factor of M, scaled to a diagonal of ones (Demmel 1989), and of singular values beside the largest
+    rounding = 2.3e-16 * (chain.n * np.linalg.cond(M / np.outer(size, size)) + exact[-1] / exact)
+    assert (np.abs(natural_frequencies(chain) / exact - 1) < rounding).all()
+    assert rounding[0] < 1e-7
+
+
+@pytest.mark.parametrize("ratio", [1e8, 1e12])
+def test_soft_modes_keep_their_damping_beside_stiff_ones(ratio):
+    """ζ = η ω/2 from 1 % in the first mode to 1e6 in the last, which creeps."""
+    undamped = sixty_digits(l_arm(ratio, segments=5))
+    η = 0.02 / float(undamped[0])
+    found = modes(l_arm(ratio, segments=5, loss_time=η))
+    swinging = undamped[η * undamped < 2]
+    assert found.stable
+    assert found.damping_ratios[0] == pytest.approx(0.01, rel=1e-6)
+    for ω in swinging:
+        λ = ω * (-η * ω / 2 + 1j * np.sqrt(1 - (η * ω / 2) ** 2))
+        assert np.abs(found.eigenvalues - λ).min() < 1e-5 * ω
+
+
+def test_refining_an_arm_with_a_very_stiff_plane_changes_the_first_mode_by_its_order_only():
+    first = {n: natural_frequencies(l_arm(1e12, segments=n + 1))[0] for n in (4, 8, 16)}
+    assert (first[16] - first[8]) / (first[8] - first[4]) == pytest.approx(1 / 16, rel=0.4)
+
+
+def random_arm(rng, gravity):
+    links = []
+    for k in range(rng.integers(1, 4)):
+        flex = ("rigid", "z", "yz", "xyz")[rng.integers(4)]
+        links.append(
+            Link(
+                name=f"l{k}", length=float(10 ** rng.uniform(-1, 1)), flex=flex, material="m", section="s",
+                segments=1 if flex == "rigid" else 3, joint=Joint(viscous=float(rng.integers(2))),
+                mount=Mount(rpy_deg=tuple(float(v) for v in rng.choice([0.0, 90.0, 30.0], 3))),
+                damping=fl.Damping(ratio=0.01, at_hz=5.0) if rng.random() < 0.3 else None,
+            )
+        )  # fmt: skip
+    sizes = 10.0 ** rng.uniform(-3, -1, 2)
+    section = Section(shape="rectangle", height=float(sizes[0]), width=float(sizes[1]))
+    material = Material(young=float(10 ** rng.uniform(7, 12)), density=2000.0)
+    return lump(
+        Arm(links=tuple(links), materials={"m": material}, sections={"s": section}, tip=Payload(mass=1.0)), gravity
+    )
+
+
+def test_free_joints_rest_and_nothing_else_does(rng):
+    """λ = 0 once for each joint that nothing holds, to the last bit, damped or not: no nan, no ζ = −1."""
+    for _ in range(60):
+        chain = random_arm(rng, (0.0, 0.0, 0.0))
+        q = np.zeros(chain.n)
+        q[chain.active] = rng.uniform(-1, 1, len(chain.active))
+        found = modes(chain, q)
+        assert found.stable
+        assert (found.eigenvalues == 0).sum() == len(chain.active)
+        assert np.isfinite(found.frequencies).all()
+        assert found.damping_ratios.min() == 0
+
+
+def test_joints_along_gravity_rest(rng):
+    """Skew in space, bent, loaded and damped: gravity's torque about the axes is all rounding."""
+    for damping in (None, fl.Damping(ratio=0.01, at_hz=5.0)):
+        angles = tuple(rng.uniform(-180, 180, 3).tolist())
+        links = (flexible("a", mount=Mount(rpy_deg=angles), damping=damping), flexible("b", joint=Joint(viscous=0.5)))
+        along = tuple((9.81 * matrix_from_rpy_deg(angles)[:, 2]).tolist())
+        chain = make_scene(*links, tip=Payload(mass=300.0), gravity=along).chain()
+        for _ in range(5):
+            found = modes(chain, rng.uniform(-0.5, 0.5, chain.n))
+            assert found.stable
+            assert (found.eigenvalues == 0).sum() == 2
+
+
+@pytest.mark.parametrize("viscous", [0.0, 1e-3])
+@pytest.mark.parametrize("g", [9.81, 1e-9])
+def test_what_falls_however_slowly_is_no_rest(g, viscous):
+    """Upright on a joint, a stiff bar: λ = √(g/l') whatever the springs."""
+    link = flexible("a", joint=Joint(viscous=viscous), lumping="gauss")
+    chain = make_scene(link, tip=Payload(mass=5.0), gravity=(-g, 0.0, 0.0)).chain()
+    found = modes(chain)
+    m, L = float(chain.bodies["mass"].sum()), 1.25
+    beam = m - 5.0
+    I, torque = 5.0 * L**2 + beam * (L**2 / 3 + 0.04**2 / 12), g * (5.0 * L + beam * L / 2)
+    falls = -viscous / (2 * I) + np.sqrt((viscous / (2 * I)) ** 2 + torque / I)
+    assert not found.stable
+    assert np.isnan(found.frequencies).sum() == 1
+    assert found.eigenvalues.real.max() == pytest.approx(falls, rel=2e-2)  # the bar bends a little, too
+
+
+@pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 3.0, -9.81)])
+def test_falling_resting_and_swinging_modes_are_as_many_as_sylvester_says(gravity, rng):
+    for _ in range(20):
+        chain = random_arm(rng, gravity)
+        q = np.zeros(chain.n)
+        K = stiffness_matrix(chain, q, q, np.zeros(6))
+        size = 1 / np.sqrt(np.abs(np.diag(K)) + 1e-3)  # N m/rad: small beside the loads, large beside their rounding
+        falling = (np.linalg.eigvalsh((K + K.T) / 2 * np.outer(size, size)) < -1e-9).sum()
+        found = modes(chain, q)
+        assert np.isnan(found.frequencies).sum() == falling
+        assert found.stable == (falling == 0)
+
+
 def test_paths_are_the_displacements_of_the_points():
     chain = nasty_scene().chain()
     q = np.linspace(-1, 1, chain.n)
@@ -367,10 +521,45 @@ def test_locked_coordinates_do_not_move():
     assert found.shapes.any(axis=1).all()
 
 
-@pytest.mark.parametrize("locked", [[99], [-1], list(range(10))])
-def test_bad_locks_are_named(locked):
-    with pytest.raises(ArgumentError, match="locked"):
-        modes(cantilever("gauss", 10), locked=locked)
+@pytest.mark.parametrize(
+    "locked",
+    [["upper", "fore.1.z"], np.array(["upper", "fore.1.z"]), ("upper", 6), np.array([0, 6]), [6, 0, 6],
+     np.isin(np.arange(9), [0, 6]), [k in {0, 6} for k in range(9)], ("fore.1.z", "upper", "waist")],
+    ids=["names", "array of names", "both", "array", "list", "mask", "list of bools", "a link locked in the scene"],
+)  # fmt: skip
+@pytest.mark.parametrize("function", [modes, natural_frequencies, fl.solve_static, fl.buckling_loads])
+def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
+    waist = Link(name="waist", joint=Joint(locked=True))
+    chain = make_scene(waist, flexible("upper"), flexible("fore", segments=4), gravity=(-9.81, 0.0, 0.0)).chain()
+    assert [chain.joint_name(k) for k in (0, 6)] == ["upper", "fore.1.z"]
+    found, expected = function(chain, locked=locked), function(chain, locked=[0, 6])
+    if function is modes:
+        found, expected = found.shapes, expected.shapes
+        assert (found[:, [0, 6]] == 0).all()
+    elif function is fl.solve_static:
+        found, expected = found.q, expected.q
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("locked", "message"),
+    [
+        ([99], "99 is no coordinate; allowed are 0 … 9, names of joints and links, or a mask"),
+        ([-1], "-1 is no coordinate"),
+        ([1.0], "1.0 is no coordinate"),
+        ([True, 3], "True is no coordinate"),
+        (None, "None is no coordinate"),
+        (list(range(10)), "nothing is left to move"),
+        ([True] * 10, "nothing is left to move"),
+        ([True, False], "a mask of 2 booleans; expected one per coordinate, 10"),
+        ("lnk", "'lnk' is no link and no joint of this chain; its links are link; did you mean 'link'?"),
+        (["link.11.z"], "'link.11.z' is no link and no joint.*did you mean"),
+    ],
+)
+@pytest.mark.parametrize("function", [modes, fl.solve_static, fl.buckling_loads])
+def test_bad_locks_are_named(function, locked, message):
+    with pytest.raises(ArgumentError, match=f"^locked.*{message}"):
+        function(cantilever("gauss", 10), locked=locked)
 
 
 def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
+import flexlink as fl
 from flexlink.cli import main
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -43,6 +44,19 @@ def test_python_of_the_readme_runs(checkout: Path) -> None:
             exec(block, names)
     assert (checkout / "fall.csv").exists()
     assert (checkout / "boom.png").exists()
+
+
+def test_the_boom_of_the_readme_gets_the_damping_that_it_asks_for() -> None:
+    names: dict[str, object] = {}
+    block = next(block for kind, block in BLOCKS if kind == "python" and "at_hz" in block)
+    exec("import flexlink as fl\n" + block[: block.index("fl.simulate(")], names)
+    scene = names["scene"]
+    assert isinstance(scene, fl.Scene)
+    damping = scene.arm.links[0].damping
+    assert damping is not None
+    first = fl.modes(scene.chain(), locked=["boom"])
+    assert first.hertz[0] == pytest.approx(damping.at_hz, rel=1e-3)
+    assert first.damping_ratios[0] == pytest.approx(damping.ratio, rel=1e-3)
 
 
 def test_links_of_the_readme_lead_to_files() -> None:

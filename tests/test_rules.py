@@ -133,7 +133,7 @@ def test_a_hinge_at_the_links_end_is_refused(tmp_path):
 @pytest.mark.parametrize("name", EXACT_DEGREE)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
-    """Hinges bent up to 50°: far beyond a useful chain, short of the 60° of `gauss_matched`."""
+    """Hinges bent up to 50°: far beyond a useful chain, and the most that `gauss_matched` bears."""
     chain = make_scene(
         flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
         flexible("fore", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),

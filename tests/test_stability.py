@@ -8,6 +8,7 @@ import msgspec
 import numpy as np
 import pytest
 from conftest import flexible, make_scene
+from scipy import linalg
 
 import flexlink as fl
 from flexlink import stability
@@ -75,6 +76,45 @@ def test_long_chains_take_a_road_of_order_n_to_the_same_step(flex, damping, monk
     monkeypatch.setattr(stability, "DENSE", 0)
     # on the safe side by ω²/δ² = 1/(4ζ²) of a creeping mode; Lanczos stops within 1e-4
     assert dense * (1 - 1e-3) < fl.stable_step(chain, "RK4", q) < dense * (1 + 1e-4)
+
+
+def dense(chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """λ of all modes, ω² of K φ = ω² M φ and δ of D φ = δ M φ, by LAPACK; gravity is off."""
+    n, M = chain.n, fl.mass_matrix(chain, q)
+    K, D = np.diag(chain.stiffness), np.diag(chain.damping)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, D)]])
+    return linalg.eigvals(A), *(linalg.eigh(part, M, eigvals_only=True) for part in (K, D))  # type: ignore[return-value]
+
+
+def weightless_pair(flex: str, damping: fl.Damping | None) -> tuple[fl.Chain, np.ndarray]:
+    scene = make_scene(*[flexible(name, flex, 6, damping=damping) for name in "ab"], gravity=(0.0, 0.0, 0.0))
+    chain = scene.chain()
+    return chain, np.linspace(0.1, 0.2, chain.n)
+
+
+STRENGTHS = [None, fl.Damping(ratio=1e-4, at_hz=5.0), fl.Damping(ratio=0.05, at_hz=5.0)]  # of which the last creeps
+
+
+@pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_the_largest_frequency_is_that_of_all_eigenvalues(flex, damping) -> None:
+    chain, q = weightless_pair(flex, damping)
+    λ, _, _ = dense(chain, q)
+    assert stability.largest_frequency(chain, q) == pytest.approx(np.abs(λ).max(), rel=1e-9)
+
+
+@pytest.mark.parametrize("damping", STRENGTHS, ids=["undamped", "swinging", "creeping"])
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_damping(
+    flex, damping, monkeypatch
+) -> None:
+    """Each to Lanczos' 1e-4, not only together: where one of the two bounds the step, the other does not show."""
+    chain, q = weightless_pair(flex, damping)
+    _, squares, brakes = dense(chain, q)
+    monkeypatch.setattr(stability, "DENSE", 0)
+    λ = stability.fastest_eigenvalues(chain, q)
+    assert -λ.real.min() == pytest.approx(brakes.max(), rel=1e-3, abs=1e-12)
+    assert λ.imag.max() == pytest.approx(np.sqrt(squares.max()), rel=1e-3)
 
 
 def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:

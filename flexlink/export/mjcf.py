@@ -27,6 +27,7 @@ from flexlink.stability import stable_step
 
 Array = NDArray[np.float64]
 
+SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
 MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
 
 COMPILER = {
@@ -54,7 +55,10 @@ def to_mjcf(chain: Chain) -> str:
     Raises
     ------
     ArgumentError
-        The chain is longer than MuJoCo's parser can nest, or its last joints move no mass.
+        The chain is longer than MuJoCo's parser can nest, its last joints move no mass, or a segment has a mass or
+        inertia that MuJoCo refuses.
+    SingularMassError
+        A coordinate moves no inertia of its own.
     """
     if len(given("chain", chain, Chain).bodies) > MAX_BODIES:
         raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
@@ -72,7 +76,9 @@ def to_mjcf(chain: Chain) -> str:
         waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
         if body["mass"] or body["inertia"].any():
             parent = _body(parent, links[body["stop"]], frame)
-            _inertial(parent, body)
+            moments, axes = _principal(body)
+            _require_loadable(chain, body, moments)
+            _inertial(parent, body, moments, axes)
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], chain.hinges[hinge.k])
             frame, waiting = _Frame(), []
@@ -81,7 +87,9 @@ def to_mjcf(chain: Chain) -> str:
     option.set("timestep", numbers([_safe_step(chain)]))
     end = chain.bodies[-1]
     tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
-    _inertial(tip, end)  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
+    _inertial(
+        tip, end, np.zeros(3), np.eye(3)
+    )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
     ET.SubElement(tip, "site", name=links[-1])
     return text(root)
 
@@ -135,13 +143,32 @@ def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
     return ET.SubElement(parent, "body", name=name, pos=numbers(frame.r), quat=quaternion)
 
 
-def _inertial(parent: ET.Element, body: np.void) -> None:
-    """Mass and principal moments; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
+def _principal(body: np.void) -> tuple[Array, Array]:
+    """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
     I = body["inertia"]
-    moments, axes = np.diag(I), np.eye(3)
-    if not np.array_equal(I, np.diag(moments)):
-        moments, axes = np.linalg.eigh(I)
-        axes = axes * np.sign(np.linalg.det(axes))  # right-handed
+    if np.array_equal(I, np.diag(np.diag(I))):
+        return np.diag(I), np.eye(3)
+    moments, axes = np.linalg.eigh(I)
+    return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
+
+
+def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
+    """MuJoCo has no way to hold less, and would refuse the file: there is no other form of the same body."""
+    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
+    if not light and 2 * moments.max() <= moments.sum():
+        return
+    joint = int(body["stop"]) - 1
+    link = chain.link_names[chain.coordinate(joint).link - 1]
+    rule = f"takes neither below {SMALLEST:g}" if light else "takes no moment larger than the other two together"
+    raise ArgumentError(
+        f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
+        f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
+        f"link {link!r}, or the payload, or use URDF"
+    )
+
+
+def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
+    """Mass, centre and principal moments."""
     ET.SubElement(
         parent, "inertial", mass=numbers([body["mass"]]), pos=numbers(body["center"]),
         quat=numbers(quaternion_from_matrix(axes)), diaginertia=numbers(moments),
