@@ -137,9 +137,9 @@ class Comparison:
         lines = [f"{self.scene}: {self.samples} states against native; up to 1, rounding explains the difference"]
         lines.append(f"{'engine':<12}{'quantity':<24}{'error / what rounding explains':<32}{'':<8}worst joint")
         for row in self.rows:
-            verdict = "ok" if row.passed else "FAILED"
             dots = row.quantity.count("\u0308")  # of q̈: a character that takes no room
-            lines.append(f"{row.engine:<12}{row.quantity:<{24 + dots}}{row.error:<32.2g}{verdict:<8}{row.joint}")
+            verdict, joint = "ok" if row.passed else "FAILED", row.joint if row.error else "–"
+            lines.append(f"{row.engine:<12}{row.quantity:<{24 + dots}}{row.error:<32.2g}{verdict:<8}{joint}")
         return "\n".join([*lines, self.diagnosis])
 
 

@@ -52,8 +52,8 @@ def mixed_states(chain: Chain, samples: int, seed: int = 0) -> list[State]:
     """Half at random, a quarter balanced, an eighth stretched out at rest and an eighth stretched out with rates.
 
     Balanced: T_EX = T_G + T_FL within `BALANCE` at every joint, at rest, every spring loaded alike; what is left to
-    accelerate is so small that an error of 1e-9 in one spring shows. Stretched out: springs slack, active joints at multiples of
-    90°, no loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
+    accelerate is so small that an error of 1e-9 in one spring shows. Stretched out: springs slack, active joints at
+    multiples of 90°, no loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _at_random(chain: Chain, random: np.random.Generator) -> State:
 def _balanced(chain: Chain, random: np.random.Generator) -> State:
     k = chain.stiffness
     soft = k.min(where=k > 0, initial=np.inf)
-    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # every spring is loaded alike: none drowns the others
+    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs are loaded alike: none drowns the others
     q = _regular(chain, (chain.rest + reach * draw for draw in _anywhere(chain, random)))
     held = gravity_torque(chain, q) + elastic_torque(chain, q)
     return State(q, np.zeros(chain.n), held * (1 + BALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))

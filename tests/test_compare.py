@@ -93,6 +93,12 @@ def test_balanced_states_show_it_in_the_accelerations_and_at_the_right_joint(cha
         assert np.delete(error, k, axis=1).max() <= 1
 
 
+def test_accelerations_without_the_tip_wrench_show(chain):
+    engine, native = load("native", chain), load("native", chain)
+    engine.forward_dynamics = lambda q, qd, tau, wrench: native.forward_dynamics(q, qd, tau)
+    assert failing(against(chain, engine)) == {"q̈"}
+
+
 def test_a_tip_frame_a_micrometre_off_shows_under_a_tip_wrench_only(chain):
     bodies = chain.bodies.copy()
     bodies[-1]["translation"][1] += 1e-6
