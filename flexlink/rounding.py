@@ -21,7 +21,12 @@ can cancel, with r_ik = |c_i − p_k| from hinge point to centre of mass, over t
 
 ε = 10 √n eps: every hinge turns axes and adds a lever, about ten roundings; along a chain they add like a random walk.
 A backward stable solver of M q̈ = b changes M and b by no more than the same, hence M Δq̈ (Higham 2002, theorem 7.2).
-T_FL and T_FR are products at one joint: two roundings each, and a tanh good to four.
+T_FL and T_FR are products at one joint: two roundings each, and a tanh good to four. With ‖M‖ for M* the bound of q̈
+reads 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²); but of a mast that turns about its own axis M, too, is what cancelling
+leaves of M*.
+
+Measured, Pinocchio and MuJoCo against ours at random, balanced and stretched states, n = 1 … 239, tip masses up to ten
+tons: at most 0.32 of it in M, 0.19 in T_GC, 0.10 in M Δq̈, without a trend in n; T_FL and T_FR agree to the bit.
 """
 
 from __future__ import annotations
