@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -179,33 +179,21 @@ def compare(
     Raises
     ------
     ArgumentError
-        An argument of the wrong kind, `samples` out of range, `seed` < 0, an unknown engine, or one that cannot hold
-        this arm.
+        `samples` out of range, `seed` < 0, an unknown engine, or one that cannot hold this arm.
     MissingDependencyError
         An engine is not installed.
     SingularMassError
         M is positive definite at none of the postures tried.
     """
-    _check(scene, engines, samples, seed)
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise ArgumentError(f"samples = {samples}: must be 1 … {MOST_SAMPLES}")
+    if seed < 0:
+        raise ArgumentError(f"seed = {seed}: must not be negative")
     chain = msgspec.structs.replace(scene, motion=()).chain()  # prescribed joints are free in the exported files
     native = load("native", chain)
     loaded = [load(name, chain) for name in engines]
     rows = compare_engines(chain, native, loaded, mixed_states(chain, samples, seed), progress)
     return Comparison(scene.name, samples, rows)
-
-
-def _check(scene: Any, engines: Any, samples: Any, seed: Any) -> None:
-    if not isinstance(scene, Scene):
-        raise ArgumentError(f"scene: expected a Scene, got {type(scene).__name__}")
-    if isinstance(engines, str) or not isinstance(engines, Sequence):
-        raise ArgumentError(f"engines = {engines!r}: expected names in a tuple or list")
-    for name, value in (("samples", samples), ("seed", seed)):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer):
-            raise ArgumentError(f"{name} = {value!r}: expected a whole number")
-    if not 1 <= samples <= MOST_SAMPLES:
-        raise ArgumentError(f"samples = {samples}: must be 1 … {MOST_SAMPLES}")
-    if seed < 0:
-        raise ArgumentError(f"seed = {seed}: must not be negative")
 
 
 def compare_engines(
