@@ -132,7 +132,7 @@ def _parser() -> argparse.ArgumentParser:
     check = add("compare", _compare, "Compare the native solver with other engines on a scene.")
     check.add_argument("scene", type=Path, help="scene file (.toml)")
     check.add_argument("--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco")
-    check.add_argument("--samples", type=int, default=200, help="number of random states (default: 200)")
+    check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
     check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
     return parser
 
@@ -319,8 +319,10 @@ def _export(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
+    bar = _Bar(scene.name)
     with _about(options.scene):
-        comparison = compare(scene, tuple(options.engines), samples=options.samples, seed=options.seed)
+        comparison = compare(scene, tuple(options.engines), options.samples, options.seed, bar)
+    bar.close()
     print(comparison)
     return 0 if comparison.passed else 1
 

@@ -67,7 +67,9 @@ def test_no_joint_is_called_like_another_and_no_column_is_lost(names: tuple[str,
     assert len(set(given)) == chain.n
     assert [given[k] for k in chain.active] == list(names)
     run = simulate(scene)
-    assert len(run.columns) == 1 + 2 * chain.n + len(names) + 3 + 5  # t, q, q̇, drives, tip, energies with work and imbalance
+    assert (
+        len(run.columns) == 1 + 2 * chain.n + len(names) + 3 + 5
+    )  # t, q, q̇, drives, tip, energies with work and imbalance
     for text in (to_urdf(chain), to_mjcf(chain)):
         assert all(text.count(f'joint name="{name}"') == 1 for name in given)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -22,26 +21,23 @@ from flexlink import (
     Joint,
     Link,
     MissingDependencyError,
+    Motion,
     Mount,
     Scene,
     Wrench,
     load_scene,
+    mass_matrix,
+    rounding,
+    stable_step,
 )
-from flexlink.engines import ENGINES, Engine, load
+from flexlink.compare import QUANTITIES
+from flexlink.engines import ENGINES, load
+from flexlink.states import mixed_states
 
-EPS = np.finfo(float).eps
 OTHERS = [name for name in ENGINES if name != "native"]
 STATES = 20
 
-# Bars of the project: sums of some hundred rounded products, relative to the largest component.
-MASS, TORQUE = 1e-13, 1e-12
-
 both = pytest.mark.parametrize("name", OTHERS)
-
-
-def difference(got: np.ndarray, wanted: np.ndarray) -> float:
-    """Largest difference relative to the largest component."""
-    return float(np.abs(got - wanted).max() / (np.abs(wanted).max() or 1.0))
 
 
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
@@ -50,54 +46,35 @@ def shortened(scene: Scene, duration: float, **run: object) -> Scene:
 
 
 def rounding_bound(scene: Scene) -> float:
-    """Half t² times the error that one rounded linear solve, 10 eps cond(M), may make in the largest q̈ of the run."""
-    native = load("native", scene.chain())
-    t, q, qd = native.integrate(scene)
-    qdd = np.abs(np.diff(qd, axis=0)).max() / scene.run.sample
-    return t[-1] ** 2 / 2 * 10 * EPS * max(np.linalg.cond(native.mass_matrix(row)) for row in q[::10]) * qdd
+    """Half t² times the error that rounding explains of q̈ along the run, at every tenth sample, by differences."""
+    chain = scene.chain()
+    t, q, qd = load("native", chain).integrate(scene)
+    qdd = np.gradient(qd, t, axis=0)
+    tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # at most
+    rows = range(0, len(t), 10)
+    explained = max(rounding.of_acceleration(chain, q[k], qd[k], tau[k], qdd[k], scene.tip_wrench) for k in rows)
+    return t[-1] ** 2 / 2 * explained
 
 
 @both
-def test_mass_matrix_agrees(name: str, chain: Chain, rng: np.random.Generator) -> None:
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, chain: Chain) -> None:
     native, other = load("native", chain), load(name, chain)
-    for _ in range(STATES):
-        q, _ = random_state(chain, rng)
-        M = other.mass_matrix(q)
-        assert_array_equal(M, M.T)
-        assert difference(M, native.mass_matrix(q)) <= MASS
-
-
-TERMS: dict[str, Callable[[Engine, np.ndarray, np.ndarray, np.ndarray], np.ndarray]] = {
-    "T_GC": lambda engine, q, qd, _: engine.bias_torque(q, qd),
-    "T_GC with tip wrench": lambda engine, q, qd, wrench: engine.bias_torque(q, qd, wrench),
-    "T_G": lambda engine, q, *_: engine.gravity_torque(q),
-    "T_FL": lambda engine, q, *_: engine.elastic_torque(q),
-    "T_FR": lambda engine, _, qd, __: engine.friction_torque(qd),
-}
+    term = QUANTITIES[quantity]
+    for state in mixed_states(chain, STATES):
+        expected, got = (term.evaluate(engine, state) for engine in (native, other))
+        assert term.error(chain, state, got, expected).max() <= 1
+        if quantity == "M":
+            assert_array_equal(got, got.T)
 
 
 @both
-@pytest.mark.parametrize("term", TERMS)
-def test_torques_agree(name: str, term: str, chain: Chain, rng: np.random.Generator) -> None:
+def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: np.random.Generator) -> None:
     native, other = load("native", chain), load(name, chain)
-    for _ in range(STATES):
-        q, qd = random_state(chain, rng)
-        wrench = rng.uniform(-10, 10, 6)
-        wanted = TERMS[term](native, q, qd, wrench)
-        assert difference(TERMS[term](other, q, qd, wrench), wanted) <= TORQUE
-
-
-@both
-def test_accelerations_agree_as_far_as_the_condition_of_the_mass_matrix_lets_them(
-    name: str, chain: Chain, rng: np.random.Generator
-) -> None:
-    native, other = load("native", chain), load(name, chain)
-    for wrench in [None, *rng.uniform(-10, 10, (STATES, 6))]:
-        q, qd = random_state(chain, rng)
-        tau = rng.uniform(-10, 10, chain.n)
-        wanted = native.forward_dynamics(q, qd, tau, wrench)
-        bound = 10 * EPS * np.linalg.cond(native.mass_matrix(q))
-        assert difference(other.forward_dynamics(q, qd, tau, wrench), wanted) <= bound
+    q, qd = random_state(chain, rng)
+    tau = rng.uniform(-10, 10, chain.n)
+    both_ways = other.forward_dynamics(q, qd, tau), native.forward_dynamics(q, qd, tau)
+    assert rounding.acceleration_error(chain, q, qd, tau, both_ways).max() <= 1
 
 
 @both
@@ -110,21 +87,23 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
     native, other = load("native", chain), load(name, chain)
     for _ in range(STATES):
         q, qd = random_state(chain, rng)
-        assert difference(other.mass_matrix(q), native.mass_matrix(q)) <= MASS
-        assert difference(other.bias_torque(q, qd), native.bias_torque(q, qd)) <= TORQUE
+        assert np.abs(other.mass_matrix(q) - native.mass_matrix(q)).max() <= rounding.of_mass_matrix(chain, q)
+        allowed = rounding.of_bias_torque(chain, q, qd)
+        assert np.abs(other.bias_torque(q, qd) - native.bias_torque(q, qd)).max() <= allowed
 
 
 @both
 def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.Generator) -> None:
-    arms = (make_scene(flexible("arm", joint=Joint(armature=armature))) for armature in (0.0, 2.0))
-    without, heavy = (load(name, scene.chain()) for scene in arms)
+    chains = [make_scene(flexible("arm", joint=Joint(armature=armature))).chain() for armature in (0.0, 2.0)]
+    without, heavy = (load(name, chain) for chain in chains)
     q = rng.uniform(-np.pi, np.pi, heavy.n)
-    assert_allclose(heavy.mass_matrix(q) - without.mass_matrix(q), np.diag([2.0, 0, 0, 0, 0]), atol=MASS)
+    added = heavy.mass_matrix(q) - without.mass_matrix(q)
+    assert_allclose(added, np.diag([2.0, 0, 0, 0, 0]), rtol=0, atol=rounding.of_mass_matrix(chains[1], q))
     tau, rest = np.ones(5), np.zeros(5)
     load_torque = tau - heavy.bias_torque(q, rest) - heavy.elastic_torque(q)
     qdd = heavy.forward_dynamics(q, rest, tau)
-    M = heavy.mass_matrix(q)
-    assert difference(qdd, np.linalg.solve(M, load_torque)) <= 10 * EPS * np.linalg.cond(M)
+    solved = np.linalg.solve(heavy.mass_matrix(q), load_torque)
+    assert rounding.acceleration_error(chains[1], q, rest, tau, (qdd, solved)).max() <= 1
 
 
 SHORT = {
@@ -159,9 +138,9 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
     assert_allclose(q2, q, rtol=0, atol=bound)
 
 
-@pytest.mark.parametrize("method", ["RK2", "RK10"])
-def test_pinocchio_runs_every_method(method: str) -> None:
-    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method)
+@pytest.mark.parametrize(("method", "step"), [("RK2", 5e-6), ("RK10", 1e-4)])
+def test_pinocchio_runs_every_method(method: str, step: float) -> None:
+    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
     (_, q, _), (_, other, _) = (load(name, scene.chain()).integrate(scene) for name in ("native", "pinocchio"))
     assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
 
@@ -173,16 +152,90 @@ def test_mujoco_says_that_it_has_rk4_only() -> None:
 
 
 @both
-def test_an_unstable_run_is_an_error_that_keeps_its_samples_and_writes_no_file(
+def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
+    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
+    chain = scene.chain()
+    stable = stable_step(chain, "RK4", scene.initial_state(chain)[0])
+    with pytest.raises(ArgumentError, match=rf"step = 0.001: past the largest stable step of RK4.*{stable:.4g} s"):
+        load(name, chain).integrate(scene)
+
+
+STEPS = 40
+
+
+def torn(late: float, samples: int = STEPS) -> Scene:
+    """An arm whose drive tears it to pieces within the last `late` of 40 steps."""
+    h = 1e-4
+    end = STEPS * h
+    drive = Drive(kind="table", times=(0.0, end - late * h, end), torques=((0.0,), (0.0,), (1e303,)))
+    return shortened(make_scene(flexible("arm"), drive=drive), end, step=h, sample=end / samples)
+
+
+@both
+def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
+    scene = torn(late=20)
     with pytest.raises(DivergenceError, match=f"{name} is no longer finite at t = ") as caught:
         load(name, scene.chain()).integrate(scene)
     kept = caught.value.trajectory
-    assert 1 <= len(kept.t) < 20 and np.isfinite(kept.q).all()
+    assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
     assert list(tmp_path.iterdir()) == []
+
+
+@both
+@pytest.mark.parametrize("samples", [1, STEPS])
+def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
+    scene = torn(late=1, samples=samples)
+    with pytest.raises(DivergenceError, match="no longer finite") as caught:
+        load(name, scene.chain()).integrate(scene)
+    kept = caught.value.trajectory
+    assert len(kept.t) == samples and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
+
+
+def moved(*links: Link) -> Scene:
+    """An arm whose first joint is led from 0° to 60° in 0.1 s, and rests there."""
+    motion = Motion(
+        link="upper", times=(0.0, 0.1), angle_deg=(0.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
+    return shortened(make_scene(*links, motion=(motion,), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.15, step=5e-5)
+
+
+ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+@pytest.mark.parametrize("method", ["RK4", "RK10"])
+def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> None:
+    scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
+    scene = shortened(scene, 0.15, method=method)
+    (t, q, qd), (_, q2, qd2) = (load(name, scene.chain()).integrate(scene) for name in ("native", "pinocchio"))
+    assert np.degrees(q2[t >= 0.1, 0]) == pytest.approx(60.0, abs=1e-12)
+    assert_array_equal(q2[:, 0], q[:, 0])
+    assert_array_equal(qd2[:, 0], qd[:, 0])
+    assert_allclose(q2, q, rtol=0, atol=rounding_bound(scene))
+    assert np.abs(q[:, 1:]).max() > 0.01
+
+
+def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
+    chain = moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")).chain()
+    native, other = load("native", chain), load("pinocchio", chain)
+    for q, qd, tau, wrench in mixed_states(chain, 5):
+        solutions = other.forward_dynamics(q, qd, tau, wrench), native.forward_dynamics(q, qd, tau, wrench)
+        assert solutions[0][0] == solutions[1][0] == 0
+        error = rounding.acceleration_error(chain, q, qd, tau, solutions, wrench)
+        assert error[1:].max() <= 1
+
+
+def test_mujoco_refuses_a_prescribed_joint_and_says_what_to_do() -> None:
+    scene = moved(flexible("upper"))
+    expected = "motion of joint 'upper' is prescribed, which MuJoCo does not know; use native or pinocchio"
+    with pytest.raises(ArgumentError, match=expected):
+        load("mujoco", scene.chain())
+    free = msgspec.structs.replace(scene, motion=()).chain()
+    with pytest.raises(ArgumentError, match=expected):
+        load("mujoco", free).integrate(scene)
 
 
 def test_mujoco_gives_the_process_its_callbacks_back() -> None:
@@ -190,14 +243,14 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
         """Somebody else's callback."""
 
     scene = SHORT["coulomb"]
-    unstable = shortened(scene, 0.5, step=1e-3, sample=1e-3)
+    torn_apart = torn(late=20)
     engine = load("mujoco", scene.chain())
     mujoco.set_mjcb_passive(mine)
     try:
         engine.integrate(scene)
         assert mujoco.get_mjcb_passive() is mine
         with pytest.raises(DivergenceError):
-            engine.integrate(unstable)
+            engine.integrate(torn_apart)
         assert mujoco.get_mjcb_passive() is mine
         assert mujoco.get_mjcb_control() is None
     finally:

@@ -14,10 +14,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.errors import DivergenceError
+from flexlink.errors import ArgumentError, DivergenceError
 from flexlink.inputs import drive_arrays
 from flexlink.kernels.inputs import drive_torque
 from flexlink.scene import Scene
+from flexlink.stability import stable_step
 from flexlink.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ class Engine(Protocol):
         DivergenceError
             The state left the finite numbers; the error holds the samples up to there.
         ArgumentError
-            The engine does not have the scene's method.
+            The engine does not have the scene's method or its prescribed motions, or the step is not stable.
         """
 
 
@@ -80,10 +81,22 @@ def drive_function(scene: Scene) -> DriveTorque | None:
 
 
 def start(scene: Scene) -> Samples:
-    """Times of all samples, and states of which only the first is filled."""
+    """Times of all samples, and states of which only the first is filled.
+
+    Raises
+    ------
+    ArgumentError
+        The step is past the largest stable one: the run would blow up, or worse, end finite and wrong.
+    """
     run, chain = scene.run, scene.chain()
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
+    stable = stable_step(chain, run.method, q[0])
+    if run.step > stable:
+        raise ArgumentError(
+            f"{scene.name}: run.step = {run.step!r}: past the largest stable step of {run.method} at the start, "
+            f"{stable:.4g} s; take a smaller one"
+        )
     return run.times, q, qd
 
 

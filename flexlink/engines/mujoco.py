@@ -43,11 +43,14 @@ class MujocoEngine:
     version: str = mujoco.__version__
 
     def __init__(self, chain: Chain) -> None:
+        prescribed = np.flatnonzero(chain.hinges["prescribed"])
+        if len(prescribed):
+            raise _no_motion(chain.name, chain.joint_name(int(prescribed[0])))
         try:
             with quiet():
                 self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
         except ValueError as error:
-            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}") from error
+            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use the other engines") from error
         self.data, self.n = mujoco.MjData(self.model), self.model.nv
         self.tip = self.model.nbody - 1
         self.coulomb, self.coulomb_width = self.model.dof_frictionloss.copy(), self.model.jnt_user[:, 0].copy()
@@ -97,6 +100,8 @@ class MujocoEngine:
         run, model = scene.run, self.model
         if run.method != "RK4":
             raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
+        if scene.motion:
+            raise _no_motion(scene.name, scene.motion[0].link)
         samples = t, q, qd = start(scene)
         data = self.data
         mujoco.mj_resetData(model, data)
@@ -107,7 +112,8 @@ class MujocoEngine:
             for row in range(1, len(t)):
                 mujoco.mj_step(model, data, run.steps_per_sample)
                 restarted = abs(data.time - t[row]) > run.step / 2
-                if restarted or data.warning.number.any():
+                finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
+                if restarted or data.warning.number.any() or not finite:
                     raise diverged(self.name, scene, samples, row)
                 q[row], qd[row] = data.qpos, data.qvel
         return samples
@@ -131,6 +137,13 @@ class MujocoEngine:
             data.qfrc_passive -= self._coulomb(data.qvel)
 
         return passive
+
+
+def _no_motion(name: str, joint: str) -> ArgumentError:
+    return ArgumentError(
+        f"{name}: the motion of joint {joint!r} is prescribed, which MuJoCo does not know; "
+        "use native or pinocchio, or take the motion out of the scene"
+    )
 
 
 def _drive_callback(scene: Scene) -> Callback:

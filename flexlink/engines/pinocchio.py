@@ -2,10 +2,15 @@
 
 Pinocchio has no springs, and its `aba` ignores damping and dry friction: −T_FL − T_FR join the joint torques. The
 armature is in its M, its recursive Newton-Euler and its `aba` alike, but not in URDF, so it is read from our element.
+
+Joints whose motion is prescribed, p, leave the rows of the others, f, to be solved (Featherstone 2008, section 9.2):
+
+    M_ff q̈_f = (T_EX − T_FL − T_FR − T_GC)_f − M_fp q̈_p
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,6 +20,8 @@ from flexlink.chain import Chain
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
 from flexlink.errors import ArgumentError
 from flexlink.export import to_urdf
+from flexlink.inputs import motion_arrays
+from flexlink.kernels.inputs import follow
 from flexlink.scene import Scene
 from flexlink.tableaus import tableau
 
@@ -30,6 +37,8 @@ class PinocchioEngine:
         Number of the tip's frame.
     stiffness, rest, damping, coulomb, coulomb_width
         As read back from the file, shape (n,).
+    prescribed
+        Joints whose q̈ is given, which no file says.
     """
 
     name = "pinocchio"
@@ -50,6 +59,7 @@ class PinocchioEngine:
         model.gravity.linear = np.array(robot.findall("flexlink")[0].attrib["gravity"].split(), float)
         self.model, self.data, self.n = model, model.createData(), model.nv
         self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
+        self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`crba`)."""
@@ -75,33 +85,53 @@ class PinocchioEngine:
         return torque
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
-        """q̈ by the articulated-body algorithm (`aba`)."""
-        total = tau - self.elastic_torque(q) - self.friction_torque(qd)
-        if tip_wrench is not None:
-            total += self._wrench_torque(q, tip_wrench)
-        return np.array(pin.aba(self.model, self.data, q, qd, total))
+        """q̈ by the articulated-body algorithm (`aba`); a joint whose motion is prescribed keeps its rate."""
+        return self._accelerations(q, qd, tau, tip_wrench, np.zeros(self.n))
 
     def integrate(self, scene: Scene) -> Samples:
         """The scene's Runge-Kutta method, as a plain loop over `aba`."""
-        run, n = scene.run, self.n
-        drive, wrench = drive_function(scene), scene.tip_wrench if scene.tip_wrench.any() else None
-        A, b, c = tableau(run.method).arrays
-        hA, hb, hc = run.step * A, run.step * b, run.step * c
         samples = t, q, qd = start(scene)
-        y, F, tau = np.concatenate([q[0], qd[0]]), np.empty((len(c), 2 * n)), np.zeros(n)
-        for row in range(1, len(t)):
-            for step in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
-                for i in range(len(c)):
-                    x = y + hA[i, :i] @ F[:i]
-                    if drive is not None:
-                        tau = drive(step * run.step + hc[i], x[:n], x[n:])
-                    F[i, :n] = x[n:]
-                    F[i, n:] = self.forward_dynamics(x[:n], x[n:], tau, wrench)
-                y = y + hb @ F
-            if not np.isfinite(y).all():
-                raise diverged(self.name, scene, samples, row)
-            q[row], qd[row] = y[:n], y[n:]
+        run, step = scene.run, self._step(scene)
+        y = np.concatenate([q[0], qd[0]])
+        with np.errstate(all="ignore"):  # a state that leaves the finite numbers is an error below
+            for row in range(1, len(t)):
+                for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
+                    y = step(number, y)
+                if not np.isfinite(y).all():
+                    raise diverged(self.name, scene, samples, row)
+                q[row], qd[row] = y[: self.n], y[self.n :]
         return samples
+
+    def _step(self, scene: Scene) -> Callable[[int, Array], Array]:
+        """The state (q, q̇) at (number + 1) · h from the one at number · h."""
+        n, h, wrench = self.n, scene.run.step, scene.tip_wrench if scene.tip_wrench.any() else None
+        A, b, c = tableau(scene.run.method).arrays
+        drive, motion = drive_function(scene), motion_arrays(scene, scene.chain())
+        F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
+
+        def step(number: int, y: Array) -> Array:
+            for i in range(len(c)):
+                t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
+                follow(motion, t, x[:n], x[n:], given)
+                torque = tau if drive is None else drive(t, x[:n], x[n:])
+                F[i, :n] = x[n:]
+                F[i, n:] = self._accelerations(x[:n], x[n:], torque, wrench, given)
+            y = y + h * b @ F
+            follow(motion, (number + 1) * h, y[:n], y[n:], given)
+            return y
+
+        return step
+
+    def _accelerations(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None, given: Array) -> Array:
+        """q̈, of the prescribed joints as `given`."""
+        total = tau - self.elastic_torque(q) - self.friction_torque(qd) + self._wrench_torque(q, tip_wrench)
+        p = self.prescribed
+        if len(p) == 0:
+            return np.array(pin.aba(self.model, self.data, q, qd, total))
+        f, M = np.setdiff1d(np.arange(self.n), p), self.mass_matrix(q)
+        qdd, left = given.copy(), total - self.bias_torque(q, qd) - M[:, p] @ given[p]
+        qdd[f] = np.linalg.solve(M[np.ix_(f, f)], left[f])
+        return qdd
 
     def _wrench_torque(self, q: Array, wrench: Array | None) -> Array:
         """Jᵀ F with the Jacobian of the tip's origin in axes of frame 0, linear part first."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.compare import EPS
 from flexlink.dynamics import gravity_torque, mass_matrix
+from flexlink.rounding import EPS
 from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Spec

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain import Chain
-from flexlink.compare import EPS
 from flexlink.dynamics import mass_matrix
 from flexlink.modal import natural_frequencies
+from flexlink.rounding import of_mass_matrix
 from flexlink.scene import Scene
 from flexlink.stability import stable_step
 from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
@@ -101,13 +101,14 @@ def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
 
 
 def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
-    """Largest difference of ω² in units of 10 · eps · cond(M) · ω_max²: the bar of q̈ = −M⁻¹ K q."""
+    """Largest difference of ω² in units of ‖M⁻¹‖₂ ΔM ω_max², ΔM the error of M that rounding explains."""
     chain, q, locked, rigid = _state(scene, variant, settings)
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
     theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
     ours = np.nan_to_num(natural_frequencies(chain, q, locked=locked)) ** 2  # nan: a rigid mode, ω² = −rounding
-    unit = 10 * EPS * np.linalg.cond(mass_matrix(chain, q)[np.ix_(free, free)]) * ours.max()
+    inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
+    unit = inverse * of_mass_matrix(chain, q) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
     note = f"The first {settings.modes} frequencies differ by at most {first:.1g} of themselves."
     value = float(np.abs(theirs - ours).max() / unit)

@@ -12,6 +12,7 @@ Every error is taken relative to the sum of the sizes of all terms that were add
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -21,9 +22,10 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain import Chain
-from flexlink.compare import EPS, State, random_states
 from flexlink.dynamics import MASS_METHODS, SOLVERS
+from flexlink.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.spec import Spec
+from flexlink.states import State, random_states
 from validation.case import Case, Measured
 
 Array = NDArray[np.float64]
@@ -67,13 +69,13 @@ def _smallest_eigenvalue(chain: Chain, s: State) -> float:
 
 def _methods(chain: Chain, s: State) -> float:
     M = np.array([fl.mass_matrix(chain, s.q, method) for method in MASS_METHODS])
-    return float(np.ptp(M, axis=0).max() / np.abs(M).max())
+    return float(in_units(np.ptp(M, axis=0), of_mass_matrix(chain, s.q)).max())
 
 
 def _solvers(chain: Chain, s: State) -> float:
-    qdd = np.array([fl.forward_dynamics(chain, s.q, s.qd, s.tau, method, s.wrench) for method in SOLVERS])
-    bound = 10 * EPS * np.linalg.cond(fl.mass_matrix(chain, s.q))
-    return float(np.ptp(qdd, axis=0).max() / np.abs(qdd).max() / bound)
+    qdd = [fl.forward_dynamics(chain, s.q, s.qd, s.tau, method, s.wrench) for method in SOLVERS]
+    pairs = itertools.combinations(qdd, 2)
+    return float(np.max([acceleration_error(chain, s.q, s.qd, s.tau, pair, s.wrench) for pair in pairs]))
 
 
 def _kinetic(chain: Chain, s: State) -> float:

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink import engines
 from flexlink.checks import choice
-from flexlink.compare import EPS
 from flexlink.inputs import motion_arrays
 from flexlink.kernels.inputs import follow
+from flexlink.rounding import in_units, of_acceleration
 from flexlink.scene import Scene
 from flexlink.spec import Positive
 from flexlink.trajectory import Trajectory
@@ -133,17 +133,11 @@ def _parity(scene: Scene, setting: str) -> Iterator[Measured]:
 
 
 def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:
-    """Of each sample but the first, at rest: max |Δq̈| in units of 10 · eps · |M⁻¹| · (largest torque).
-
-    Where a straight arm spins, the terms of T_GC, of the size of q̇·M·q̇, cancel: their size counts, not the sum's.
-    """
+    """Of each sample but the first, at rest: |Δq̈| in units of what rounding explains."""
     motion, engine = motion_arrays(scene, run.chain), engines.load("mujoco", free)
     for t, q, qd, tau in list(zip(run.t, run.q, run.qd, run.tau, strict=True))[1:]:
         wanted, given = fl.forward_dynamics(free, q, qd, tau), np.zeros(free.n)
         follow(motion, t, q.copy(), qd.copy(), given)
         wanted[motion.joints] = given[motion.joints]
         theirs = engine.forward_dynamics(q, qd, tau)
-        M = fl.mass_matrix(free, q)
-        torque = max(np.abs([tau, fl.elastic_torque(free, q)]).max(), qd @ M @ qd)
-        unit = 10 * EPS * np.linalg.norm(np.linalg.inv(M), 2) * torque
-        yield float(np.abs(theirs - wanted).max() / unit)
+        yield float(in_units(theirs - wanted, of_acceleration(free, q, qd, tau, wanted)).max())

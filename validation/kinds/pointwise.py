@@ -1,4 +1,4 @@
-"""Every term of the equation of motion against other engines, at random states."""
+"""Every term of the equation of motion against other engines: at random, balanced and stretched out."""
 
 from __future__ import annotations
 
@@ -22,6 +22,4 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     for scene in case.load_scenes():
         for row in compare(scene, settings.engines, settings.samples, settings.seed).rows:
             note = row.hint if row.hint else f"Largest at joint {row.joint!r}."
-            yield Measured(
-                row.quantity, row.error, scene.name, row.engine, f"{settings.samples} random states", note=note
-            )
+            yield Measured(row.quantity, row.error, scene.name, row.engine, f"{settings.samples} states", note=note)

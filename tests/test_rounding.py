@@ -1,0 +1,121 @@
+"""What rounding explains: as much as right programs need, and no more."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import MODELS, flexible, make_scene
+from numpy.testing import assert_array_equal
+
+from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene, mass_matrix, rounding
+from flexlink.compare import QUANTITIES, Difference, compare_engines
+from flexlink.engines import load
+from flexlink.rounding import EPS
+from flexlink.states import mixed_states
+
+M, L, G = 3.0, 2.0, 9.81
+Q, QD, TAU, WRENCH = np.array([0.3]), np.array([-1.5]), np.array([4.0]), np.array([3.0, 0.0, -4.0, 0.0, 6.0, 8.0])
+
+
+def pendulum(**joint: float) -> Chain:
+    """A mass of 3 kg on a massless rod of 2 m."""
+    return make_scene(
+        Link(name="rod", length=L, joint=Joint(**joint)), tip=Payload(mass=M), gravity=(0.0, -G, 0.0)
+    ).chain()
+
+
+def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
+    """By hand: M* = m L² + armature, T_G* = m g L, T_W* = |f| L + |m|; the whole sum, whatever cancels in it."""
+    chain = pendulum(viscous=0.2, armature=0.5)
+    inertia, weight, load_ = M * L**2 + 0.5, M * G * L, 5.0 * L + 10.0
+    assert rounding.of_mass_matrix(chain, Q) == pytest.approx(10 * EPS * inertia)
+    assert rounding.of_bias_torque(chain, Q, 0 * QD) == pytest.approx(10 * EPS * weight)
+    assert rounding.of_bias_torque(chain, Q, QD) == pytest.approx(10 * EPS * (inertia * 1.5**2 + weight))
+    parts = inertia * (7.0 + 1.5**2) + weight + load_ + 4.0
+    assert rounding.of_bias_torque(chain, Q, QD, WRENCH) == pytest.approx(10 * EPS * (parts - inertia * 7.0 - 4.0))
+    qdd = np.array([-7.0])
+    assert rounding.of_residual(chain, Q, QD, TAU, qdd, WRENCH) == pytest.approx(10 * EPS * parts)
+    assert rounding.of_acceleration(chain, Q, QD, TAU, qdd, WRENCH) == pytest.approx(10 * EPS * parts / inertia)
+    assert rounding.of_friction_torque(chain, QD) == pytest.approx([10 * EPS * 0.2 * 1.5])
+    off = qdd + 2 * rounding.of_acceleration(chain, Q, QD, TAU, qdd, WRENCH)
+    assert rounding.acceleration_error(chain, Q, QD, TAU, (qdd, off), WRENCH) == pytest.approx([2.0], rel=0.2)
+
+
+def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
+    chain = make_scene(flexible("arm", "z", 3)).chain()
+    q = np.array([1.0, 1e-9, 0.5])
+    explained = rounding.of_elastic_torque(chain, q)
+    assert explained == pytest.approx(10 * EPS * chain.stiffness * q)
+    assert explained[0] == 0 < explained[1] < 1e-8 * explained[2]
+
+
+def test_it_grows_with_the_root_of_the_number_of_hinges() -> None:
+    """Of a bar cut into ever more pieces, with M* and T_G* nearly the same."""
+    few, many = (make_scene(flexible("arm", "z", segments)).chain() for segments in (4, 64))
+    zero = [np.zeros(chain.n) for chain in (few, many)]
+    ratio = rounding.of_mass_matrix(many, zero[1]) / rounding.of_mass_matrix(few, zero[0])
+    assert ratio == pytest.approx(4.0, rel=0.02)
+
+
+def mast() -> Chain:
+    """A post along the axis that it turns about, askew: without rounding, no gravity torque and hardly any inertia."""
+    post = Link(name="post", length=2.0, material="aluminium", section="square", joint=Joint(locked=True),
+                mount=Mount(rpy_deg=(0.0, -90.0, 0.0)))  # fmt: skip
+    return make_scene(Link(name="mast", mount=Mount(rpy_deg=(33.0, 47.0, 21.0))), post).chain()
+
+
+def far_away() -> Chain:
+    """A kilometre from frame 0, where three digits of every point are spent on the way."""
+    base = Link(name="base", mount=Mount(xyz=(1000.0, 200.0, 300.0), rpy_deg=(33.0, 47.0, 21.0)))
+    return make_scene(base, flexible("arm", "yz", 4, mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))).chain()
+
+
+def heavy() -> Chain:
+    """Ten tons at the end of forty soft hinges."""
+    return make_scene(Link(name="waist", joint=Joint(armature=0.05)),
+                      flexible("arm", "z", 41, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))),
+                      tip=Payload(mass=1e4)).chain()  # fmt: skip
+
+
+def rows_of(chain: Chain, count: int = 48) -> tuple[Difference, ...]:
+    others = [load(name, chain) for name in ("pinocchio", "mujoco")]
+    return compare_engines(chain, load("native", chain), others, mixed_states(chain, count))
+
+
+@pytest.mark.parametrize("arm", [mast, far_away, heavy])
+def test_right_engines_stay_within_it_where_nearly_everything_cancels(arm) -> None:
+    assert [row for row in rows_of(arm()) if not row.passed] == []
+
+
+def test_in_a_mast_only_parts_that_cannot_cancel_say_how_large_rounding_is() -> None:
+    """Neither M nor the largest torque under gravity along x, y and z does, and both are the usual measures."""
+    chain = mast()
+    other, zero = load("mujoco", chain), np.zeros(1)
+    along = [dataclasses.replace(chain, gravity=9.81 * axis) for axis in np.eye(3)]
+    differ = usual = 0.0
+    for q, *_ in mixed_states(chain, 24):
+        differ = max(differ, float(np.abs(other.gravity_torque(q) - bias_torque(chain, q, zero)).max()))
+        usual = max(usual, *(float(np.abs(bias_torque(each, q, zero)).max()) for each in along))
+        assert differ <= rounding.of_bias_torque(chain, q, zero)
+        assert rounding.of_mass_matrix(chain, q) > 1000 * EPS * mass_matrix(chain, q).max()
+    assert differ > 1000 * EPS * usual
+
+
+def test_it_is_not_far_above_what_engines_do() -> None:
+    """The largest errors of right engines are within a hundred times of it: what is explained is not everything."""
+    found: dict[str, float] = {}
+    for path in MODELS:
+        for row in rows_of(load_scene(path).chain()):
+            found[row.quantity] = max(found.get(row.quantity, 0.0), row.error)
+    assert all(found[name] > 0.01 for name in QUANTITIES if name not in ("T_FL", "T_FR")), found
+    assert found["T_FL"] == found["T_FR"] == 0  # the same few operations in every engine
+
+
+def test_what_is_not_finite_is_explained_by_nothing() -> None:
+    chain = pendulum()
+    for bad in (np.inf, np.nan):
+        error = rounding.acceleration_error(chain, Q, QD, TAU, (np.array([bad]), QD))
+        assert not (error <= 1).any()
+    assert_array_equal(rounding.in_units(np.array([0.0, 1.0, np.nan]), 0.0), [0.0, np.inf, np.nan])
