@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
+
+from flexlink.interruption import word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -53,15 +56,19 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
 
 class InterruptedRunError(KeyboardInterrupt):
-    """Ctrl-C during a run; `trajectory` holds every sample up to there. A KeyboardInterrupt for all who stop at one."""
+    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt for all who stop at one.
 
-    def __init__(self, trajectory: Trajectory) -> None:
-        super().__init__(f"interrupted; {len(trajectory.t)} samples kept")
-        self.trajectory = trajectory
+    `trajectory` holds every sample up to there, `signal` the number of the signal.
+    """
 
-    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory]]:
+    def __init__(self, trajectory: Trajectory, number: int = signal.SIGINT, where: str = "") -> None:
+        kept = len(trajectory.t)
+        super().__init__(f"{word(number)} at t = {trajectory.t[-1]:.6g} s; {kept} sample{'s' * (kept > 1)} kept{where}")
+        self.trajectory, self.signal, self.where = trajectory, number, where
+
+    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, int, str]]:
         """As `DivergenceError`."""
-        return InterruptedRunError, (self.trajectory,)
+        return InterruptedRunError, (self.trajectory, self.signal, self.where)
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import signal
+import time
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import msgspec
@@ -13,6 +15,7 @@ from flexlink.chain import Chain
 from flexlink.dynamics import solver_for
 from flexlink.errors import ArgumentError, DivergenceError, InterruptedRunError, SceneError
 from flexlink.inputs import input_arrays
+from flexlink.interruption import deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
 from flexlink.stability import fastest_eigenvalues, stable_step_of
@@ -20,7 +23,7 @@ from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-PIECES = 200  # progress is reported about this often
+BREATH = 0.1  # time between two looks at signals and the terminal [s]
 
 
 def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
@@ -33,7 +36,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     scene
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
-        Called with the finished fraction, from 0 to 1, now and then.
+        Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
     **overrides
         Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics.
 
@@ -51,7 +54,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     DivergenceError
         The state left the finite numbers; the error's `trajectory` holds the samples up to there.
     InterruptedRunError
-        Ctrl-C; its `trajectory` holds the samples up to there.
+        Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
     scene = _override(scene, overrides)
     run, chain = scene.run, scene.chain()
@@ -65,24 +68,51 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     inputs = input_arrays(scene, chain)
     method = tableau(run.method).arrays
     work = solver_for(chain, run.dynamics).workspace(chain.arrays)
-    piece = max(1, (run.samples - 1) // PIECES)
-    start = 0  # number of the last finished sample
-    try:
-        while start < run.samples - 1:
-            rows = slice(start, min(start + piece + 1, run.samples))
-            wanted = (rows.stop - 1 - start) * run.steps_per_sample
-            first = start * run.steps_per_sample
-            done = integrate(
-                chain.arrays, work, method, *inputs, run.step, first, run.steps_per_sample, q[rows], qd[rows]
-            )
-            if done < wanted:
-                raise _diverged(scene, chain, q, qd, first + done)
-            start = rows.stop - 1
-            if progress is not None:
-                progress(start / (run.samples - 1))
-    except KeyboardInterrupt:
-        raise InterruptedRunError(_first(start + 1, scene, chain, q, qd)) from None
-    return Trajectory.from_states(scene, chain, times, q, qd)
+    arrays = chain.arrays, work, method, *inputs, run.step
+    integrate(*arrays, 0, run.steps_per_sample, q[:1], qd[:1])  # compiles, while no signal is deferred
+    Trajectory.from_states(scene, chain, times[:1], q[:1], qd[:1])
+    kept = 1
+    with deferred() as stop:
+        try:
+            for kept, fraction in _pieces(scene, chain, arrays, q, qd):  # noqa: B007  used below
+                if progress is not None:
+                    progress(fraction)
+                if stop.asked:
+                    break
+        except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
+            stop.signal = signal.SIGINT
+        if stop.signal is not None:
+            raise InterruptedRunError(_first(kept, scene, chain, q, qd), stop.signal)
+        trajectory = Trajectory.from_states(scene, chain, times, q, qd)
+        if stop.signal is not None:
+            raise InterruptedRunError(trajectory, stop.signal)
+    return trajectory
+
+
+def _pieces(scene: Scene, chain: Chain, arrays: Any, q: Array, qd: Array) -> Iterator[tuple[int, float]]:
+    """Fill `q`, `qd`; now and then yield how many samples are finished, and which fraction of the run."""
+    run, pace, done = scene.run, 1, 0
+    part_q, part_qd = q[[0, 0]], qd[[0, 0]]  # row 0: where a piece within a sample starts, row 1: where it ends
+    stride, total = run.steps_per_sample, (run.samples - 1) * run.steps_per_sample
+    yield 1, 0.0
+    while done < total:
+        started = time.perf_counter()
+        row, inside = divmod(done, stride)
+        rows = slice(row, row + 1 + min(pace // stride, run.samples - 1 - row))
+        if inside == 0 and pace >= stride:
+            wanted = (rows.stop - 1 - row) * stride
+            reached = integrate(*arrays, done, stride, q[rows], qd[rows])
+        else:
+            wanted = min(pace, stride - inside)
+            part_q[0], part_qd[0] = (part_q[1], part_qd[1]) if inside else (q[row], qd[row])
+            reached = integrate(*arrays, done, wanted, part_q, part_qd)
+            if inside + wanted == stride or reached < wanted:
+                q[row + 1], qd[row + 1] = part_q[1], part_qd[1]
+        done += reached
+        if reached < wanted:
+            raise _diverged(scene, chain, q, qd, done)
+        pace = max(1, min(2 * pace, int(wanted * BREATH / max(time.perf_counter() - started, 1e-9))))
+        yield done // stride + 1, done / total
 
 
 def _first(kept: int, scene: Scene, chain: Chain, q: Array, qd: Array) -> Trajectory:

@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,15 +53,24 @@ class Trajectory:
     tip: Array
     energy: Energy
 
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _read_only(getattr(self, field.name)))
+
+    def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only."""
+        return Trajectory, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
     @classmethod
     def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
-        """Add tip, energies and drive torques to states that a run of `scene` went through; all become read-only."""
+        """Add tip, energies and drive torques to states that a run of `scene` went through.
+
+        The trajectory holds read-only views of the arrays given; who goes on writing to them gives copies.
+        """
         tip, parts, tau = np.empty((len(t), 3)), np.empty((3, len(t))), np.empty_like(q)
         tips_and_energies(chain.arrays, q, qd, tip, parts)
         work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
         drive_torques(chain.arrays, work, *input_arrays(scene, chain), t, q, qd, tau)
-        for array in (t, q, qd, tip, parts, tau):
-            array.flags.writeable = False
         return cls(chain, t, q, qd, tau, tip, Energy(*parts))
 
     @property
@@ -115,6 +124,16 @@ class Trajectory:
         """
         figure: Figure = plotting().plot_trajectory(self)
         return figure
+
+
+def _read_only(value: Any) -> Any:
+    """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    elif isinstance(value, Energy):
+        value = Energy(*map(_read_only, value))
+    return value
 
 
 def plotting() -> ModuleType:
