@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from flexlink.cli import main
-from flexlink.kernels import compiler
 
 
 @pytest.fixture
@@ -108,18 +107,6 @@ def test_the_library_imports_without_engines_or_plotting() -> None:
     code = "import sys, flexlink; print({'pinocchio', 'mujoco', 'matplotlib', 'jinja2', 'rich'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
-
-
-def test_an_edit_in_any_kernel_file_changes_the_cache_folder(monkeypatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    (tmp_path / "kernels").mkdir()
-    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:
-        place = tmp_path / ("kernels" if source.parent == compiler.HERE else "") / source.name
-        place.write_bytes(source.read_bytes())
-    monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
-    before = compiler.cache_folder()
-    (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
-    assert compiler.cache_folder() != before
 
 
 def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, capsys) -> None:
