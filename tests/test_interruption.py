@@ -199,15 +199,25 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     assert not list(tmp_path.glob("*x*"))
 
 
+COMMAND = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["flexlink", "simulate", {scene!r}, "--duration", "1000", "--out", {out!r}]
+print("up", flush=True)
+from flexlink.cli import main
+sys.exit(main())
+"""
+
+
 def test_signals_from_outside_at_some_moments(tmp_path: Path) -> None:
-    """What the list above cannot foresee: real signals, by the clock."""
-    moments = [(0.2, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]
+    """What the lists above cannot foresee: real signals, by the clock."""
     runs = []
-    for k, (moment, number) in enumerate(moments):
-        out = tmp_path / f"{k}.npz"
-        command = [sys.executable, "-m", "flexlink", "simulate", PAPER, "--duration", "1000", "--out", str(out)]
-        begun = time.monotonic()
-        runs.append((begun + moment, number, out, subprocess.Popen(command, stderr=subprocess.PIPE, text=True)))
+    for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
+        out = tmp_path / f"{moment}.npz"
+        command = [sys.executable, "-c", COMMAND.format(scene=PAPER, out=str(out))]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert process.stdout.readline() == "up\n"
+        runs.append((time.monotonic() + moment, number, out, process))
     for due, number, out, process in runs:
         time.sleep(max(0.0, due - time.monotonic()))
         process.send_signal(number)
