@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
+import time
+import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
+import flexlink as fl
+from flexlink import cli
 from flexlink.cli import main
+from flexlink.terminal import announced
 
 
 @pytest.fixture
@@ -96,6 +104,35 @@ def test_an_unknown_engine_is_listed(paper: str, capsys) -> None:
     assert "'bullet'" in error_line(capsys)
 
 
+def test_the_version_is_that_of_the_library(capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"flexlink {fl.__version__}\n"
+
+
+def test_no_run_is_timed_together_with_its_compiler(paper: str, capsys, monkeypatch) -> None:
+    """The first call stands for one that compiles: it takes long."""
+    real, calls = cli.simulate, []
+
+    def slow_at_first(*arguments, **named):
+        calls.append(named)
+        if len(calls) == 1:
+            time.sleep(0.5)
+        return real(*arguments, **named)
+
+    fl.simulate(fl.load_scene(paper), duration=0.0)
+    monkeypatch.setattr(cli, "simulate", slow_at_first)
+    assert main(["simulate", paper, "--duration", "0.01"]) == 0
+    assert float(re.search(r"simulated in (\S+) s", capsys.readouterr().out)[1]) < 0.5
+
+
+def test_warnings_are_one_line(capsys) -> None:
+    with announced():
+        warnings.warn("compiled code\ncannot be kept", RuntimeWarning, stacklevel=1)
+    assert capsys.readouterr().err == "flexlink: warning: compiled code cannot be kept\n"
+
+
 def test_help_has_examples(capsys) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
@@ -118,3 +155,10 @@ def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, ca
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert main(["modes", paper, "--lock", "elbow"]) == 2
     assert "link = 'elbow': not in this arm; it has waist, upper, fore" in error_line(capsys)
+
+
+def test_an_editable_install_is_a_path() -> None:
+    """Setuptools' other way, a finder behind all paths, lets scripts beside a clone find its folder, named flexlink, as an
+    empty package; with this mapping, and no packages outside of it, it writes a path."""
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    assert setup["package-dir"] == {"": "."}
