@@ -120,7 +120,7 @@ def _quit(number: int, _: FrameType | None) -> None:
         return
     with contextlib.suppress(Exception):  # what was printed so far; it fails where this signal cut in
         sys.stdout.flush()
-    _say(f"{word(number)}; nothing to keep yet")
+    _say(word(number) + ("; no samples to keep yet" if "simulate" in sys.argv[1:2] else ""))
     os._exit(128 + number)
 
 

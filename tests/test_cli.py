@@ -158,7 +158,7 @@ def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, ca
 
 
 def test_an_editable_install_is_a_path() -> None:
-    """Setuptools' other way, a finder behind all paths, lets scripts beside a clone find its folder, named flexlink, as an
-    empty package; with this mapping, and no packages outside of it, it writes a path."""
+    """Setuptools' other way, a finder behind all paths, lets scripts beside a clone find its folder, named flexlink, as
+    an empty package; with this mapping, and no packages outside of it, it writes a path."""
     setup = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
     assert setup["package-dir"] == {"": "."}

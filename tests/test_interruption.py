@@ -16,6 +16,7 @@ from conftest import ROOT
 import flexlink as fl
 from flexlink import cli, output
 from flexlink.cli import main
+from flexlink.entry import is_command
 from flexlink.interruption import LAST, StoppedError, deferred
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -162,6 +163,39 @@ def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_pa
     assert len(rows) == (1 if moment == "running" else 11)
 
 
+def test_a_signal_while_saving_waits_for_the_file(tmp_path: Path, models, monkeypatch) -> None:
+    run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
+    at_first_call(monkeypatch, np, "savez_compressed", signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        run.save(tmp_path / "run.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
+    np.testing.assert_array_equal(np.load(tmp_path / "run.npz")["q"], run.q)
+
+
+def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
+    def stop_at_the_end(fraction: float) -> None:
+        if fraction == 1.0:
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(fl.InterruptedRunError, match=r"terminated at t = 0.02 s; 5 samples kept") as caught:
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), stop_at_the_end, duration=0.02)
+    assert len(caught.value.trajectory.t) == 5
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "wanted"),
+    [
+        ("/usr/bin/flexlink", ["python", "/usr/bin/flexlink", "info"], True),
+        ("-m", ["python", "-X", "dev", "-m", "flexlink", "info"], True),
+        ("-m", ["python", "-m", "laboratory", "flexlink"], False),  # a program that imports the library
+        ("study.py", ["python", "study.py", "-m", "flexlink"], False),
+        ("", ["python"], False),
+    ],
+)
+def test_only_the_command_line_quits_at_once(program: str, words: list[str], wanted: bool) -> None:
+    assert is_command([program], words) is wanted
+
+
 START = """
 import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -194,7 +228,7 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 128 + number
     last = done.stderr.splitlines()[-1]
-    assert last in {f"flexlink: {what}; nothing to keep yet" for what in ("interrupted", "terminated")}
+    assert last in {f"flexlink: {what}; no samples to keep yet" for what in ("interrupted", "terminated")}
     assert len(done.stderr.splitlines()) == (2 if module == "never" else 1)
     assert not list(tmp_path.glob("*x*"))
 
@@ -229,5 +263,5 @@ def test_signals_from_outside_at_some_moments(tmp_path: Path) -> None:
             assert f"{len(t)} sample" in error
             assert (np.diff(t) > 0).all()
         else:
-            assert "nothing to keep yet" in error
+            assert "no samples to keep yet" in error
     assert not list(tmp_path.glob(".*"))
