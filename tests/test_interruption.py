@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import subprocess
 import sys
@@ -243,13 +244,21 @@ sys.exit(main())
 """
 
 
-def test_signals_from_outside_at_some_moments(tmp_path: Path) -> None:
+@pytest.fixture
+def started():
+    """Processes that are gone after the test, whatever happens in it."""
+    with contextlib.ExitStack() as after:
+        yield lambda process: after.callback(process.kill)
+
+
+def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
     """What the lists above cannot foresee: real signals, by the clock."""
     runs = []
     for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
         out = tmp_path / f"{moment}.npz"
         command = [sys.executable, "-c", COMMAND.format(scene=PAPER, out=str(out))]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        started(process)
         assert process.stdout.readline() == "up\n"
         runs.append((time.monotonic() + moment, number, out, process))
     for due, number, out, process in runs:
