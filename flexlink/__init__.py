@@ -1,5 +1,9 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
+import flexlink.entry  # noqa: F401  first of all
+
+# isort: split
+
 from flexlink.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
 from flexlink.batch import simulate_many
 from flexlink.chain import Chain, Coordinate

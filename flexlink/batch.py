@@ -17,7 +17,7 @@ from flexlink.inputs import losses_side_by_side
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.lanes import LANES
 from flexlink.scene import Scene
-from flexlink.simulate import pieces, prepare, run_alone
+from flexlink.simulate import SingleRun, pieces, prepare
 from flexlink.trajectory import Trajectory
 from flexlink.watch import Watch
 
@@ -82,7 +82,7 @@ class Member(NamedTuple):
     def run(self, stop: Stop) -> Outcome:
         """Alone."""
         try:
-            return run_alone(self.watch, stop)
+            return SingleRun(self.scene, self.watch).finish(stop)
         except (DivergenceError, InterruptedRunError) as error:
             return error
 
@@ -126,9 +126,9 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
     for lane, member in enumerate(eight):
         q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
     state = q[0].copy(), qd[0].copy(), np.zeros((chain.n + 1, LANES))
-    work, inputs = lanes_workspace(solver, chains), block[0].watch.record.inputs
+    work = lanes_workspace(solver, chains)
     rows = 1
-    for done in pieces(run, chain, work, inputs, losses_side_by_side(chains), state, samples):
+    for done in pieces(block[0].watch, work, losses_side_by_side(chains), state, samples):
         rows = done // run.steps_per_sample + 1
         if stop.asked:
             break

@@ -132,7 +132,9 @@ class Chain:
     @functools.cached_property
     def active(self) -> NDArray[np.intp]:
         """Sequential indices of the driven joints."""
-        return np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
+        active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
+        active.flags.writeable = False
+        return active
 
     @functools.cached_property
     def axes(self) -> Array:

@@ -7,6 +7,7 @@ import contextlib
 import dataclasses
 import io
 import os
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -15,19 +16,20 @@ from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 
-from flexlink import catalogue
+from flexlink import __version__, catalogue
 from flexlink.chain import Chain
 from flexlink.compare import compare
 from flexlink.dynamics import SOLVERS
 from flexlink.errors import ArgumentError, DivergenceError, FlexlinkError, InterruptedRunError
 from flexlink.export import FORMATS
-from flexlink.kernels.compiler import is_warm
+from flexlink.interruption import deferred, finish
 from flexlink.modal import Modes, modes
 from flexlink.notes import notes
 from flexlink.output import write_or_keep, write_text
 from flexlink.scene import Run, Scene, load_scene
-from flexlink.simulate import simulate
+from flexlink.simulate import SingleRun, override
 from flexlink.stability import fastest_eigenvalues, stable_step_of
+from flexlink.terminal import Progress, announced
 from flexlink.trajectory import Trajectory, output_format, picture_format, plotting
 
 if TYPE_CHECKING:
@@ -48,13 +50,13 @@ EXAMPLES = """examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 interrupted."""
+    """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 Ctrl-C, 143 SIGTERM."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # q̈ on a terminal that cannot show it
     options = _parser().parse_args(arguments)
     try:
-        with np.errstate(all="ignore"):  # numbers beyond float64 are refused where they arise
+        with announced(), np.errstate(all="ignore"):  # numbers beyond float64 are refused where they arise
             code: int = options.command(options)
         print(end="", flush=True)  # so that a full disk or a closed pipe is noticed here
         return code
@@ -69,7 +71,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except KeyboardInterrupt as error:
         print(f"flexlink: {str(error) or 'interrupted'}", file=sys.stderr)
-        return 130
+        return 128 + getattr(error, "signal", signal.SIGINT)
+    finally:
+        finish()
 
 
 class _Parser(argparse.ArgumentParser):
@@ -86,6 +90,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"flexlink {__version__}")
     commands = parser.add_subparsers(required=True, metavar="command")
 
     def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
@@ -111,6 +116,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
     run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
     run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
+    run.add_argument(
+        "--insist", action="store_const", const="allow", dest="unstable",
+        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
+    )  # fmt: skip
     run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
     run.add_argument(
         "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
@@ -213,24 +222,42 @@ def _simulate(options: argparse.Namespace) -> int:
         output_format(options.out)
         _require_place(options.out)
     _require_picture(options.plot)
-    if not is_warm():
-        print("compiling the solver for this machine (once; about half a minute at most) …", file=sys.stderr)
-    bar = _Bar(scene.name)
-    started = time.perf_counter()
-    try:
-        with _about(options.scene):
-            run = simulate(scene, progress=bar, **overrides)
-    except (DivergenceError, InterruptedRunError) as error:
-        bar.close()
-        _save(error.trajectory, options.out)
-        raise
-    seconds = time.perf_counter() - started
-    bar.close()
+    with _about(options.scene):
+        ready = SingleRun(override(scene, overrides))  # compiled: a signal need not wait, and no run is timed by it
+        for note in notes(scene):
+            print(f"note: {note}", file=sys.stderr)
+    with deferred() as stop, contextlib.ExitStack() as last:
+        last.callback(finish)
+        bar = Progress(scene.name)
+        started = time.perf_counter()
+        try:
+            with _about(options.scene):
+                run = ready.finish(stop, bar)
+            seconds = time.perf_counter() - started
+        except (DivergenceError, InterruptedRunError) as error:
+            bar.clear()
+            _deliver(error.trajectory, options)
+            error.args = (f"{error}{_place(options)}",)
+            raise
+        bar.clear()
+        _deliver(run, options)
+        _summary(scene, run, seconds)
+        if stop.signal is not None:
+            raise InterruptedRunError(run, stop.signal, _place(options))
+    return 0
+
+
+def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
+    """All that was asked for of the samples that are there."""
+    for warning in run.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     _save(run, options.out)
-    _summary(scene, run, seconds)
     if options.plot is not None:
         _draw(run.plot(), options.plot)
-    return 0
+
+
+def _place(options: argparse.Namespace) -> str:
+    return f" in {options.out}" if options.out else ", but not saved, for want of --out"
 
 
 def _modes(options: argparse.Namespace) -> int:
@@ -260,6 +287,9 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     print(f"{scene.name}: {run.t[-1]:g} s simulated in {seconds:.2f} s ({run.t[-1] / seconds:.1f} × real time)")
     print(f"tip at the end: x = {x:.6f}, y = {y:.6f}, z = {z:.6f} m (frame 0)")
     print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")
+    worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
+    share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
+    print(f"power balance: E − E(0) − W is at most {worst:.2g} J{share}")
 
 
 def _save(run: Trajectory, out: Path | None) -> None:
@@ -283,22 +313,6 @@ def _require_picture(path: Path | None) -> None:
         plotting()
 
 
-class _Bar:
-    """Progress on the terminal, redrawn in place; silent when the output is not a terminal."""
-
-    def __init__(self, name: str) -> None:
-        self.name, self.shown = name, sys.stderr.isatty()
-
-    def __call__(self, fraction: float) -> None:
-        if self.shown:
-            filled = round(30 * fraction)
-            print(f"\r{self.name} [{'█' * filled}{'·' * (30 - filled)}] {fraction:4.0%}", end="", file=sys.stderr)
-
-    def close(self) -> None:
-        if self.shown:
-            print(file=sys.stderr)
-
-
 def _export(options: argparse.Namespace) -> int:
     texts: dict[Path, str] = {}
     for path in options.scenes:
@@ -319,10 +333,10 @@ def _export(options: argparse.Namespace) -> int:
 
 def _compare(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
-    bar = _Bar(scene.name)
+    bar = Progress(scene.name)
     with _about(options.scene):
         comparison = compare(scene, tuple(options.engines), options.samples, options.seed, bar)
-    bar.close()
+    bar.clear()
     print(comparison)
     return 0 if comparison.passed else 1
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
+
+from flexlink.interruption import word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,18 +68,26 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
 
 class InterruptedRunError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a run, a KeyboardInterrupt for all; `trajectory` holds every sample up to there.
+    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt for all who stop at one.
 
-    Of `simulate_many`, `runs` holds all runs as far as they went.
+    `trajectory` holds every sample up to there, `signal` the number of the signal; of `simulate_many`, `runs` holds all
+    runs as far as they went.
     """
 
-    def __init__(self, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
-        super().__init__(f"interrupted; {len(trajectory.t)} samples kept")
-        self.trajectory, self.runs = trajectory, runs
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        number: int = signal.SIGINT,
+        where: str = "",
+        runs: Sequence[Trajectory] = (),
+    ) -> None:
+        kept = len(trajectory.t)
+        super().__init__(f"{word(number)} at t = {trajectory.t[-1]:.6g} s; {kept} sample{'s' * (kept > 1)} kept{where}")
+        self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs
 
-    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, Sequence[Trajectory]]]:
+    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, int, str, Sequence[Trajectory]]]:
         """As `DivergenceError`."""
-        return InterruptedRunError, (self.trajectory, self.runs)
+        return InterruptedRunError, (self.trajectory, self.signal, self.where, self.runs)
 
 
 class ConvergenceError(FlexlinkError, ArithmeticError):

@@ -82,7 +82,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
         The torques change by more than float64 can hold.
     """
     drive = scene.drive
-    joints = chain.active if drive.kind != "none" else chain.active[:0]
+    joints = chain.active.copy() if drive.kind != "none" else np.empty(0, dtype=np.intp)
     links = [chain.coordinate(int(k)).link - 1 for k in joints]
     zero = (0.0,) * len(scene.arm.links)
     times = np.array(drive.times or (0.0,))

@@ -3,35 +3,44 @@
 from __future__ import annotations
 
 import os
+import secrets
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 from flexlink.errors import OutputError
+from flexlink.interruption import deferred
 
 
 def write_whole(path: Path, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then move it there in one step.
+    """Let `write` fill a temporary file beside `path`, then move it there in one step; no signal comes between.
+
+    A link is followed, and the file that it leads to replaced. A new file gets the permissions of the umask, a replaced
+    one keeps its own.
 
     Raises
     ------
     OutputError
-        The folder is missing or not writable, or the disk is full; `path` is left as it was.
+        The folder is missing or not writable, the disk is full, or `path` is a folder, a device or a pipe; `path` is
+        left as it was.
     """
+    target = Path(os.path.realpath(path))
+    temporary = target.with_name(f".{target.stem}-{secrets.token_hex(4)}{target.suffix}")
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem}-", suffix=path.suffix, dir=path.parent)
+        with deferred():
+            try:
+                os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+                if target.exists():
+                    if not target.is_file():
+                        raise OSError("is not a regular file")
+                    shutil.copymode(target, temporary)
+                write(temporary)
+                temporary.replace(target)
+            finally:
+                temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-    os.close(handle)
-    temporary = Path(name)
-    try:
-        write(temporary)
-        temporary.chmod(0o644)
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -13,30 +15,63 @@ if TYPE_CHECKING:
     from flexlink.modal import Modes
     from flexlink.trajectory import Trajectory
 
-LEGEND_ENTRIES = 8  # more do not fit on a phone
+LEGEND_ENTRIES = 8  # more do not fit beside a panel
+PANEL = 1.9  # height [in]
 
 
 def plot_trajectory(run: Trajectory) -> Figure:
-    """Four panels against time: active joints, passive joints, tip, energy."""
-    figure = Figure(figsize=(7.2, 9.6), layout="constrained")
-    active, passive, tip, energy = figure.subplots(4, 1, sharex=True)
+    """All `PANELS` that have something to show, against time, each with its legend beside it."""
+    shown = [panel for panel, has_content in PANELS if has_content(run)]
+    figure = Figure(figsize=(8.4, PANEL * len(shown) + 0.7), layout="constrained")
+    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
     figure.suptitle(run.chain.name)
-    driven = set(run.chain.active.tolist())
-    hinges = [k for k in range(run.chain.n) if k not in driven]
-    _lines(active, run, sorted(driven), "active joints [deg]")
-    _lines(passive, run, hinges, "passive joints [deg]")
-    for column, axis in enumerate("xyz"):
-        tip.plot(run.t, run.tip[:, column], label=axis)
-    tip.set_ylabel("tip, frame 0 [m]")
-    parts = run.energy._asdict() | {"total": run.energy.total}
-    for name, values in parts.items():
-        energy.plot(run.t, np.asarray(values), label=name, linestyle="--" if name == "total" else "-")
-    energy.set(ylabel="energy [J]", xlabel="time [s]")
-    for panel in (active, passive, tip, energy):
+    for draw, panel in zip(shown, axes, strict=True):
+        draw(panel, run)
         panel.grid(alpha=0.3)
-        if panel.lines:
-            panel.legend(fontsize="small", ncols=2, loc="upper right")
+        panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    axes[-1].set_xlabel("time [s]")
     return figure
+
+
+def active_joints(panel: Axes, run: Trajectory) -> None:
+    """Angles of the driven joints."""
+    _angles(panel, run, run.chain.active.tolist(), "active joints [deg]")
+
+
+def passive_joints(panel: Axes, run: Trajectory) -> None:
+    """Angles of the hinges."""
+    _angles(panel, run, _hinges(run), "passive joints [deg]")
+
+
+def tip(panel: Axes, run: Trajectory) -> None:
+    """Position of the tip."""
+    for column, axis in enumerate("xyz"):
+        panel.plot(run.t, run.tip[:, column], label=axis)
+    panel.set_ylabel("tip, frame 0 [m]")
+
+
+def exchanged_energy(panel: Axes, run: Trajectory) -> None:
+    """Kinetic and gravity energy and the sum of all, since the start: the zero of gravity energy says nothing."""
+    for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
+        panel.plot(run.t, _since_start(values), label=name)
+    panel.plot(run.t, _since_start(run.energy.total), label="total", color="black", linestyle="--")
+    panel.set_ylabel("energy since\nthe start [J]")
+
+
+def elastic_energy(panel: Axes, run: Trajectory) -> None:
+    """Energy of the springs, often thousands of times smaller than what falls and swings."""
+    panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color="tab:green")
+    panel.set_ylabel("elastic\nenergy [J]")
+
+
+PANELS: tuple[tuple[Callable[[Axes, Trajectory], None], Callable[[Trajectory], bool]], ...] = (
+    (active_joints, lambda run: len(run.chain.active) > 0),
+    (passive_joints, lambda run: len(_hinges(run)) > 0),
+    (tip, lambda run: True),
+    (exchanged_energy, lambda run: True),
+    (elastic_energy, lambda run: bool(run.chain.stiffness.any())),
+)
+"""What a picture of a run shows, from top to bottom, and of which runs."""
 
 
 def plot_modes(found: Modes, name: str, count: int = 8) -> Figure:
@@ -64,7 +99,16 @@ def plot_modes(found: Modes, name: str, count: int = 8) -> Figure:
     return figure
 
 
-def _lines(panel: Axes, run: Trajectory, joints: list[int], label: str) -> None:
+def _hinges(run: Trajectory) -> list[int]:
+    return [k for k, c in enumerate(run.chain.coordinates) if c.axis]
+
+
+def _since_start(values: ArrayLike) -> NDArray[np.float64]:
+    since: NDArray[np.float64] = np.asarray(values) - np.asarray(values)[0]
+    return since
+
+
+def _angles(panel: Axes, run: Trajectory, joints: list[int], label: str) -> None:
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < LEGEND_ENTRIES else None
         panel.plot(run.t, np.degrees(run.q[:, k]), label=name, linewidth=1.0)

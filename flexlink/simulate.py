@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,12 +14,11 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.checks import callable_or_none, given
 from flexlink.errors import ArgumentError, InterruptedRunError, SceneError
-from flexlink.inputs import Inputs, Losses, losses
+from flexlink.inputs import Losses
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
 from flexlink.spec import meant
-from flexlink.tableaus import tableau
 from flexlink.trajectory import Record, Trajectory
 from flexlink.watch import Watch, judge_step
 
@@ -39,7 +39,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     scene
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
-        Called with the finished fraction, from 0 to 1, now and then.
+        Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
     **overrides
         Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics, unstable.
 
@@ -63,10 +63,41 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
     callable_or_none("progress", progress)
-    scene = _override(given("scene", scene, Scene), overrides)
-    watch = prepare(scene, scene.chain())
+    run = SingleRun(override(given("scene", scene, Scene), overrides))
     with deferred() as stop:
-        return run_alone(watch, stop, progress)
+        return run.finish(stop, progress)
+
+
+class SingleRun:
+    """A run that is judged and compiled, and has not started; errors as in `simulate`."""
+
+    def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
+        self.watch = prepare(scene, scene.chain()) if watch is None else watch
+        record = self.watch.record
+        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n + 1)
+        samples = record.q, record.qd, record.works
+        self.pieces = pieces(self.watch, record.scratch, self.watch.losses, self.state, samples)
+        next(self.pieces)  # compiles, while no signal is deferred
+
+    def finish(self, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
+        """Run to the end, or to where it is stopped."""
+        watch, told = self.watch, progress or (lambda _: None)
+        steps = (watch.run.samples - 1) * watch.run.steps_per_sample
+        try:
+            told(0.0 if steps else 1.0)
+            for done in self.pieces:
+                if not watch.look(done // watch.run.steps_per_sample + 1) or not np.isfinite(self.state[:2]).all():
+                    break
+                told(done / steps)
+                if stop.asked:
+                    break
+        except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
+            stop.signal = signal.SIGINT
+        if watch.fault or not np.isfinite(self.state[:2]).all():
+            raise watch.diverged(done + 1, self.state)
+        if stop.signal is not None:
+            raise InterruptedRunError(watch.trajectory(), stop.signal)
+        return watch.trajectory()
 
 
 def prepare(scene: Scene, chain: Chain) -> Watch:
@@ -88,53 +119,33 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     q[0], qd[0] = scene.initial_state(chain)
-    return Watch(run, record, judge_step(scene, chain, q[0], qd[0], record.inputs))
+    watch = Watch(run, record, judge_step(scene, chain, q[0], qd[0], record.inputs))
+    watch.look(1)
+    return watch
 
 
-def run_alone(watch: Watch, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
-    """Run what was prepared; errors as in `simulate`."""
-    run, record, wanted = watch.run, watch.record, watch.run.samples - 1
-    chain = record.chain
-    state = record.q[0].copy(), record.qd[0].copy(), np.zeros(chain.n + 1)
-    samples = record.q, record.qd, record.works
-    for done in pieces(run, chain, record.scratch, record.inputs, losses(chain), state, samples):
-        last = done // run.steps_per_sample
-        if not watch.look(last + 1) or not np.isfinite(state[:2]).all():
-            raise watch.diverged(done + 1, state)
-        if progress is not None:
-            progress(last / wanted if wanted else 1.0)
-        if stop.asked and last < wanted:
-            raise InterruptedRunError(watch.trajectory())
-    return watch.trajectory()
+def pieces(watch: Watch, scratch: Any, losses: Losses, state: Arrays, samples: Arrays) -> Iterator[int]:
+    """Integrate in pieces of about 20 ms; yields the number of the last step whose state is finite, at first 0.
 
-
-def pieces(
-    run: Run,
-    chain: Chain,
-    work: Any,
-    inputs: Inputs,
-    lost: Losses,
-    state: Arrays,
-    samples: Arrays,
-) -> Iterator[int]:
-    """Integrate in pieces of about 20 ms: after each, the number of the last step whose state is finite.
-
-    The state, and the samples, of one chain or of eight side by side, are filled in place; see `integrate`.
+    The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
+    `integrate`.
     """
-    first, size, steps = 0, FIRST_PIECE, (run.samples - 1) * run.steps_per_sample
-    fixed = chain.arrays, work, tableau(run.method).arrays, inputs, lost, run.step
-    yield 0
+    run, record = watch.run, watch.record
+    first, size, steps, every = 0, FIRST_PIECE, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
+    fixed = record.chain.arrays, scratch, watch.tableau, record.inputs, losses, run.step
+    yield int(integrate(*fixed, 0, 0, every, state, samples))
     while first < steps:
         started, last = time.perf_counter(), min(first + size, steps)
-        done = integrate(*fixed, first, last, run.steps_per_sample, state, samples)
+        done = int(integrate(*fixed, first, last, every, state, samples))
         yield done
         if done < last:
             return
         first = last
-        size = max(1, int(size * min(2.0, PIECE_SECONDS / (time.perf_counter() - started))))
+        size = max(1, int(size * min(2.0, PIECE_SECONDS / max(time.perf_counter() - started, 1e-9))))
 
 
-def _override(scene: Scene, overrides: dict[str, Any]) -> Scene:
+def override(scene: Scene, overrides: dict[str, Any]) -> Scene:
+    """The scene with other run settings; errors as in `simulate`."""
     for name in overrides:
         if name not in Run.__struct_fields__:
             allowed = Run.__struct_fields__

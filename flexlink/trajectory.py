@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,14 @@ class Trajectory:
     def __repr__(self) -> str:
         samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
         return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints>"
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _read_only(getattr(self, field.name)))
+
+    def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only."""
+        return Trajectory, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     @classmethod
     def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
@@ -151,6 +159,16 @@ class Trajectory:
         return figure
 
 
+def _read_only(value: Any) -> Any:
+    """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    elif isinstance(value, Energy):
+        value = Energy(*map(_read_only, value))
+    return value
+
+
 def plotting() -> ModuleType:
     """The module that draws, which needs matplotlib.
 
@@ -198,10 +216,7 @@ class Record:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        energy = self.energy[:, :stop]
-        for array in (t, q, qd, tau, tip, energy, *([] if work is None else [work])):
-            array.flags.writeable = False
-        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*energy), work, warnings)
+        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings)
 
 
 def _kept(array: Array, stop: int) -> Array:

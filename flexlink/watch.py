@@ -95,8 +95,8 @@ class Watch:
     def look(self, stop: int) -> bool:
         """Derive and judge the samples before `stop` that were not looked at; whether all are good."""
         first = self.good
-        if stop == first:
-            return True
+        if stop == first or self.fault:
+            return not self.fault
         with np.errstate(all="ignore"):
             self.record.derive(first, stop)
             self.good = stop

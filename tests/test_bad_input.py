@@ -269,10 +269,11 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("flexlink.cli._Bar.__call__", stop_at_half)
+    monkeypatch.setattr(sys.modules["flexlink.simulate"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr("flexlink.cli.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
-    assert "interrupted; 11 samples kept" in capsys.readouterr().err
+    assert "interrupted at t = 0.05 s; 11 samples kept in" in capsys.readouterr().err
     np.testing.assert_allclose(np.load(out)["t"], np.arange(11) * 0.005, atol=1e-15)
 
 

@@ -5,13 +5,19 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import time
+import tomllib
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 
+import flexlink as fl
+from flexlink import cli
 from flexlink.cli import main
-from flexlink.kernels import compiler
+from flexlink.terminal import announced
 
 
 @pytest.fixture
@@ -98,6 +104,35 @@ def test_an_unknown_engine_is_listed(paper: str, capsys) -> None:
     assert "'bullet'" in error_line(capsys)
 
 
+def test_the_version_is_that_of_the_library(capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"flexlink {fl.__version__}\n"
+
+
+def test_no_run_is_timed_together_with_its_compiler(paper: str, capsys, monkeypatch) -> None:
+    """The first call stands for one that compiles: it takes long."""
+    real, calls = cli.simulate, []
+
+    def slow_at_first(*arguments, **named):
+        calls.append(named)
+        if len(calls) == 1:
+            time.sleep(0.5)
+        return real(*arguments, **named)
+
+    fl.simulate(fl.load_scene(paper), duration=0.0)
+    monkeypatch.setattr(cli, "simulate", slow_at_first)
+    assert main(["simulate", paper, "--duration", "0.01"]) == 0
+    assert float(re.search(r"simulated in (\S+) s", capsys.readouterr().out)[1]) < 0.5
+
+
+def test_warnings_are_one_line(capsys) -> None:
+    with announced():
+        warnings.warn("compiled code\ncannot be kept", RuntimeWarning, stacklevel=1)
+    assert capsys.readouterr().err == "flexlink: warning: compiled code cannot be kept\n"
+
+
 def test_help_has_examples(capsys) -> None:
     with pytest.raises(SystemExit) as caught:
         main(["--help"])
@@ -109,18 +144,6 @@ def test_the_library_imports_without_engines_or_plotting() -> None:
     code = "import sys, flexlink; print({'pinocchio', 'mujoco', 'matplotlib', 'jinja2', 'rich'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
-
-
-def test_an_edit_in_any_kernel_file_changes_the_cache_folder(monkeypatch, tmp_path: Path) -> None:
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    (tmp_path / "kernels").mkdir()
-    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:
-        place = tmp_path / ("kernels" if source.parent == compiler.HERE else "") / source.name
-        place.write_bytes(source.read_bytes())
-    monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
-    before = compiler.cache_folder()
-    (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
-    assert compiler.cache_folder() != before
 
 
 def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, capsys) -> None:
@@ -193,3 +216,10 @@ def test_info_says_what_damping_costs_an_explicit_step(tmp_path: Path, capsys) -
 def test_info_names_links_as_errors_do(paper: str, capsys) -> None:
     assert main(["info", paper]) == 0
     assert not re.search(r"link \d", capsys.readouterr().out)
+
+
+def test_an_editable_install_is_a_path() -> None:
+    """Setuptools' other way, a finder behind all paths, lets scripts beside a clone find its folder, named flexlink, as
+    an empty package; with this mapping, and no packages outside of it, it writes a path."""
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]
+    assert setup["package-dir"] == {"": "."}

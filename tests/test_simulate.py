@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 from conftest import make_scene
@@ -153,3 +156,29 @@ def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(mode
     assert np.abs(torque[passive]).max() < 1e-9 * np.abs(torque).max()
     assert np.abs(q[passive]).max() > 1e-4
     np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))
+
+
+@pytest.mark.parametrize("clone", [lambda run: pickle.loads(pickle.dumps(run)), copy.copy, copy.deepcopy])
+def test_copies_of_a_trajectory_stay_read_only(clone, paper: fl.Scene) -> None:
+    run = fl.simulate(paper, duration=0.01)
+    twin = clone(run)
+    for array in (twin.t, twin.q, twin.qd, twin.tau, twin.tip, *twin.energy):
+        assert not array.flags.writeable
+    np.testing.assert_array_equal(twin.q, run.q)
+    np.testing.assert_array_equal(twin.energy.total, run.energy.total)
+
+
+def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> None:
+    chain = paper.chain()
+    q, qd = paper.initial_state(chain)
+    t, q, qd = np.zeros(1), q[None].copy(), qd[None].copy()
+    run = fl.Trajectory.from_states(paper, chain, t, q, qd)
+    for array in (t, q, qd):
+        assert array.flags.writeable
+    for array in (run.t, run.q, run.qd):
+        assert not array.flags.writeable
+
+
+def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        paper.chain().active[0] = 3

@@ -14,7 +14,7 @@ import flexlink as fl
 from flexlink import stability
 from flexlink.inputs import input_arrays
 from flexlink.interruption import Stop
-from flexlink.simulate import prepare, run_alone
+from flexlink.simulate import SingleRun, prepare
 from flexlink.stability import eigenvalues, stability_polynomial
 from flexlink.tableaus import tableau
 from flexlink.watch import gains_of
@@ -168,7 +168,7 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
         watch = prepare(msgspec.structs.replace(scene, run=run), chain)
         watch.record.q[0] += disturbance
         try:
-            growth.append(np.abs(run_alone(watch, Stop()).q[-1]).max() / np.abs(disturbance).max())
+            growth.append(np.abs(SingleRun(scene, watch).finish(Stop()).q[-1]).max() / np.abs(disturbance).max())
         except fl.DivergenceError:
             growth.append(np.inf)
     assert growth[0] < 10

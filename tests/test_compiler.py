@@ -1,0 +1,130 @@
+"""Compiled code on disk: never stale, never a traceback, never in the way."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from flexlink.kernels import compiler
+
+
+def fresh() -> Callable[[float], float]:
+    """The same kernel as a new process would see it: not compiled yet."""
+
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    return compiler.kernel(twice)
+
+
+def compilations(call: Callable[[], float]) -> int:
+    """How often something is compiled while `call` gives its right result."""
+    starts: list[None] = []
+    with compiler.watched(lambda: starts.append(None), lambda: None):
+        assert call() == 6.0
+    return len(starts)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch) -> Path:
+    monkeypatch.setattr(compiler, "_FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
+    monkeypatch.setattr(compiler.DiskCache, "told", False)
+    return compiler._FOLDER
+
+
+def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
+    assert compilations(lambda: fresh()(3.0)) == 1
+    assert compilations(lambda: fresh()(3.0)) == 0
+    assert compilations(lambda: fresh()(3)) == 1  # another signature
+
+
+DAMAGE = {
+    "empty": lambda content: b"",
+    "garbage": lambda content: b"garbage" * 100,
+    "truncated": lambda content: content[: len(content) // 2],
+    "one byte short": lambda content: content[:-1],
+    "one bit turned": lambda content: content[:5000] + bytes([content[5000] ^ 1]) + content[5001:],
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE.values(), ids=DAMAGE.keys())
+def test_damaged_code_is_compiled_anew_and_replaced(damage: Callable[[bytes], bytes], folder: Path) -> None:
+    fresh()(3.0)
+    (file,) = folder.iterdir()
+    file.write_bytes(damage(file.read_bytes()))
+    assert compilations(lambda: fresh()(3.0)) == 1
+    assert compilations(lambda: fresh()(3.0)) == 0
+
+
+def test_code_that_cannot_be_read_is_compiled_anew(folder: Path) -> None:
+    fresh()(3.0)
+    (file,) = folder.iterdir()
+    file.unlink()
+    file.mkdir()
+    with pytest.warns(RuntimeWarning, match="cannot be kept"):
+        assert compilations(lambda: fresh()(3.0)) == 1
+
+
+def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside_the_sources(
+    folder: Path, tmp_path: Path, monkeypatch
+) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    monkeypatch.setattr(compiler, "_FOLDER", tmp_path / "file" / "0123456789abcdef")
+    beside = set(Path(__file__).parent.rglob("*.nb?"))
+    with pytest.warns(RuntimeWarning, match=r"every process compiles anew.*NUMBA_CACHE_DIR") as told:
+        assert compilations(lambda: fresh()(3.0)) == 1
+        assert compilations(lambda: fresh()(3.0)) == 1
+    assert len(told) == 1
+    assert set(Path(__file__).parent.rglob("*.nb?")) == beside
+
+
+@pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])
+def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monkeypatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv(variable, str(tmp_path / "cache"))
+    (tmp_path / "kernels").mkdir()
+    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:
+        place = tmp_path / ("kernels" if source.parent == compiler.HERE else "") / source.name
+        place.write_bytes(source.read_bytes())
+    monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
+    before = compiler.cache_folder()
+    (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
+    assert compiler.cache_folder() != before
+    assert compiler.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
+
+
+def test_another_numba_has_another_folder(monkeypatch) -> None:
+    before = compiler.cache_folder()
+    monkeypatch.setattr(compiler.numba, "__version__", "0.0.0")
+    assert compiler.cache_folder() != before
+
+
+def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> None:
+    def homeless() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(compiler.Path, "home", homeless)
+    monkeypatch.setattr(compiler, "_FOLDER", compiler.cache_folder())
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        assert compilations(lambda: fresh()(3.0)) == 1
+
+
+def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(folder: Path) -> None:
+    root = folder.parent
+    for age in range(compiler.KEPT + 3):
+        old = root / f"{age:016x}"
+        old.mkdir(parents=True)
+        (old / "code.bin").write_bytes(b"")
+        os.utime(old, (1e9 - age, 1e9 - age))
+    (root / "mine").mkdir()
+    (root / "notes.txt").write_text("mine", encoding="utf-8")
+    fresh()(3.0)
+    left = {path.name for path in root.iterdir()}
+    assert left == {f"{age:016x}" for age in range(compiler.KEPT)} | {folder.name, "mine", "notes.txt"}

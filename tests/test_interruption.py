@@ -1,0 +1,276 @@
+"""Ctrl-C and SIGTERM at any moment: what is there is kept, nothing is torn, and nobody sees a traceback."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink import cli, output
+from flexlink.cli import main
+from flexlink.entry import is_command
+from flexlink.interruption import LAST, StoppedError, deferred
+
+BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+PAPER = str(ROOT / "models" / "paper_fig5.toml")
+
+
+@pytest.fixture(autouse=True)
+def usual_answers():
+    """Python's own handlers, whatever started the tests: jobs in the background are started with SIGINT ignored."""
+    usual = {signal.SIGINT: signal.default_int_handler, signal.SIGTERM: signal.SIG_DFL}
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@BOTH
+def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(number: int) -> None:
+    with pytest.raises(fl.ArgumentError, match="results"), deferred() as outer:
+        with deferred() as inner:
+            signal.raise_signal(number)
+        assert inner is outer
+        assert (outer.asked, outer.signal) == (True, number)
+        raise fl.ArgumentError("results")
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
+
+
+def test_a_signal_that_nobody_answered_is_not_swallowed() -> None:
+    done = []
+    with pytest.raises(KeyboardInterrupt), deferred():
+        signal.raise_signal(signal.SIGINT)
+        done.append(True)
+    assert done
+
+
+@BOTH
+def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: int, capfd) -> None:
+    with pytest.raises(StoppedError), deferred():
+        for _ in range(LAST - 1):
+            signal.raise_signal(number)
+        assert "once more, and it is lost" in capfd.readouterr().err
+        signal.raise_signal(number)
+
+
+@pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
+def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> None:
+    signal.signal(signal.SIGINT, own)
+    with deferred() as stop:
+        assert signal.getsignal(signal.SIGINT) is own
+        signal.raise_signal(signal.SIGINT)
+        assert not stop.asked
+
+
+def test_threads_see_what_the_main_thread_was_asked() -> None:
+    seen = []
+
+    def look() -> None:
+        with deferred() as stop:
+            seen.append(stop.asked)
+
+    def beside() -> None:
+        thread = threading.Thread(target=look)
+        thread.start()
+        thread.join()
+
+    beside()
+    with pytest.raises(KeyboardInterrupt), deferred():
+        signal.raise_signal(signal.SIGINT)
+        beside()
+    assert seen == [False, True]
+
+
+@BOTH
+def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> None:
+    seen: list[float] = []
+
+    def stop_soon(fraction: float) -> None:
+        seen.append(fraction)
+        if fraction > 0:
+            signal.raise_signal(number)
+
+    with pytest.raises(fl.InterruptedRunError) as caught:
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), stop_soon, duration=20.0, sample=20.0)
+    assert seen[-1] < 0.1
+    assert caught.value.signal == number
+    assert caught.value.trajectory.t.tolist() == [0.0]
+
+
+def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    whole = fl.simulate(scene, duration=0.02, sample=0.005)
+    for breath in (0.0, 1e-3):
+        monkeypatch.setattr(sys.modules["flexlink.simulate"], "BREATH", breath)
+        for sample in (0.005, 0.02):
+            again = fl.simulate(scene, duration=0.02, sample=sample)
+            np.testing.assert_array_equal(again.q[-1], whole.q[-1])
+
+
+def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
+    """Let a signal come in the middle of what `owner.name` does."""
+    real = getattr(owner, name)
+    calls = []
+
+    def interrupted(*arguments, **named):
+        calls.append(name)
+        if len(calls) == 1:
+            signal.raise_signal(number)
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(owner, name, interrupted)
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("moment", "ending"),
+    [
+        ("running", ".npz"),
+        ("saving", ".npz"),
+        ("saving", ".csv"),
+        ("before the file is there", ".npz"),
+        ("drawing", ".npz"),
+        ("summing up", ".npz"),
+    ],
+)
+def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
+    owner, name = {
+        "running": (cli.Progress, "__call__"),
+        "saving": (sys.modules["flexlink.trajectory"]._Writer, "__call__"),
+        "before the file is there": (output.Path, "replace"),
+        "drawing": (cli, "_draw"),
+        "summing up": (cli, "_summary"),
+    }[moment]
+    at_first_call(monkeypatch, owner, name, number)
+    out, picture = tmp_path / f"x{ending}", tmp_path / "x.svg"
+    plot = ["--plot", str(picture)] if moment == "drawing" else []
+    assert main(["simulate", PAPER, "--duration", "0.05", "--out", str(out), *plot]) == 128 + number
+    assert {path.name for path in tmp_path.iterdir()} == {out.name} | ({picture.name} if plot else set())
+    rows = np.load(out)["t"] if ending == ".npz" else np.genfromtxt(out, delimiter=",", skip_header=1, ndmin=2)[:, 0]
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1
+    assert f"{len(rows)} sample" in lines[0]
+    assert f"kept in {out}" in lines[0]
+    assert len(rows) == (1 if moment == "running" else 11)
+
+
+def test_a_signal_while_saving_waits_for_the_file(tmp_path: Path, models, monkeypatch) -> None:
+    run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
+    at_first_call(monkeypatch, np, "savez_compressed", signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        run.save(tmp_path / "run.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
+    np.testing.assert_array_equal(np.load(tmp_path / "run.npz")["q"], run.q)
+
+
+def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
+    def stop_at_the_end(fraction: float) -> None:
+        if fraction == 1.0:
+            signal.raise_signal(signal.SIGTERM)
+
+    with pytest.raises(fl.InterruptedRunError, match=r"terminated at t = 0.02 s; 5 samples kept") as caught:
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), stop_at_the_end, duration=0.02)
+    assert len(caught.value.trajectory.t) == 5
+
+
+@pytest.mark.parametrize(
+    ("program", "words", "wanted"),
+    [
+        ("/usr/bin/flexlink", ["python", "/usr/bin/flexlink", "info"], True),
+        ("-m", ["python", "-X", "dev", "-m", "flexlink", "info"], True),
+        ("-m", ["python", "-m", "laboratory", "flexlink"], False),  # a program that imports the library
+        ("study.py", ["python", "study.py", "-m", "flexlink"], False),
+        ("", ["python"], False),
+    ],
+)
+def test_only_the_command_line_quits_at_once(program: str, words: list[str], wanted: bool) -> None:
+    assert is_command([program], words) is wanted
+
+
+START = """
+import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["flexlink", "simulate", {scene!r}, "--out", {out!r}]
+class Bomb:
+    def find_spec(self, name, path=None, target=None):
+        if name == {module!r}:
+            signal.raise_signal({number})
+sys.meta_path.insert(0, Bomb())
+from flexlink.cli import main
+from numba.core import event
+class OnCompile(event.Listener):
+    def on_start(self, event):
+        pass
+    def on_end(self, event):
+        signal.raise_signal({number})
+event.register("numba:compile", OnCompile())
+sys.exit(main())
+"""
+
+
+@BOTH
+@pytest.mark.parametrize("module", ["numba", "scipy.linalg", "flexlink.cli", "never"])
+def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
+    number: int, module: str, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    out = tmp_path / "x.npz"
+    code = START.format(scene=PAPER, out=str(out), module=module, number=int(number))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 128 + number
+    last = done.stderr.splitlines()[-1]
+    assert last in {f"flexlink: {what}; no samples to keep yet" for what in ("interrupted", "terminated")}
+    assert len(done.stderr.splitlines()) == (2 if module == "never" else 1)
+    assert not list(tmp_path.glob("*x*"))
+
+
+COMMAND = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = ["flexlink", "simulate", {scene!r}, "--duration", "1000", "--out", {out!r}]
+print("up", flush=True)
+from flexlink.cli import main
+sys.exit(main())
+"""
+
+
+@pytest.fixture
+def started():
+    """Processes that are gone after the test, whatever happens in it."""
+    with contextlib.ExitStack() as after:
+        yield lambda process: after.callback(process.kill)
+
+
+def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
+    """What the lists above cannot foresee: real signals, by the clock."""
+    runs = []
+    for moment, number in [(0.3, signal.SIGTERM), (0.8, signal.SIGINT), (1.6, signal.SIGTERM), (2.0, signal.SIGINT)]:
+        out = tmp_path / f"{moment}.npz"
+        command = [sys.executable, "-c", COMMAND.format(scene=PAPER, out=str(out))]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        started(process)
+        assert process.stdout.readline() == "up\n"
+        runs.append((time.monotonic() + moment, number, out, process))
+    for due, number, out, process in runs:
+        time.sleep(max(0.0, due - time.monotonic()))
+        process.send_signal(number)
+        error = process.communicate(timeout=60)[1]
+        assert process.returncode == 128 + number
+        assert "Traceback" not in error
+        if out.exists():
+            t = np.load(out)["t"]
+            assert f"{len(t)} sample" in error
+            assert (np.diff(t) > 0).all()
+        else:
+            assert "no samples to keep yet" in error
+    assert not list(tmp_path.glob(".*"))

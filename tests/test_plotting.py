@@ -1,0 +1,59 @@
+"""Pictures: every curve can be read, no legend covers one."""
+
+from __future__ import annotations
+
+import runpy
+
+import numpy as np
+import pytest
+from conftest import ROOT, flexible, make_scene
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+import flexlink as fl
+from flexlink import plotting
+
+
+@pytest.fixture
+def run(models) -> fl.Trajectory:
+    return fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.05)
+
+
+def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
+    figure = plotting.plot_trajectory(run)
+    FigureCanvasAgg(figure).draw()
+    assert len(figure.axes) == 5
+    for panel in figure.axes:
+        legend = panel.get_legend().get_window_extent()
+        assert not legend.overlaps(panel.get_window_extent())
+        assert legend.xmax <= figure.bbox.xmax
+
+
+def test_every_energy_takes_a_good_part_of_its_panel(run: fl.Trajectory) -> None:
+    """But the total, which is to stand still: with gravity's arbitrary zero all of them were flat."""
+    figure = plotting.plot_trajectory(run)
+    for panel in figure.axes[-2:]:
+        low, high = panel.get_ylim()
+        for line in panel.lines:
+            if line.get_label() != "total":
+                assert np.ptp(line.get_ydata()) > 0.2 * (high - low)
+
+
+def test_panels_without_content_are_left_out() -> None:
+    rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
+    locked = make_scene(flexible("beam", joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0))
+    labels = [
+        [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes]
+        for scene in (rigid, locked)
+    ]
+    assert [len(found) for found in labels] == [3, 4]
+    assert not any("passive" in label or "elastic" in label for label in labels[0])
+    assert not any("active" in label and "passive" not in label for label in labels[1])
+
+
+def test_the_arm_of_the_readmes_picture_visibly_bends() -> None:
+    script = runpy.run_path(str(ROOT / "docs" / "steel_strips.py"))
+    scene = fl.load_scene(ROOT / "docs" / "steel_strips.toml")
+    run = fl.simulate(scene, duration=0.5)
+    for number, link in enumerate(scene.arm.links, start=1):
+        assert np.abs(script["deflections"](run, number)).max() > 0.1 * link.length
+    assert len(script["draw"](run).axes) == 2

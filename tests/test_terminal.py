@@ -1,0 +1,84 @@
+"""What the terminal shows: a line that fits, how long it takes, and what the machine is busy with."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+
+import pytest
+
+from flexlink import terminal
+from flexlink.terminal import Compiling, Progress, clock, progress_text
+
+
+class Terminal(io.StringIO):
+    """A stderr that says that it is one."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def fileno(self) -> int:
+        return 2
+
+
+def narrow(monkeypatch) -> Terminal:
+    """A terminal of 40 columns in place of stderr."""
+    screen = Terminal()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((40, 24)))
+    return screen
+
+
+@pytest.mark.parametrize("width", [1, 10, 25, 39, 79, 200])
+@pytest.mark.parametrize("name", ["a", "a_scene_with_a_name_that_is_longer_than_most_terminals_are_wide"])
+def test_the_line_of_a_run_fits_the_terminal(width: int, name: str) -> None:
+    for fraction in (0.0, 1e-9, 0.5, 1.0):
+        for elapsed in (0.0, 59.9, 36000.0):
+            assert len(progress_text(name, fraction, elapsed, width)) <= width
+
+
+def test_the_line_of_a_run_says_how_far_how_long_and_how_long_still() -> None:
+    assert progress_text("arm", 0.25, 30.0, 60) == "arm [" + "█" * 7 + "·" * 23 + "]  25% 0:30, 1:30 left"
+    assert progress_text("arm", 0.25, 30.0, 39) == "arm [███·········]  25% 0:30, 1:30 left"
+    assert progress_text("arm", 0.0, 0.0, 20).split() == ["arm", "[····]", "0%", "0:00"]
+
+
+def test_clocks() -> None:
+    assert [clock(x) for x in (0.4, 59.6, 754, 3723)] == ["0:00", "1:00", "12:34", "1:02:03"]
+
+
+def test_progress_stays_in_one_line_of_a_narrow_terminal(monkeypatch) -> None:
+    screen = narrow(monkeypatch)
+    monkeypatch.setattr(terminal, "REDRAWN", 0.0)
+    bar = Progress("a_rather_long_name_of_a_scene")
+    for k in range(11):
+        bar(k / 10)
+    bar.clear()
+    text = screen.getvalue()
+    assert "\n" not in text
+    lines = text.split("\r")
+    assert max(map(len, lines)) < 40
+    assert "100%" in text
+    assert lines[-2].strip() == lines[-1] == ""
+
+
+def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch) -> None:
+    screen = narrow(monkeypatch)
+    notice = Compiling()
+    for _ in range(2):
+        notice.started()
+        assert "compiling for this machine, once: 0:00" in screen.getvalue().split("\r")[-1]
+        notice.ended()
+        assert screen.getvalue().split("\r")[-1] == ""
+    assert "\n" not in screen.getvalue()
+
+
+def test_without_a_terminal_compiling_is_said_once_and_progress_not_at_all(capsys) -> None:
+    notice, bar = Compiling(), Progress("arm")
+    for _ in range(2):
+        notice.started()
+        notice.ended()
+    bar(0.5)
+    bar.clear()
+    assert capsys.readouterr().err.splitlines() == [Compiling.TEXT]
