@@ -138,11 +138,11 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
 
 @pytest.mark.parametrize("method", ["lu", "cholesky"])
 def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
-    """Two joints on one line, which the skew mount rounds: a pivot of 1e-17 instead of 0."""
+    """Two joints on one line."""
     links = fl.Link(name="a", mount=fl.Mount(rpy_deg=(12.0, 34.0, 56.0))), fl.Link(name="b", length=1.0)
-    run = fl.Run(step=1e-3, sample=1e-3, duration=0.01, dynamics=method)
+    run = fl.Run(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
     scene = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.2, 0.3)), run=run)
-    with pytest.raises(fl.FlexlinkError):
+    with pytest.raises(fl.DivergenceError):
         fl.simulate(scene)
 
 
