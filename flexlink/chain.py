@@ -169,6 +169,13 @@ class Chain:
     def _sequential(self) -> dict[Coordinate, int]:
         return {c: k for k, c in enumerate(self.coordinates)}
 
+    @functools.cached_property
+    def _grouped_rotors(self) -> NDArray[np.bool_]:
+        """Which hinges share their point with others and have a rotor: groups without one are taken out whole."""
+        sizes = self.bodies["stop"] - self.bodies["first"]
+        grouped: NDArray[np.bool_] = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
+        return grouped
+
     def same_layout(self, other: Chain) -> bool:
         """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
         given("other", other, Chain)
@@ -176,6 +183,7 @@ class Chain:
             len(self.bodies) == len(other.bodies)
             and all(np.array_equal(self.bodies[name], other.bodies[name]) for name in ("first", "stop"))
             and all(np.array_equal(self.hinges[name], other.hinges[name]) for name in ("axis", "prescribed"))
+            and np.array_equal(self._grouped_rotors, other._grouped_rotors)
             and self.is_planar == other.is_planar
         )
 

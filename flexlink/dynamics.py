@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain import Chain
 from flexlink.checks import all_given, beyond_float64, choice, dimensions, given, matrix, vector, wrench_vector
-from flexlink.errors import ArgumentError, SingularMassError
+from flexlink.errors import ArgumentError
 from flexlink.kernels import forward, mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
+from flexlink.singularity import no_acceleration
 
 Array = NDArray[np.float64]
 
@@ -205,9 +206,9 @@ def forward_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has the wrong shape, is not real or not finite, the method is unknown, or chains differ in layout.
+        An argument has a wrong shape, is not real or finite, unknown method, chains of different layout, q̈ overflows.
     SingularMassError
-        M is singular at this posture.
+        A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
     """
     if not isinstance(chain, Chain) or dimensions(q) == 2:
         chains = _of_one_layout(chain)
@@ -216,10 +217,11 @@ def forward_dynamics(
     n = chain.n
     solver = solver_for(chain, method)
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
-    qdd: Array = solver.accelerations(chain.arrays, wrench_vector(tip_wrench), q, qd, tau)
-    if not is_finite(qdd):
-        raise SingularMassError(f"mass matrix of {chain.name!r} is singular at q = {q.tolist()}")
-    return qdd
+    wrench = wrench_vector(tip_wrench)
+    qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
+    if is_finite(qdd):
+        return qdd
+    raise no_acceleration(chain, solver, q, qd, tau, wrench)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -246,9 +248,9 @@ def _forward_dynamics_of_many(
     qdd = _side_by_side(chains, solver, wrench, states)
     if not is_finite(qdd.reshape(-1)):
         state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
-        raise SingularMassError(
-            f"mass matrix of {chains[0].name!r} is singular at q[{state}] = {states[0][state].tolist()}"
-        )
+        bad_q, bad_qd, bad_tau = (part[state] for part in states)
+        error = no_acceleration(chains[state % len(chains)], solver, bad_q, bad_qd, bad_tau, wrench)
+        raise type(error)(f"state {state}: {error}")
     return qdd
 
 

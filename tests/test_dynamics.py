@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import make_scene, random_state
+from conftest import flexible, make_scene, random_state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -105,10 +105,60 @@ def test_a_straight_arm_reaches_its_length() -> None:
     np.testing.assert_array_equal(fl.tip_position(make_scene(*links, tip=heavy).chain(), np.zeros(3)), [1.5, 0, 0])
 
 
-def test_a_singular_mass_matrix_is_named() -> None:
+@pytest.mark.parametrize("method", SOLVERS)
+def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
     coaxial = make_scene(fl.Link(name="a"), fl.Link(name="b", length=1.0), tip=fl.Payload(mass=1.0)).chain()
-    with pytest.raises(fl.SingularMassError, match="singular at q"):
-        fl.forward_dynamics(coaxial, [0.0, 0.0], [0.0, 0.0], [0.0, 1.0])
+    wanted = (
+        r"^mass matrix of 'test' is singular: joint 'b' moves no inertia of its own at b = 30°; give it an armature"
+    )
+    with pytest.raises(fl.SingularMassError, match=wanted):
+        fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], method)
+    states = np.array([[0.0, np.pi / 6]] * 3)
+    with pytest.raises(fl.SingularMassError, match="state 0: mass matrix of 'test' is singular: joint 'b'"):
+        fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, method)
+
+
+@pytest.mark.parametrize("method", ["lu", "cholesky"])
+@pytest.mark.parametrize("distance", [1e-6, 1e-7, 1e-8, 0.0])
+def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float, rng) -> None:
+    """Of a free group near gimbal lock M is singular to rounding, and its decomposition gave finite numbers."""
+    chain = make_scene(flexible("a", "xyz", 4, mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0)))).chain()
+    q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
+    q[5] = np.pi / 2 - distance
+    with pytest.raises(
+        fl.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
+    ) as e:
+        fl.forward_dynamics(chain, q, qd, tau, method)
+    assert len(str(e.value)) < 250
+    assert not np.isfinite(SOLVERS[method].accelerations(chain.arrays, np.zeros(6), q, qd, tau)).any()
+    assert np.isfinite(fl.forward_dynamics(chain, q, qd, tau)).all()
+
+
+@pytest.mark.parametrize("method", ["lu", "cholesky"])
+def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
+    """Two joints on one line."""
+    links = fl.Link(name="a", mount=fl.Mount(rpy_deg=(12.0, 34.0, 56.0))), fl.Link(name="b", length=1.0)
+    run = fl.Run(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
+    scene = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.2, 0.3)), run=run)
+    with pytest.raises(fl.DivergenceError):
+        fl.simulate(scene)
+
+
+def test_heavy_payloads_are_not_singular(rng) -> None:
+    """cond(M) of 1e10 costs ten digits and leaves six."""
+    chain = make_scene(flexible("a", "xyz", 7), flexible("b", "xyz", 7), tip=fl.Payload(mass=1e4)).chain()
+    q, qd, tau = rng.uniform(-0.01, 0.01, (3, chain.n))
+    right = fl.forward_dynamics(chain, q, qd, tau)
+    for method in ("lu", "cholesky"):
+        qdd = fl.forward_dynamics(chain, q, qd, tau, method)
+        assert np.abs(qdd - right).max() <= 10 * EPS * np.linalg.cond(fl.mass_matrix(chain, q)) * np.abs(right).max()
+
+
+@pytest.mark.parametrize("method", SOLVERS)
+def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, method: str) -> None:
+    chain = fl.load_scene(models / "t3_spatial.toml").chain()
+    with pytest.raises(fl.ArgumentError, match=r"q̈ of .* leaves float64: qd up to 1e\+200 rad/s"):
+        fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), method)
 
 
 def test_coulomb_friction_is_dry_beyond_three_widths() -> None:

@@ -12,7 +12,7 @@ from mpmath import mp, mpf
 
 import flexlink as fl
 from flexlink.errors import FlexlinkError
-from flexlink.rounding import acceleration_error, of_acceleration, of_bias_torque, of_mass_matrix
+from flexlink.rounding import acceleration_error, of_bias_torque, of_mass_matrix
 from flexlink.states import random_states
 from reports.figures import speed_cost
 from reports.findings import speed_times
@@ -166,17 +166,6 @@ def test_the_spatial_judge_agrees_with_every_term(model: str, models: Path) -> N
     np.testing.assert_allclose(M, fl.mass_matrix(chain, state.q), rtol=0, atol=of_mass_matrix(chain, state.q))
     allowed = of_bias_torque(chain, state.q, state.qd)
     np.testing.assert_allclose(bias, fl.bias_torque(chain, state.q, state.qd), rtol=0, atol=allowed)
-
-
-def test_free_groups_near_gimbal_lock_keep_their_digits() -> None:
-    """Hinges X and Z of a group almost line up: M is nearly singular, the motion itself is harmless."""
-    chain = family("T3", 3).scene(CASE, 3).chain()
-    state = random_states(chain, 1, 1)[0]
-    state.q[chain.hinges["axis"] == 1] = np.pi / 2 - 1e-4
-    with mp.workdps(DIGITS):
-        truth = np.array(SpatialChain(chain).forward_dynamics(*(numbers(part) for part in state[:3])), float)
-    ours = fl.forward_dynamics(chain, state.q, state.qd, state.tau)
-    assert np.abs(ours - truth).max() <= 1e-3 * of_acceleration(chain, *state[:3], truth)
 
 
 # the report

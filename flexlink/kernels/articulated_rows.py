@@ -4,21 +4,23 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from flexlink.kernels.articulated_layout import ANEW, LAYOUT_SIZE, common_layout, layout_of
 from flexlink.kernels.compiler import inlined, kernel
 from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, given_joints, put_joint
 from flexlink.kernels.lanes import LANES, put_vec_of, vec_of
 from flexlink.kernels.sym3 import point_inertia, sym_add, symmetric
 from flexlink.kernels.vec3 import scale, vector
 
-# Whole numbers of a body: its hinges first … stop − 1; turned by a mount; free: it turns freely on three axes, so that
-# what it passes inward is a force and a known moment only; quick: free, and so is the one beyond it, or there is none.
-FIRST, STOP, TURNED, FREE, QUICK = range(5)
 # Numbers of a body. Fixed, body axes: columns of the mount's rotation, mass, m c, inertia about the hinge point, r to
-# the next hinge point. Of the state, frame 0: body axes, r, m c, b = ω × (ω × r), ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c);
-# n = ω × I ω in body axes; of a free body h_j / D_j, the factors of J and α once J is eliminated.
-MOUNT, MASS, MOMENT, INERTIA, REACH = 0, 9, 10, 13, 19
-AXES, R, MC, B, ZETA, F, N, H_D, FACTORS, ALPHA, BODY_SIZE = 22, 31, 34, 37, 40, 43, 46, 49, 58, 61, 64
-# Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a free group
+# the next hinge point. Of the state, working axes: x_j, r, m c, b = ω × (ω × r), ζ = Σ q̇_k ω × e_k, f = m ω × (ω × c);
+# inertia and n = ω × I ω along x_j. These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁.
+MOUNT, MASS, MOMENT, OWN_INERTIA, REACH = 0, 9, 10, 13, 19
+AXES, R, MC, B, ZETA, F, INERTIA, N = 22, 31, 34, 37, 40, 43, 46, 52
+# Of a pair or triple, once J is eliminated: h_j / D_j, the factors of J, and α.
+H_D, FACTORS, ALPHA, BODY_SIZE = 55, 64, 67, 70
+# Where working axes may begin anew: the working axes before in these (columns), and whether they do (1 or 0).
+BEFORE, BEGINS = H_D, FACTORS
+# Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a triple
 # instead of J e and T: e₁* of `known_moment`, and e₁·e₃.
 ARMATURE, TORQUE, AXIS, JE, HE, T_NET, INVERSE, HINGE_SIZE = (JOINT + k for k in (0, 1, 2, 5, 8, 11, 12, 13))
 
@@ -41,23 +43,19 @@ class ArticulatedWork(NamedTuple):
 def articulated_workspace(bodies, hinges, gravity):
     """Scratch of `articulated` with the chain's constants."""
     n = len(hinges)
-    layout, axes = np.zeros((len(bodies), 5), np.int64), np.empty(n, np.int64)
+    layout, axes = layout_of(bodies, hinges), np.empty(n, np.int64)
     rows, joints = np.zeros((len(bodies), BODY_SIZE)), np.zeros((n, HINGE_SIZE))
     for i in range(len(bodies)):
         b = bodies[i]
-        layout[i, FIRST], layout[i, STOP], layout[i, TURNED] = b.first, b.stop, b.turned
-        layout[i, FREE] = is_free(b, hinges)
         for j in range(9):
             rows[i, MOUNT + j] = b.rotation[j % 3, j // 3]
-        rows[i, MASS] = b.mass
+        rows[i, MASS], rows[i, BEGINS] = b.mass, layout[i, ANEW]
         put_vec_of(rows, scale(b.mass, vector(b.center)), i, MOMENT)
         inertia = sym_add(symmetric(b.inertia), point_inertia(b.mass, vector(b.center)))
         for j in range(6):
-            rows[i, INERTIA + j] = inertia[j]
+            rows[i, OWN_INERTIA + j] = rows[i, INERTIA + j] = inertia[j]
         if i > 0:
             put_vec_of(rows, vector(b.translation), i - 1, REACH)
-            ends = i + 1 == len(bodies) and b.first == b.stop and b.mass == 0.0 and not np.any(b.inertia)
-            layout[i - 1, QUICK] = layout[i - 1, FREE] and (layout[i, FREE] or ends)
     for k in range(n):
         put_joint(joints, k, hinges[k])
         joints[k, ARMATURE], axes[k] = hinges[k].armature, hinges[k].axis
@@ -68,48 +66,38 @@ def articulated_workspace(bodies, hinges, gravity):
 
 @kernel
 def articulated_lanes_workspace(bodies, hinges, gravity):
-    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), alike in their layout."""
+    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3), alike in their hinges."""
     m, n = bodies.shape[1], hinges.shape[1]
     one = articulated_workspace(bodies[0], hinges[0], gravity[0])
-    layout, axes, coulomb = one[1], one[2], np.zeros(n)
+    axes, coulomb, layouts = one.axes, np.zeros(n), np.empty((LANES, m, LAYOUT_SIZE), np.int64)
     base, rows, joints = np.empty((3, LANES)), np.empty((m, BODY_SIZE, LANES)), np.empty((n, HINGE_SIZE, LANES))
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
         one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane])
-        for j in range(3):
-            base[j, lane] = gravity[lane, j]
-        for i in range(m):
-            layout[i, TURNED] |= one[1][i, TURNED]
-            layout[i, FREE] &= one[1][i, FREE]
-            layout[i, QUICK] &= one[1][i, QUICK]
-            for j in range(BODY_SIZE):
-                rows[i, j, lane] = one[4][i, j]
-        for k in range(n):
-            coulomb[k] += hinges[lane, k].coulomb
-            for j in range(HINGE_SIZE):
-                joints[k, j, lane] = one[5][k, j]
+        layouts[lane] = one.layout
+        base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.rows, one.joints
+        coulomb += one.joints[:, COULOMB]
     given, trig_lanes = given_joints(hinges[0]), trig.reshape(3, n, LANES)
+    layout = common_layout(layouts)
     return ArticulatedWork(base, layout, axes, given, rows, joints, dry_joints(coulomb), trig, trig_lanes)
 
 
-@kernel
-def is_free(body, hinges):
-    """Whether a body turns freely: three axes in a group, no two alike in a row, no rotors, none prescribed."""
-    for k in range(body.first, body.stop):
-        twice = k > body.first and hinges[k].axis == hinges[k - 1].axis
-        if twice or hinges[k].armature != 0.0 or hinges[k].prescribed:
-            return False
-    return body.stop - body.first == 3
-
-
 @inlined
-def inertia_of(bodies, i):
-    """Inertia of body `i` about its hinge point, body axes, as a symmetric tensor."""
-    a, b = vec_of(bodies, i, INERTIA), vec_of(bodies, i, INERTIA + 3)
+def inertia_of(bodies, i, first):
+    """Symmetric tensor that starts at `first` of row `i`."""
+    a, b = vec_of(bodies, i, first), vec_of(bodies, i, first + 3)
     return a[0], a[1], a[2], b[0], b[1], b[2]
 
 
 @inlined
-def axes_of(bodies, i):
-    """Axes x, y, z of body `i`."""
-    return vec_of(bodies, i, AXES), vec_of(bodies, i, AXES + 3), vec_of(bodies, i, AXES + 6)
+def axes_of(bodies, i, first):
+    """Three vectors that start at `first` of row `i`."""
+    return vec_of(bodies, i, first), vec_of(bodies, i, first + 3), vec_of(bodies, i, first + 6)
+
+
+@inlined
+def put_axes_of(bodies, x, y, z, i, first):
+    """Write what `axes_of` reads."""
+    put_vec_of(bodies, x, i, first)
+    put_vec_of(bodies, y, i, first + 3)
+    put_vec_of(bodies, z, i, first + 6)

@@ -30,6 +30,7 @@ class DenseWork(NamedTuple):
     M: Any
     known: Any
     bias: Any
+    probe: Any
 
 
 @kernel
@@ -37,14 +38,20 @@ def dense_workspace(chain, by_lu):
     """Scratch of `dense`, by LU or by Cholesky."""
     n = len(chain.hinges)
     return DenseWork(
-        by_lu, rne_workspace(chain), composite_workspace(chain), np.empty((n, n)), np.empty(n), np.empty(n)
+        by_lu,
+        rne_workspace(chain),
+        composite_workspace(chain),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty((3, n)),
     )
 
 
 @recursion
 def dense(chain, wrench, q, qd, tau, qdd, work):
     """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
-    by_lu, rne_work, composite_work, M, known, bias = work
+    by_lu, rne_work, composite_work, M, known, bias, probe = work
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, rne_work)
@@ -57,9 +64,9 @@ def dense(chain, wrench, q, qd, tau, qdd, work):
         else:
             qdd[k] = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
     if by_lu:
-        solve_lu(M, qdd)
+        solve_lu(M, qdd, probe)
     else:
-        solve_cholesky(M, qdd)
+        solve_cholesky(M, qdd, probe)
     take_torques(chain, wrench, q, qd, qdd, tau, bias, rne_work)
     ω = ZERO
     for k in range(len(qd)):
