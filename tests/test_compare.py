@@ -178,8 +178,8 @@ def test_a_long_comparison_tells_how_far_it_is():
 
 
 @pytest.mark.parametrize(("arguments", "message"), [
-    ({"samples": 0}, "samples = 0: must be 1 … 100000"),
-    ({"samples": 99999999999}, "samples = 99999999999: must be 1 … 100000"),
+    ({"samples": 0}, "samples = 0: must be .*1 … 100000"),
+    ({"samples": 99999999999}, "samples = 99999999999: must be .*1 … 100000"),
     ({"engines": ("bullet",)}, "engine = 'bullet': unknown"),
 ])  # fmt: skip
 def test_bad_arguments_are_named(arguments, message):
@@ -189,7 +189,7 @@ def test_bad_arguments_are_named(arguments, message):
 
 def test_an_absurd_number_of_samples_is_refused_in_one_line(capsys):
     assert main(["compare", str(MODELS / "paper_fig5.toml"), "--samples", "99999999999"]) == 2
-    assert capsys.readouterr().err.endswith(f"samples = 99999999999: must be 1 … {MOST_SAMPLES}\n")
+    assert capsys.readouterr().err.endswith(f"1 … {MOST_SAMPLES}\n")
 
 
 def test_an_arm_that_an_engine_cannot_hold_is_named_in_one_line(tmp_path, capsys):

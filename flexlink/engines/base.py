@@ -94,8 +94,8 @@ def start(scene: Scene) -> Samples:
     stable = stable_step(chain, run.method, q[0])
     if run.step > stable:
         raise ArgumentError(
-            f"{scene.name}: run.step = {run.step!r}: past the largest stable step of {run.method} at the start, "
-            f"{stable:.4g} s; take a smaller one"
+            f"run.step = {run.step:g} s: more than {stable:.3g} s, the largest stable step of {run.method} "
+            f"at the start of {scene.name!r}; take a smaller step"
         )
     return run.times, q, qd
 
