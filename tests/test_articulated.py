@@ -27,12 +27,11 @@ from flexlink import (
     simulate,
 )
 from flexlink.kernels import forward
-from flexlink.kernels.articulated import articulated
 from flexlink.kernels.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
 from flexlink.kernels.articulated_rows import articulated_lanes_workspace
 from flexlink.kernels.compiler import kernel
 from flexlink.kernels.lanes import LANES
-from flexlink.kernels.planar import planar, planar_lanes_workspace
+from flexlink.kernels.planar import planar_lanes_workspace
 from flexlink.kernels.sincos import LIMIT, cos_sin_all
 from flexlink.rounding import EPS
 from validation.oracles.planar_chain import DIGITS
@@ -132,9 +131,10 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
     wrench, qdd = rng.normal(size=6), np.empty((n, LANES))
     bodies, hinges, gravity = (np.array([getattr(c, a) for c in chains]) for a in ("bodies", "hinges", "gravity"))
     if chains[0].is_planar:
-        planar(wrench, q, qd, tau, qdd, planar_lanes_workspace(bodies, hinges, gravity))
+        work = planar_lanes_workspace(bodies, hinges, gravity)
     else:
-        articulated(wrench, q, qd, tau, qdd, articulated_lanes_workspace(bodies, hinges, gravity))
+        work = articulated_lanes_workspace(bodies, hinges, gravity)
+    solve(chains[0].arrays, wrench, q, qd, tau, qdd, work)
     for lane, chain in enumerate(chains):
         state = (np.ascontiguousarray(array[:, lane]) for array in (q, qd, tau))
         np.testing.assert_array_equal(qdd[:, lane], forward_dynamics(chain, *state, tip_wrench=wrench))

@@ -14,12 +14,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.errors import ArgumentError, DivergenceError
-from flexlink.inputs import drive_arrays
+from flexlink.errors import DivergenceError
+from flexlink.inputs import drive_arrays, input_arrays
 from flexlink.kernels.inputs import drive_torque
 from flexlink.scene import Scene
-from flexlink.stability import stable_step
 from flexlink.trajectory import Trajectory
+from flexlink.watch import judge_step
 
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array]
@@ -85,18 +85,13 @@ def start(scene: Scene) -> Samples:
 
     Raises
     ------
-    ArgumentError
-        The step is past the largest stable one: the run would blow up, or worse, end finite and wrong.
+    UnstableStepError
+        The step is past the largest stable one, and `run.unstable` does not allow it.
     """
     run, chain = scene.run, scene.chain()
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = scene.initial_state(chain)
-    stable = stable_step(chain, run.method, q[0])
-    if run.step > stable:
-        raise ArgumentError(
-            f"run.step = {run.step:g} s: more than {stable:.3g} s, the largest stable step of {run.method} "
-            f"at the start of {scene.name!r}; take a smaller step"
-        )
+    judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
     return run.times, q, qd
 
 

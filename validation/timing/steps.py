@@ -15,7 +15,7 @@ from flexlink import engines
 from flexlink.dynamics import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.errors import FlexlinkError
-from flexlink.inputs import input_arrays
+from flexlink.inputs import input_arrays, losses, losses_side_by_side
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Scene
@@ -28,13 +28,13 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = scene.chain(), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    inputs = input_arrays(scene, chain)
-    q, qd = np.zeros((2, 2, chain.n))
-    q[0], qd[0] = scene.initial_state(chain)
+    fixed = chain.arrays, work, tableau("RK4").arrays, input_arrays(scene, chain), losses(chain), h
+    start = scene.initial_state(chain)
+    samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
     def take(steps: int) -> None:
-        done = integrate(chain.arrays, work, tableau("RK4").arrays, *inputs, h, 0, steps, q, qd)
-        _demand(scene, "flexlink", done == steps)
+        state = start[0].copy(), start[1].copy(), np.zeros(chain.n + 1)
+        _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
 
@@ -44,16 +44,16 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = scene.chain(), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    inputs = input_arrays(scene, chain)
+    inputs, lost = input_arrays(scene, chain), losses_side_by_side([chain] * LANES)
+    fixed = chain.arrays, work, tableau("RK4").arrays, inputs, lost, h
     starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
-    blocks = np.zeros((len(starts), 2, 2, chain.n, LANES))  # block, q or q̇, first or last, hinge, lane
-    blocks[:, :, 0] = starts.transpose(0, 2, 3, 1)
+    blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
+    samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
 
     def take(steps: int) -> None:
-        arrays = chain.arrays, work, tableau("RK4").arrays
         for q, qd in blocks:
-            done = integrate(*arrays, *inputs, h, 0, steps, q, qd)
-            _demand(scene, "flexlink", done == steps)
+            state = q.copy(), qd.copy(), np.zeros((chain.n + 1, LANES))
+            _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
 
