@@ -42,6 +42,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "material misspelt": ('"aluminium"\nsection', '"aluminum"\nsection', ["link[1].material", "mean 'aluminium'?"]),
     "section misspelt": ('section  = "square"', 'section = "Square"', ["link[1].section", "did you mean 'square'?"]),
     "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link[1].lumping", "did you mean 'paper'?"]),
+    "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link[1].lumping", "did you mean 'paper'?"]),
     "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
     "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
     "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
