@@ -121,6 +121,14 @@ def one_hinge_rule(node: float) -> str:
     return f'about = "a"\nsource = "b"\n[element]\nnodes = [{node}]\nweights = [1.0]\n'
 
 
+@pytest.mark.parametrize("beside", [1e20, 1e300])
+def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
+    rule = tmp_path / "rule.toml"
+    rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
+    with pytest.raises(SceneError, match=r"^segments = 4, so 3 hinges: rule '.*rule.toml' puts them closer"):
+        flexible("a", segments=4, lumping=str(rule))
+
+
 def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_path: Path, monkeypatch) -> None:
     folder = tmp_path / "sub"
     folder.mkdir()
