@@ -113,9 +113,11 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
         It is no whole number, or out of range; the message names the range.
     """
     number = _number(value)
-    if type(number) is not int or number < least or (most is not None and number > most):
+    if type(number) is not int:
+        raise ArgumentError(f"{name} = {short(value)}: must be a whole number, got {type(value).__name__}")
+    if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
-        raise ArgumentError(f"{name} = {short(value)}: must be a whole number, {allowed}")
+        raise ArgumentError(f"{name} = {short(number)}: must be {allowed}")
     return number
 
 

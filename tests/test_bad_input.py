@@ -233,7 +233,7 @@ def test_files_that_a_scene_names_are_sought_from_its_own_folder(tmp_path: Path,
         (["simulate", "--duration", "4e13"], "samples of 21 joints do not fit into memory"),
         (["modes", "--count", "0"], "--count = 0: must be at least 1"),
         (["modes", "--plot", "a.foo"], "a picture is saved as"),
-        (["compare", "--seed", "-1"], "seed = -1: must be a whole number, at least 0"),
+        (["compare", "--seed", "-1"], "seed = -1: must be at least 0"),
         (["export", "--out", "no"], "the folder 'no' does not exist"),
     ],
 )

@@ -84,7 +84,7 @@ def test_a_chain_prints_as_one_short_line(chain: Chain) -> None:
 def test_an_unknown_coordinate_is_refused(chain: Chain) -> None:
     with pytest.raises(ArgumentError, match="not in this chain"):
         chain.index(1, 99, 3)
-    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be a whole number, 0"):
+    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be 0 …"):
         chain.coordinate(chain.n)
 
 
@@ -194,6 +194,19 @@ def test_the_section_of_a_prism_is_worked_out_once_not_once_a_segment(monkeypatc
     monkeypatch.setitem(SHAPES, "rectangle", (counted, ("height", "width")))
     assert make_scene(flexible("a", "xyz", 101, lumping="gauss")).chain().n == 301
     assert len(calls) < 10
+
+
+def test_a_segment_of_a_prism_has_the_moments_of_a_prism() -> None:
+    """m = ρ A l;  I_xx = ρ l (I_y + I_z),  I_yy = ρ l I_y + m l²/12,  I_zz = ρ l I_z + m l²/12."""
+    section = Section(shape="rectangle", height=0.03, width=0.02)
+    arm = Arm(links=(flexible("a", "xyz", 5),), materials={"aluminium": ALUMINIUM}, sections={"square": section})
+    body = lump(arm, (0, 0, 0)).bodies[2]
+    line, l, p = ALUMINIUM.density * 0.25, 0.25, section.properties
+    slender = line * p.area * l**2 / 12
+    wanted = line * np.array([p.i_y + p.i_z, p.i_y, p.i_z]) + [0, slender, slender]
+    assert body["mass"] == pytest.approx(line * p.area, rel=1e-14, abs=0)
+    assert body["center"].tolist() == pytest.approx([l / 2, 0, 0], rel=1e-14)
+    np.testing.assert_allclose(body["inertia"], np.diag(wanted), rtol=1e-13, atol=0)
 
 
 def test_slices_of_a_taper_and_of_a_prism_add_up_to_the_whole() -> None:

@@ -42,6 +42,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "material misspelt": ('"aluminium"\nsection', '"aluminum"\nsection', ["link[1].material", "mean 'aluminium'?"]),
     "section misspelt": ('section  = "square"', 'section = "Square"', ["link[1].section", "did you mean 'square'?"]),
     "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link[1].lumping", "did you mean 'paper'?"]),
+    "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link[1].lumping", "did you mean 'paper'?"]),
     "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
     "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
     "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
@@ -118,6 +119,14 @@ def test_a_byte_order_mark_is_no_part_of_the_text(tmp_path: Path) -> None:
 
 def one_hinge_rule(node: float) -> str:
     return f'about = "a"\nsource = "b"\n[element]\nnodes = [{node}]\nweights = [1.0]\n'
+
+
+@pytest.mark.parametrize("beside", [1e20, 1e300])
+def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
+    rule = tmp_path / "rule.toml"
+    rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
+    with pytest.raises(SceneError, match=r"^segments = 4, so 3 hinges: rule '.*rule.toml' puts them closer"):
+        flexible("a", segments=4, lumping=str(rule))
 
 
 def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_path: Path, monkeypatch) -> None:
