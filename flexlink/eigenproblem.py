@@ -58,7 +58,7 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     ArgumentError
         Numbers beyond float64.
     """
-    if not (np.isfinite(stiffness.K).all() and np.isfinite(C).all()):
+    if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
         raise ArgumentError("stiffness, damping, loads or rates lead to numbers beyond float64")
     modes = _conservative(M, L, stiffness)
     K = stiffness.K

@@ -31,6 +31,7 @@ from flexlink import (
     natural_frequencies,
     tip_position,
 )
+from flexlink.modal import first_order_matrix
 from flexlink.rotation import matrix_from_rpy_deg
 from flexlink.rules import lumping_rule
 from flexlink.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
@@ -445,6 +446,14 @@ def random_arm(rng, gravity):
     return lump(
         Arm(links=tuple(links), materials={"m": material}, sections={"s": section}, tip=Payload(mass=1.0)), gravity
     )
+
+
+def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
+    """Close to singular the two triangles may differ in the answer; here they do so on purpose."""
+    M = np.array([[1.0, 1.0], [0.5, 1.0]])  # regular below the diagonal, singular above
+    judged = np.array([[1.0, 0.5], [0.5, 1.0]])
+    A = first_order_matrix(M, 2 * np.eye(2), 3 * np.eye(2))
+    assert A[2:] == pytest.approx(np.hstack([-3 * np.linalg.inv(judged), -2 * np.linalg.inv(judged)]))
 
 
 def test_free_joints_rest_and_nothing_else_does(rng):

@@ -106,7 +106,7 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     free = np.setdiff1d(np.arange(chain.n), np.array(locked, dtype=np.intp))
     engine = engines.load("mujoco", chain)
     theirs = symmetric_squares(engine, q, springs(engine) + load_stiffness(engine, q), free)
-    ours = np.nan_to_num(natural_frequencies(chain, q, locked=locked)) ** 2  # nan: a rigid mode, ω² = −rounding
+    ours = natural_frequencies(chain, q, locked=locked) ** 2
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q)[np.ix_(free, free)], -2)  # −2: the smallest singular value
     unit = inverse * of_mass_matrix(chain, q) * ours.max()
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
