@@ -22,11 +22,11 @@ class Terminal(io.StringIO):
         return 2
 
 
-def narrow(monkeypatch) -> Terminal:
-    """A terminal of 40 columns in place of stderr."""
+def narrow(monkeypatch, columns: int = 40) -> Terminal:
+    """A narrow terminal in place of stderr."""
     screen = Terminal()
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((40, 24)))
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((columns, 24)))
     return screen
 
 
@@ -72,6 +72,14 @@ def test_compiling_is_said_when_it_starts_with_the_time_it_takes(monkeypatch) ->
         notice.ended()
         assert screen.getvalue().split("\r")[-1] == ""
     assert "\n" not in screen.getvalue()
+
+
+def test_what_does_not_fit_is_cut(monkeypatch) -> None:
+    screen = narrow(monkeypatch, 20)
+    notice = Compiling()
+    notice.started()
+    notice.ended()
+    assert max(map(len, screen.getvalue().split("\r"))) == 19
 
 
 def test_without_a_terminal_compiling_is_said_once_and_progress_not_at_all(capsys) -> None:
