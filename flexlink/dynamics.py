@@ -204,7 +204,7 @@ def forward_dynamics(
     qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
-    raise no_acceleration(chain, solver, q, qd, tau, wrench)
+    raise no_acceleration(chain, solver, wrench, q, qd, tau)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -229,7 +229,7 @@ def _forward_dynamics_of_many(
     qdd = _side_by_side(chains, solver, wrench, states)
     if not is_finite(qdd.reshape(-1)):
         state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
-        error = no_acceleration(chains[state % len(chains)], solver, *(part[state] for part in states), wrench)
+        error = no_acceleration(chains[state % len(chains)], solver, wrench, *(part[state] for part in states))
         raise type(error)(f"state {state}: {error}")
     return qdd
 
