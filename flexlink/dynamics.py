@@ -221,7 +221,7 @@ def forward_dynamics(
     qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
-    raise no_acceleration(chain, solver, q, qd, tau, wrench)
+    raise no_acceleration(chain, solver, wrench, q, qd, tau)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -248,8 +248,7 @@ def _forward_dynamics_of_many(
     qdd = _side_by_side(chains, solver, wrench, states)
     if not is_finite(qdd.reshape(-1)):
         state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
-        bad_q, bad_qd, bad_tau = (part[state] for part in states)
-        error = no_acceleration(chains[state % len(chains)], solver, bad_q, bad_qd, bad_tau, wrench)
+        error = no_acceleration(chains[state % len(chains)], solver, wrench, *(part[state] for part in states))
         raise type(error)(f"state {state}: {error}")
     return qdd
 

@@ -13,7 +13,7 @@ from flexlink.kernels.mass import mass_composite
 Array = NDArray[np.float64]
 
 
-def no_acceleration(chain: Chain, solver: Solver, q: Array, qd: Array, tau: Array, wrench: Array) -> FlexlinkError:
+def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
     """The error of a state whose q̈ is not finite.
 
     Returns

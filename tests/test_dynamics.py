@@ -140,10 +140,17 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
 
 @pytest.mark.parametrize("method", ["lu", "cholesky"])
 def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
-    """Two joints on one line."""
-    links = fl.Link(name="a", mount=fl.Mount(rpy_deg=(12.0, 34.0, 56.0))), fl.Link(name="b", length=1.0)
+    """Two joints on one line, but for the rounding of mounts that turn away and back: a pivot of 1e-16 instead of 0."""
+    turns = (58.0, 47.0, 56.0), (-58.0, 0.0, 0.0), (0.0, -47.0, 0.0)
+    locked = [
+        fl.Link(name=f"turn {k}", mount=fl.Mount(rpy_deg=turn), joint=fl.Joint(locked=True))
+        for k, turn in enumerate(turns)
+    ]
+    links = fl.Link(name="a"), *locked, fl.Link(name="b", length=1.0, mount=fl.Mount(rpy_deg=(0.0, 0.0, -56.0)))
     run = fl.Run(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
-    scene = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.2, 0.3)), run=run)
+    scene = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
+    M = fl.mass_matrix(scene.chain(), [0.0, 0.0])
+    assert 0 < abs(np.linalg.det(M)) < 10 * EPS
     with pytest.raises(fl.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
     record = Record(scene, scene.chain(), run.times, *np.zeros((2, run.samples, 2)))

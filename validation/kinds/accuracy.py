@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from mpmath import mp
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink import engines
@@ -22,32 +23,39 @@ Array = NDArray[np.float64]
 
 
 class Arms(Family, frozen=True):
-    """A family with the range of its states.
+    """A family with what its arms carry and the range of their states.
 
     Attributes
     ----------
+    loads
+        Masses at the tip [kg], in place of the scene's: at large ones single roundings of m c and I decide the error.
     bend
         Angles of passive hinges are up to this [rad], their rates in proportion.
     from_lock
-        Every second hinge group of three axes is at so many radians from gimbal lock, each in turn.
+        Every second hinge group of three axes is so many radians from gimbal lock.
     """
 
+    loads: tuple[float, ...] = ()
     bend: float = np.pi
     from_lock: tuple[float, ...] = ()
 
+    def chains(self, case: Case, segments: int) -> list[Chain]:
+        """The arm with so many segments a link, with each of the loads."""
+        scene = self.scene(case, segments)
+        tips = [replace(scene.arm.tip, mass=load) for load in self.loads] or [scene.arm.tip]
+        return [replace(scene, arm=replace(scene.arm, tip=tip)).chain() for tip in tips]
+
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
-        """Random states; of chains near gimbal lock so many at every distance from it."""
-        passive = np.ones(chain.n, bool)
-        passive[chain.active] = False
-        share = np.where(passive, self.bend / np.pi, 1.0)
+        """Random states; of arms near gimbal lock so many at every distance from it."""
+        share = np.full(chain.n, self.bend / np.pi)
+        share[chain.active] = 1.0
         states = [s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, samples, seed)]
-        return [_locked(chain, s, distance) for distance in self.from_lock for s in states] or states
+        return [_near_lock(chain, s, distance) for distance in self.from_lock for s in states] or states
 
 
-def _locked(chain: Chain, state: State, distance: float) -> State:
-    sizes = np.repeat(*[chain.bodies["stop"] - chain.bodies["first"]] * 2)
-    middle = np.flatnonzero((sizes == 3) & (chain.hinges["axis"] == 1))[::2]
-    q = state.q.copy()
+def _near_lock(chain: Chain, state: State, distance: float) -> State:
+    triples = chain.bodies["first"][chain.bodies["stop"] - chain.bodies["first"] == 3]
+    middle, q = triples[::2] + 1, state.q.copy()
     q[middle] = np.copysign(np.pi / 2 - distance, q[middle])
     return state._replace(q=q)
 
@@ -65,15 +73,24 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Errors of every engine, and ours over theirs: of the worst state, and of the geometric mean of all."""
     for name, family in settings.chain.items():
         for segments in family.segments:
-            chain = family.scene(case, segments).chain()
-            states = family.states(chain, settings.samples, settings.seed)
-            truth = _exact(chain, states)
-            label, setting = f"{name}, n = {chain.n}", f"{settings.samples} random states"
-            found = {each: _accelerations(each, chain, states) for each in ("native", *settings.engines)}
-            errors = {each: _errors(qdd, truth) for each, qdd in found.items()}
+            arms = [
+                (chain, states, _exact(chain, states))
+                for chain in family.chains(case, segments)
+                for states in (family.states(chain, settings.samples, settings.seed),)
+            ]
+            every = ("native", *settings.engines)
+            found = {each: [_accelerations(each, chain, states) for chain, states, _ in arms] for each in every}
+            errors = {
+                each: np.concatenate([_errors(got, truth) for got, (_, _, truth) in zip(lists, arms, strict=True)])
+                for each, lists in found.items()
+            }
             ours = errors["native"]
-            solutions = zip(states, found["native"], truth, strict=True)
-            residuals = [acceleration_error(chain, s.q, s.qd, s.tau, (one, exact)) for s, one, exact in solutions]
+            residuals = [
+                acceleration_error(chain, s.q, s.qd, s.tau, (one, exact))
+                for (chain, states, truth), got in zip(arms, found["native"], strict=True)
+                for s, one, exact in zip(states, got, truth, strict=True)
+            ]
+            label, setting = f"{name}, n = {arms[0][0].n}", f"{len(ours)} random states"
             yield Measured("q̈", float(np.max(residuals)), label, setting=setting)
             yield Measured(f"{name}: worst error", float(ours.max()), label, setting=setting)
             for engine, error in errors.items():
