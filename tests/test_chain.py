@@ -14,6 +14,7 @@ from flexlink import (
     Initial,
     Joint,
     Link,
+    Motion,
     Mount,
     Payload,
     SceneError,
@@ -144,3 +145,33 @@ def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
     ):
         chain = make_scene(flexible("a", lumping=str(rule), **fields)).chain()
         assert np.linalg.eigvalsh(mass_matrix(chain, np.zeros(chain.n))).min() > 0
+
+
+def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
+    rule = 'about = "a"\nsource = "b"\nalternate_axes = {}\n[grid]\nfirst = 0.5\nlast = 0.5\n'
+    files = {order: tmp_path / f"{order}.toml" for order in ("true", "false")}
+    for order, file in files.items():
+        file.write_text(rule.format(order), encoding="utf-8")
+    swing = Motion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    tilted = flexible("b", mount=Mount(rpy_deg=(40, 0, 0)))
+    pairs = {
+        "axes": [make_scene(flexible("a", "xyz", lumping=str(file))) for file in files.values()],
+        "prescribed joints": [make_scene(flexible("a"), motion=motion) for motion in ((), (swing,))],
+        "planes": [make_scene(flexible("a"), other) for other in (flexible("b"), tilted)],
+        "number of axes": [make_scene(flexible("a", flex)) for flex in ("z", "yz")],
+    }
+    for what, scenes in pairs.items():
+        one, other = (scene.chain() for scene in scenes)
+        assert not one.same_layout(other), what
+        assert one.same_layout(one), what
+    long, short = (make_scene(flexible("a", length=length)).chain() for length in (2.0, 1.0))
+    assert long.same_layout(short)
+
+
+def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
+    """Turned to and fro about X: the first and the last axis are parallel, the one between is not, unless locked."""
+    there, back = Mount(rpy_deg=(40, 0, 0)), Mount(rpy_deg=(-40, 0, 0))
+    for locked in (True, False):
+        middle = Link(name="b", length=0.5, mount=there, joint=Joint(locked=locked))
+        chain = make_scene(flexible("a"), middle, flexible("c", mount=back)).chain()
+        assert chain.is_planar == locked

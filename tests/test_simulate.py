@@ -62,6 +62,15 @@ def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
     assert run.qd[-1, 0] == pytest.approx(1.5 / 2.0, rel=1e-12)
 
 
+def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
+    """θ'' = τ/J, τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J, and 3/J at t = 1."""
+    drive = fl.Drive(kind="table", times=(1.0, 2.0), torques=((3.0,), (5.0,)))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
+    assert run.qd[:, 0] == pytest.approx([0.0, 0.75, 1.5, 2.375, 3.5], rel=1e-12)
+    assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15)
+
+
 def test_constant_torque_and_wrench_act_together() -> None:
     """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
     scene = make_scene(
