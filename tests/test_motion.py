@@ -114,6 +114,23 @@ def test_solvers_agree_at_prescribed_accelerations(models, dynamics: str) -> Non
     assert np.abs(both[0].tau - both[1].tau).max() < 1e-7 * np.abs(both[0].tau).max()
 
 
+def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor() -> None:
+    """Upside down and inside the chain, where its sign and its rotor matter to the links before it."""
+    over = fl.Mount(rpy_deg=(180, 0, 0))
+    links = (
+        flexible("a", segments=3),
+        flexible("b", segments=3, mount=over, joint=fl.Joint(armature=0.5)),
+        flexible("c", segments=2, mount=over, joint=fl.Joint(armature=0.1)),
+    )
+    scene = make_scene(*links, gravity=(1.0, 9.0, 2.0), motion=(swing("b", 401),))
+    assert scene.chain().is_planar
+    runs = [fl.simulate(scene, step=2e-5, sample=1e-2, duration=0.05, dynamics=name) for name in SOLVERS]
+    for run in runs[1:]:
+        assert np.abs(run.q - runs[0].q).max() < 1e-11
+        np.testing.assert_allclose(run.tau, runs[0].tau, rtol=0, atol=1e-7 * np.abs(runs[0].tau).max())
+    assert np.abs(runs[0].q[:, 0]).max() > 1e-4  # the free joint before it is moved
+
+
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
