@@ -87,6 +87,7 @@ def swung(degrees: float) -> tuple[fl.Motion, ...]:
         {"initial": fl.Initial(joint_deg=(20.0, 30.0))},
         {"run": fl.Run(step=1e-5, sample=1e-3, duration=0.01)},
         {"motion": swung(90.0)},
+        {"arm": make_scene(flexible("a", "yz", 3), flexible("b", "z", 3)).arm, "initial": fl.Initial(joint_deg=(0, 0))},
         {"name": "other"},
     ],
     ids=lambda change: next(iter(change)),
@@ -104,12 +105,23 @@ def test_neighbours_that_differ_in_one_thing_move_as_they_do_alone(change: dict)
         assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # four orders above what two roads may differ by
 
 
-def test_a_prescribed_joint_beside_a_free_one_stays_prescribed() -> None:
-    scenes = [driven(), driven(motion=swung(30.0)), driven()]
-    free, moved, _ = (many.q[:, 0] for many in fl.simulate_many(scenes))
-    np.testing.assert_array_equal(moved, fl.simulate(scenes[1]).q[:, 0])
+def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
+    """The second and the third share a chain, which is not that of the first."""
+    scenes = [driven(), driven(motion=swung(30.0)), driven(motion=swung(30.0))]
+    free, *moved = (many.q[:, 0] for many in fl.simulate_many(scenes))
     np.testing.assert_array_equal(free, fl.simulate(scenes[0]).q[:, 0])
-    assert np.abs(free - moved).max() > 1e-6
+    for q in moved:
+        np.testing.assert_allclose(q, fl.simulate(scenes[1]).q[:, 0], rtol=1e-12)
+        assert np.abs(free - q).max() > 1e-6
+
+
+def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
+    wild = driven(initial=fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e200, 0.0)))  # its square is beyond float64
+    with pytest.raises(fl.DivergenceError) as caught:
+        fl.simulate_many([driven(), wild, driven()])
+    first, _, last = caught.value.runs
+    for run in (first, last):
+        np.testing.assert_allclose(run.q, fl.simulate(driven()).q, rtol=1e-12, atol=1e-12)
 
 
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:

@@ -29,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.list:
         print(*(f"{fault.name:<36}{fault.why}" for fault in faults), sep="\n")
         return 0
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
     outcomes: collections.Counter[str] = collections.Counter()
     try:
         with copied() as copy:
