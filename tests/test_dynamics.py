@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import make_scene, random_state
+from conftest import make_scene, nasty_scene, random_state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -46,6 +46,25 @@ def test_inertia_without_mass_counts_in_every_mass_method(rng) -> None:
         axis = np.linalg.inv(fl.frames(chains[0], q).rotations[1])[:, 2]  # of the first joint, in axes of the wheel
         assert (loaded - bare)[0, 0] == pytest.approx(axis @ np.diag(hubs[1].inertia) @ axis, abs=1e-14)
         assert (loaded - bare)[0, 1] == pytest.approx(0.3 * axis[2], abs=1e-14)
+
+
+def test_products_of_inertia_count_in_every_method_and_solver(rng) -> None:
+    """Inertias that are full in body axes, which no section has, but a skew mount or a payload may give."""
+    chain = nasty_scene().chain()
+    bodies = chain.bodies.copy()
+    B = rng.normal(size=(chain.n, 3, 3))[: len(bodies) - 1]
+    bodies["inertia"][:-1] = 0.1 * B @ B.transpose(0, 2, 1)
+    full = dataclasses.replace(chain, bodies=bodies)
+    q, qd = random_state(full, rng)
+    M, tau = fl.mass_matrix(full, q), rng.normal(size=full.n)
+    for method in MASS_METHODS:
+        np.testing.assert_allclose(fl.mass_matrix(full, q, method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
+    assert fl.energy(full, q, qd).kinetic == pytest.approx(0.5 * qd @ M @ qd, rel=1e-13)
+    torque = fl.bias_torque(full, q, qd) + fl.elastic_torque(full, q) + fl.friction_torque(full, qd)
+    for method in SOLVERS:
+        qdd = fl.forward_dynamics(full, q, qd, tau, method)
+        scale = np.abs(M) @ np.abs(qdd) + np.abs(torque)
+        assert np.abs(M @ qdd + torque - tau).max() <= 100 * EPS * scale.max()
 
 
 def test_kinetic_energy_is_half_qd_m_qd(chain: fl.Chain, rng) -> None:
