@@ -169,9 +169,11 @@ def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
 
 
 def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
-    """Turned to and fro about X: the first and the last axis are parallel, the one between is not, unless locked."""
-    there, back = Mount(rpy_deg=(40, 0, 0)), Mount(rpy_deg=(-40, 0, 0))
-    for locked in (True, False):
-        middle = Link(name="b", length=0.5, mount=there, joint=Joint(locked=locked))
-        chain = make_scene(flexible("a"), middle, flexible("c", mount=back)).chain()
-        assert chain.is_planar == locked
+    skew, tilted = Mount(rpy_deg=(-75.0, 20.0, 30.0)), Mount(rpy_deg=(0.0, 40.0, 0.0))
+    turns = {"in the plane": (0.0, 0.0, 25.0), "over": (180.0, 0.0, 25.0), "out of the plane": (-75.0, 20.0, 30.0)}
+    for name, rpy_deg in turns.items():
+        second = flexible("b", mount=Mount(rpy_deg=rpy_deg))
+        assert make_scene(flexible("a", mount=skew), second).chain().is_planar == (name != "out of the plane")
+    # the first and the third axis are parallel, the one between is not
+    there_and_back = flexible("a"), flexible("b", mount=tilted), flexible("c", mount=Mount(rpy_deg=(0.0, -40.0, 0.0)))
+    assert not make_scene(*there_and_back).chain().is_planar
