@@ -24,6 +24,7 @@ from flexlink import (
     mass_matrix,
 )
 from flexlink.arm import AXES
+from flexlink.rules import lumping_rule
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
@@ -90,6 +91,33 @@ def test_locking_a_joint_equals_a_fixed_rotation() -> None:
     turned = make_scene(flexible("a"), flexible("b", joint=Joint(locked=True), mount=Mount(rpy_deg=(0, 0, 30)))).chain()
     for field in ("translation", "rotation", "mass", "center", "inertia"):
         np.testing.assert_allclose(locked.bodies[field], turned.bodies[field], atol=1e-15)
+
+
+def test_what_follows_a_locked_joint_is_turned_and_moved_by_its_mount() -> None:
+    """The hub's axes stand as R = Rz Ry Rx says, and its length points along the x of R."""
+    roll, pitch, yaw = np.radians([30.0, 40.0, 50.0])
+    Rx = [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
+    Ry = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    Rz = [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]
+    R = np.array(Rz) @ Ry @ Rx
+    inertia = (0.1, 0.2, 0.3)
+    locked = Link(
+        name="b", length=0.7, joint=Joint(locked=True), hub=Payload(inertia=inertia),
+        mount=Mount(rpy_deg=(30.0, 40.0, 50.0), xyz=(0.1, 0.2, 0.3)),
+    )  # fmt: skip
+    chain = make_scene(Link(name="a", length=0.5), locked).chain()
+    np.testing.assert_allclose(chain.bodies[0]["inertia"], R @ np.diag(inertia) @ R.T, atol=1e-15)
+    np.testing.assert_allclose(chain.bodies[-1]["translation"], [0.6, 0.2, 0.3] + 0.7 * R[:, 0], rtol=1e-14)
+    np.testing.assert_allclose(chain.bodies[-1]["rotation"], R, atol=1e-15)
+
+
+def test_stiffness_takes_the_weight_of_its_own_hinge() -> None:
+    """Of a rule whose weights differ from the base to the tip."""
+    _, weights = lumping_rule("clamped").hinges(6)
+    assert not np.allclose(weights, weights[::-1])
+    locked = Joint(locked=True)
+    chain = make_scene(flexible("a", segments=7, lumping="clamped", joint=locked)).chain()
+    np.testing.assert_allclose(chain.stiffness, 70e9 * SQUARE.properties.i_z / (1.25 * weights), rtol=1e-14)
 
 
 def test_a_payload_joins_the_last_segment() -> None:
