@@ -115,6 +115,8 @@ def test_users_own_rule_from_a_file(tmp_path):
         ({"element": lambda: Element(nodes=(0.5,), weights=(0.5, 0.5))}, "as many"),
         ({"element": lambda: Element(nodes=(0.75, 0.25), weights=(0.5, 0.5))}, "increase"),
         ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, -0.5))}, "weights"),
+        ({"element": lambda: Element(nodes=(0.25, 1.25), weights=(0.5, 0.5))}, r"within \[0, 1\]"),
+        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, 0.501))}, "must sum to 1"),
         ({"jacobi": lambda: Jacobi(tip=-0.5)}, "tip"),
     ],
 )
