@@ -20,7 +20,7 @@ K = {  # J / (a b³) of a rectangle a × b: exact series, as tabulated by Timosh
 
 @pytest.mark.parametrize(("ratio", "k"), K.items())
 def test_torsion_constant_of_a_rectangle_is_the_exact_series(ratio: float, k: float) -> None:
-    """a b³ of rounded sides, the series and its factors: under ten roundings; without abs=0 pytest lets 1e-12 m⁴ pass."""
+    """a b³ of rounded sides, the series, its factors: under ten roundings; without abs=0 pytest lets 1e-12 pass."""
     allowed = {"rel": 10 * 2.0**-53, "abs": 0.0}
     assert rectangle(0.01 * ratio, 0.01).torsion == pytest.approx(k * ratio * 1e-8, **allowed)
     assert rectangle(0.01, 0.01 * ratio).torsion == pytest.approx(k * ratio * 1e-8, **allowed)
