@@ -46,3 +46,14 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
         assert option is not None
         limit = fl.stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n))
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
+
+
+def test_mujoco_does_not_start_a_run_again_that_has_diverged() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    chain = make_scene(flexible("a")).chain()
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e9  # far beyond what MuJoCo takes for a sound state, 1e10, after a step
+    for _ in range(5):
+        mujoco.mj_step(model, data)
+    assert data.time == pytest.approx(5 * model.opt.timestep)  # it has gone on; a reset begins at 0
