@@ -64,6 +64,68 @@ def test_unlike_scenes_run_one_by_one() -> None:
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
 
+def driven(**change: object) -> fl.Scene:
+    """An arm that turns about one free joint, with `change`."""
+    arm = flexible("a", segments=3), flexible("b", segments=3, joint=fl.Joint(locked=True))
+    fields = {"gravity": (0.0, 9.81, 0.0), "initial": fl.Initial(joint_deg=(0.0, 30.0))}
+    return make_scene(*arm, **{**fields, "run": fl.Run(step=2e-5, sample=1e-3, duration=0.01), **change})
+
+
+def swung(degrees: float) -> tuple[fl.Motion, ...]:
+    """The first joint goes from 0 to an angle within a second."""
+    zero = (0.0, 0.0)
+    return (fl.Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, degrees), rate_deg=zero, acceleration_deg=zero),)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"drive": fl.Drive(kind="constant", torque=(50.0, 0.0))},
+        {"wrench": fl.Wrench(force=(0.0, 50.0, 0.0))},
+        {"gravity": (0.0, -9.81, 0.0)},
+        {"initial": fl.Initial(joint_deg=(0.0, 90.0))},  # of the locked joint: another chain
+        {"initial": fl.Initial(joint_deg=(20.0, 30.0))},
+        {"run": fl.Run(step=1e-5, sample=1e-3, duration=0.01)},
+        {"motion": swung(90.0)},
+        {"arm": make_scene(flexible("a", "yz", 3), flexible("b", "z", 3)).arm, "initial": fl.Initial(joint_deg=(0, 0))},
+        {"name": "other"},
+    ],
+    ids=lambda change: next(iter(change)),
+)
+def test_neighbours_that_differ_in_one_thing_move_as_they_do_alone(change: dict) -> None:
+    base = driven(motion=swung(30.0)) if "motion" in change else driven()
+    scenes = [base, msgspec.structs.replace(base, **change)]
+    singles = [fl.simulate(scene) for scene in scenes]
+    for many, one in zip(fl.simulate_many(scenes), singles, strict=True):
+        np.testing.assert_allclose(many.q, one.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.tau, one.tau, rtol=1e-12, atol=1e-9)
+        np.testing.assert_allclose(many.tip, one.tip, rtol=1e-12, atol=1e-12)
+        assert many.chain.name == one.chain.name
+    if "run" not in change and "name" not in change:
+        assert np.abs(singles[0].tip - singles[1].tip).max() > 1e-8  # four orders above what two roads may differ by
+
+
+def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
+    """The second and the third share a chain, which is not that of the first."""
+    scenes = [driven(), driven(motion=swung(30.0)), driven(motion=swung(30.0))]
+    free, *moved = fl.simulate_many(scenes)
+    np.testing.assert_array_equal(free.q, fl.simulate(scenes[0]).q)
+    alone = fl.simulate(scenes[1])
+    for many in moved:
+        np.testing.assert_allclose(many.q, alone.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.tau, alone.tau, rtol=1e-10, atol=1e-9)
+    assert np.abs(free.q - alone.q).max() > 1e-6
+
+
+def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
+    wild = driven(initial=fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e200, 0.0)))  # its square is beyond float64
+    with pytest.raises(fl.DivergenceError) as caught:
+        fl.simulate_many([driven(), wild, driven()])
+    first, _, last = caught.value.runs
+    for run in (first, last):
+        np.testing.assert_allclose(run.q, fl.simulate(driven()).q, rtol=1e-12, atol=1e-12)
+
+
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
     runs = fl.Run(duration=0.05), fl.Run(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")

@@ -32,6 +32,20 @@ def test_a_tapered_link_has_the_mass_centre_and_inertia_of_a_cone() -> None:
     assert body["inertia"][0, 0] == pytest.approx(axial, rel=1e-14)
 
 
+def test_a_link_of_unequal_sides_has_the_inertia_of_a_brick() -> None:
+    height, width, length = 0.3, 0.2, 1.25  # along y, z and x
+    arm = fl.Arm(
+        links=(flexible("a", "rigid", 1, length=length),),
+        materials={"aluminium": ALUMINIUM},
+        sections={"square": fl.Section(shape="rectangle", height=height, width=width)},
+    )
+    body = fl.lump(arm, (0.0, 0.0, 0.0)).bodies[0]
+    mass = 2700 * height * width * length
+    squares = [height**2 + width**2, length**2 + width**2, length**2 + height**2]
+    np.testing.assert_allclose(body["inertia"], mass / 12 * np.diag(squares), rtol=1e-14)
+    assert body["mass"] == pytest.approx(mass, rel=1e-15)
+
+
 def test_segments_of_a_tapered_link_add_up_to_the_whole() -> None:
     whole, parts = tapered(flex="rigid", segments=1).chain(), tapered(flex="xyz", segments=6).chain()
     assert parts.bodies["mass"].sum() == pytest.approx(whole.bodies["mass"][0], rel=1e-14)

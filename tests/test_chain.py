@@ -16,6 +16,7 @@ from flexlink import (
     Joint,
     Link,
     Material,
+    Motion,
     Mount,
     Payload,
     Run,
@@ -29,6 +30,7 @@ from flexlink import (
     to_urdf,
 )
 from flexlink.arm import AXES
+from flexlink.rules import lumping_rule
 from flexlink.sections import SHAPES, SectionProperties, rectangle
 
 
@@ -128,6 +130,33 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
         scene.chain()
 
 
+def test_what_follows_a_locked_joint_is_turned_and_moved_by_its_mount() -> None:
+    """The hub's axes stand as R = Rz Ry Rx says, and its length points along the x of R."""
+    roll, pitch, yaw = np.radians([30.0, 40.0, 50.0])
+    Rx = [[1, 0, 0], [0, np.cos(roll), -np.sin(roll)], [0, np.sin(roll), np.cos(roll)]]
+    Ry = [[np.cos(pitch), 0, np.sin(pitch)], [0, 1, 0], [-np.sin(pitch), 0, np.cos(pitch)]]
+    Rz = [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]]
+    R = np.array(Rz) @ Ry @ Rx
+    inertia = (0.1, 0.2, 0.3)
+    locked = Link(
+        name="b", length=0.7, joint=Joint(locked=True), hub=Payload(inertia=inertia),
+        mount=Mount(rpy_deg=(30.0, 40.0, 50.0), xyz=(0.1, 0.2, 0.3)),
+    )  # fmt: skip
+    chain = make_scene(Link(name="a", length=0.5), locked).chain()
+    np.testing.assert_allclose(chain.bodies[0]["inertia"], R @ np.diag(inertia) @ R.T, atol=1e-15)
+    np.testing.assert_allclose(chain.bodies[-1]["translation"], [0.6, 0.2, 0.3] + 0.7 * R[:, 0], rtol=1e-14)
+    np.testing.assert_allclose(chain.bodies[-1]["rotation"], R, atol=1e-15)
+
+
+def test_stiffness_takes_the_weight_of_its_own_hinge() -> None:
+    """Of a rule whose weights differ from the base to the tip."""
+    _, weights = lumping_rule("clamped").hinges(6)
+    assert not np.allclose(weights, weights[::-1])
+    locked = Joint(locked=True)
+    chain = make_scene(flexible("a", segments=7, lumping="clamped", joint=locked)).chain()
+    np.testing.assert_allclose(chain.stiffness, 70e9 * SQUARE.properties.i_z / (1.25 * weights), rtol=1e-14)
+
+
 def test_a_payload_joins_the_last_segment() -> None:
     bare, loaded = make_scene(flexible("a")).chain(), make_scene(flexible("a"), tip=Payload(mass=2.0)).chain()
     m, h = bare.bodies[-2]["mass"], 0.25
@@ -218,3 +247,35 @@ def test_slices_of_a_taper_and_of_a_prism_add_up_to_the_whole() -> None:
     )
     wanted = ALUMINIUM.density * 1.25 * (0.04**2 + 0.04 * 0.02 + 0.02**2) / 3
     assert lump(arm, (0, 0, 0)).bodies["mass"].sum() == pytest.approx(wanted, rel=1e-14)
+
+
+def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
+    rule = 'about = "a"\nsource = "b"\nalternate_axes = {}\n[grid]\nfirst = 0.5\nlast = 0.5\n'
+    files = {order: tmp_path / f"{order}.toml" for order in ("true", "false")}
+    for order, file in files.items():
+        file.write_text(rule.format(order), encoding="utf-8")
+    swing = Motion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    tilted = flexible("b", mount=Mount(rpy_deg=(40, 0, 0)))
+    pairs = {
+        "axes": [make_scene(flexible("a", "xyz", lumping=str(file))) for file in files.values()],
+        "prescribed joints": [make_scene(flexible("a"), motion=motion) for motion in ((), (swing,))],
+        "planes": [make_scene(flexible("a"), other) for other in (flexible("b"), tilted)],
+        "number of axes": [make_scene(flexible("a", flex)) for flex in ("z", "yz")],
+    }
+    for what, scenes in pairs.items():
+        one, other = (scene.chain() for scene in scenes)
+        assert not one.same_layout(other), what
+        assert one.same_layout(one), what
+    long, short = (make_scene(flexible("a", length=length)).chain() for length in (2.0, 1.0))
+    assert long.same_layout(short)
+
+
+def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
+    skew, tilted = Mount(rpy_deg=(-75.0, 20.0, 30.0)), Mount(rpy_deg=(0.0, 40.0, 0.0))
+    turns = {"in the plane": (0.0, 0.0, 25.0), "over": (180.0, 0.0, 25.0), "out of the plane": (-75.0, 20.0, 30.0)}
+    for name, rpy_deg in turns.items():
+        second = flexible("b", mount=Mount(rpy_deg=rpy_deg))
+        assert make_scene(flexible("a", mount=skew), second).chain().is_planar == (name != "out of the plane")
+    # the first and the third axis are parallel, the one between is not
+    there_and_back = flexible("a"), flexible("b", mount=tilted), flexible("c", mount=Mount(rpy_deg=(0.0, -40.0, 0.0)))
+    assert not make_scene(*there_and_back).chain().is_planar

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, random_state
+from conftest import flexible, make_scene, nasty_scene, random_state
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,6 +27,47 @@ def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.
             np.testing.assert_allclose(fl.mass_matrix(chain, q, method), M, atol=of_mass_matrix(chain, q), rtol=0)
         assert np.array_equal(M, M.T)
         assert np.linalg.eigvalsh(M).min() > 0
+
+
+def test_inertia_without_mass_counts_in_every_mass_method(rng) -> None:
+    """A wheel given by its inertia alone, behind a skew mount, adds its moments about the joints' axes to M."""
+    skew = fl.Mount(rpy_deg=(30.0, 40.0, 50.0))
+    hubs = fl.Payload(), fl.Payload(inertia=(0.1, 0.2, 0.3))
+    chains = [
+        make_scene(
+            fl.Link(name="a", length=0.5, hub=fl.Payload(inertia=(1.0, 2.0, 3.0))),
+            fl.Link(name="b", mount=skew, hub=hub),
+            fl.Link(name="c", length=0.5, mount=skew),
+            tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1)),
+        ).chain()
+        for hub in hubs
+    ]
+    q, _ = random_state(chains[0], rng)
+    for method in MASS_METHODS:
+        bare, loaded = (fl.mass_matrix(chain, q, method) for chain in chains)
+        np.testing.assert_allclose((loaded - bare)[1:, 1:], [[0.3, 0.0], [0.0, 0.0]], atol=1e-14)
+        axis = np.linalg.inv(fl.frames(chains[0], q).rotations[1])[:, 2]  # of the first joint, in axes of the wheel
+        assert (loaded - bare)[0, 0] == pytest.approx(axis @ np.diag(hubs[1].inertia) @ axis, abs=1e-14)
+        assert (loaded - bare)[0, 1] == pytest.approx(0.3 * axis[2], abs=1e-14)
+
+
+def test_products_of_inertia_count_in_every_method_and_solver(rng) -> None:
+    """Inertias that are full in body axes, which no section has, but a skew mount or a payload may give."""
+    chain = nasty_scene().chain()
+    bodies = chain.bodies.copy()
+    B = rng.normal(size=(chain.n, 3, 3))[: len(bodies) - 1]
+    bodies["inertia"][:-1] = 0.1 * B @ B.transpose(0, 2, 1)
+    full = dataclasses.replace(chain, bodies=bodies)
+    q, qd = random_state(full, rng)
+    M, tau = fl.mass_matrix(full, q), rng.normal(size=full.n)
+    for method in MASS_METHODS:
+        np.testing.assert_allclose(fl.mass_matrix(full, q, method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
+    assert fl.energy(full, q, qd).kinetic == pytest.approx(0.5 * qd @ M @ qd, rel=1e-13)
+    torque = fl.bias_torque(full, q, qd) + fl.elastic_torque(full, q) + fl.friction_torque(full, qd)
+    for method in SOLVERS:
+        qdd = fl.forward_dynamics(full, q, qd, tau, method)
+        scale = np.abs(M) @ np.abs(qdd) + np.abs(torque)
+        assert np.abs(M @ qdd + torque - tau).max() <= 100 * EPS * scale.max()
 
 
 def test_kinetic_energy_is_half_qd_m_qd(chain: fl.Chain, rng) -> None:
@@ -81,6 +124,35 @@ def test_gravity_torque_is_the_slope_of_gravity_energy(chain: fl.Chain, rng) -> 
         f = [float(fl.energy(chain, q + s * e, rest).gravity) for s in (-2, -1, 1, 2)]
         slope = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)  # error h⁴/30 of the fifth derivative
         assert abs(slope - fl.gravity_torque(chain, q)[k]) <= 1e-10 * max(1.0, np.abs(f).max())
+
+
+def test_elastic_torque_is_the_slope_of_elastic_energy_about_any_rest_angles(chain: fl.Chain, rng) -> None:
+    hinges = chain.hinges.copy()
+    hinges["rest"] = rng.normal(size=chain.n)
+    bent, zero = dataclasses.replace(chain, hinges=hinges), np.zeros(chain.n)
+    q, _ = random_state(chain, rng)
+    elastic = float(fl.energy(bent, q, zero).elastic)
+    assert fl.energy(bent, bent.rest, zero).elastic == 0
+    for k in range(chain.n):
+        e = np.eye(chain.n)[k]
+        plus, minus = (float(fl.energy(bent, q + s * e, zero).elastic) for s in (1, -1))
+        # of a quadratic the central difference is exact; each energy is a sum of n terms
+        rounding = chain.n * EPS * max(plus, minus, elastic)
+        assert (plus - minus) / 2 == pytest.approx(fl.elastic_torque(bent, q)[k], abs=rounding)
+
+
+def test_moment_on_the_tip_does_the_work_of_the_turning_tip(chain: fl.Chain, rng) -> None:
+    """Angular velocity of the tip per rate of joint k is its axis: from R(q + h e_k) R(q)ᵀ, to order h⁴."""
+    q, _ = random_state(chain, rng)
+    moment, h = rng.normal(size=3), 1e-3
+    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), [0, 0, 0, *moment])
+    R = fl.frames(chain, q).rotations[-1]
+    for k in range(chain.n):
+        e = np.eye(chain.n)[k] * h
+        Q = [fl.frames(chain, q + s * e).rotations[-1] @ R.T for s in (-2, -1, 1, 2)]
+        spin = (Q[0] - 8 * Q[1] + 8 * Q[2] - Q[3]) / (12 * h)
+        axis = [spin[2, 1], spin[0, 2], spin[1, 0]]
+        assert torque[k] == pytest.approx(moment @ axis, abs=1e-9)
 
 
 def test_tip_wrench_does_the_work_of_the_moving_tip(chain: fl.Chain, rng) -> None:

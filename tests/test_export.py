@@ -32,6 +32,7 @@ from flexlink.engines import mujoco as mujoco_engine
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.export import FORMATS
+from flexlink.export.document import numbers, unique
 from flexlink.kernels.kinematics import kinematics
 from flexlink.rotation import matrix_from_rpy_deg, rpy_from_matrix
 
@@ -299,3 +300,13 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
 def mujoco_joint_names(chain: Chain) -> list[str]:
     model = MujocoEngine(chain).model
     return [model.joint(k).name for k in range(model.njnt)]
+
+
+def test_numbers_read_back_exactly_and_zero_has_no_sign(rng: np.random.Generator) -> None:
+    values = np.concatenate([rng.normal(size=50) * 10.0 ** rng.integers(-12, 12, 50), [0.1 + 0.2, 1 / 3, 5e-324]])
+    assert [float(word) for word in numbers(values).split()] == values.tolist()
+    assert numbers([-0.0, 0.0, -1.5]) == "0.0 0.0 -1.5"
+
+
+def test_the_second_of_two_equal_names_is_called_so() -> None:
+    assert unique(["a", "b", "a", "a", "a_2"]) == ["a", "b", "a_2", "a_3", "a_2_2"]

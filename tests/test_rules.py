@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from beams import cantilever, order, thin_arm, thin_link, torsion_bar
 from conftest import flexible, make_scene
+from scipy import special
 
 from flexlink import (
     Joint,
@@ -83,6 +84,18 @@ def test_a_rule_weighted_for_an_end_moment_is_exact_for_it():
         assert integral(rule, 4, lambda x, d=degree: (1 - x) ** (2 + d)) == pytest.approx(1 / (3 + degree), rel=1e-13)
 
 
+@pytest.mark.parametrize(("root", "tip"), [(0.0, 0.0), (0.0, 2.0), (1.5, 0.0), (0.5, 2.0)])
+def test_a_jacobi_rule_is_exact_for_its_weight_times_polynomials(root: float, tip: float) -> None:
+    """∫ (1 − x)^tip x^(root + d) dx = B(root + d + 1, tip + 1) up to d = 2N − 1, and no further."""
+    rule, count = LumpingRule(about="a", source="b", jacobi=Jacobi(root=root, tip=tip)), 5
+    wrong = []
+    for d in range(2 * count + 1):
+        exact = special.beta(root + d + 1, tip + 1)
+        wrong.append(integral(rule, count, lambda x, d=d: (1 - x) ** tip * x ** (root + d)) / exact - 1)
+    assert wrong[:-1] == pytest.approx(np.zeros(2 * count), abs=1e-12)  # nodes of roots_jacobi are good to 1e-14
+    assert abs(wrong[-1]) > 1e-8
+
+
 def test_users_own_rule_from_a_file(tmp_path):
     path = tmp_path / "simpson.toml"
     path.write_text(
@@ -103,6 +116,8 @@ def test_users_own_rule_from_a_file(tmp_path):
         ({"element": lambda: Element(nodes=(0.5,), weights=(0.5, 0.5))}, "as many"),
         ({"element": lambda: Element(nodes=(0.75, 0.25), weights=(0.5, 0.5))}, "increase"),
         ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, -0.5))}, "weights"),
+        ({"element": lambda: Element(nodes=(0.25, 1.25), weights=(0.5, 0.5))}, r"within \[0, 1\]"),
+        ({"element": lambda: Element(nodes=(0.25, 0.75), weights=(0.5, 0.501))}, "must sum to 1"),
         ({"jacobi": lambda: Jacobi(tip=-0.5)}, "tip"),
     ],
 )

@@ -65,6 +65,41 @@ def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
     assert run.qd[-1, 0] == pytest.approx(1.5 / 2.0, rel=1e-12)
 
 
+def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
+    """θ'' = τ/J, τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J, and 3/J at t = 1."""
+    drive = fl.Drive(kind="table", times=(1.0, 2.0), torques=((3.0,), (5.0,)))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
+    assert run.qd[:, 0] == pytest.approx([0.0, 0.75, 1.5, 2.375, 3.5], rel=1e-12)
+    assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15)
+
+
+DRIVES = {  # of three links, the first one locked; what the other two get at t = 0.5 s
+    "constant": (fl.Drive(kind="constant", torque=(0.0, 1.0, 2.0)), (1.0, 2.0)),
+    "table": (
+        fl.Drive(kind="table", times=(0.1, 0.3, 0.7), torques=((0.0, 0.0, 0.0), (0.0, 1.0, 2.0), (0.0, 3.0, 8.0))),
+        (2.0, 5.0),
+    ),
+    "pd": (
+        fl.Drive(kind="pd", kp=(0.0, 5.0, 7.0), kd=(0.0, 2.0, 3.0), target_deg=(90.0, 10.0, 20.0)),
+        (5.0 * np.radians(10 - 4) - 2.0 * np.radians(1), 7.0 * np.radians(20 - 8) - 3.0 * np.radians(-2)),
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> None:
+    """So heavy that it keeps its rates of 1 and −2 deg/s: the angles at 0.5 s are 4 and 8 degrees."""
+    drive, wanted = DRIVES[kind]
+    hub, locked = fl.Payload(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
+    links = [fl.Link(name="a", joint=locked), fl.Link(name="b", hub=hub), fl.Link(name="c", hub=hub)]
+    start = fl.Initial(joint_deg=(30.0, 3.5, 9.0), rate_deg=(0.0, 1.0, -2.0))
+    run = fl.simulate(
+        make_scene(*links, gravity=(0, 0, 0), drive=drive, initial=start), step=0.01, sample=0.5, duration=0.5
+    )
+    assert run.tau[-1] == pytest.approx(np.array(wanted), rel=1e-8)  # what 10 N m do to 1e9 kg m² in half a second
+
+
 def test_constant_torque_and_wrench_act_together() -> None:
     """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
     scene = make_scene(

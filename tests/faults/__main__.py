@@ -1,0 +1,69 @@
+"""python -m tests.faults [name or glob ...]: plant faults, one after another, and see whether the tests notice.
+
+Exit code 0: all killed; 1: one survived, does not apply any more or was not judged; 2: wrong call, or the tests fail
+without any fault; 130: interrupted, what was judged stands above.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+import signal
+import sys
+from collections.abc import Sequence
+
+from tests.faults.plant import KILLED, Copy, Fault, copied, load, select
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    parser = argparse.ArgumentParser(prog="python -m tests.faults", description=__doc__)
+    parser.add_argument("pattern", nargs="*", help="name or glob of a fault, or of a source (default: all)")
+    parser.add_argument("--list", action="store_true", help="only list them")
+    options = parser.parse_args(arguments)
+    try:
+        faults = select(load(), options.pattern)
+    except LookupError as error:
+        print(error.args[0], file=sys.stderr)
+        return 2
+    if options.list:
+        print(*(f"{fault.name:<36}{fault.why}" for fault in faults), sep="\n")
+        return 0
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    outcomes: collections.Counter[str] = collections.Counter()
+    try:
+        with copied() as copy:
+            if not is_sound(copy, faults):
+                return 2
+            for number, fault in enumerate(faults, start=1):
+                outcome, told, seconds = copy.judge(fault)
+                outcomes[outcome] += 1
+                print(f"{number:>4}/{len(faults)} {seconds:>6.1f} s  {outcome:<9} {fault.name:<36} {told}", flush=True)
+    except KeyboardInterrupt:
+        print(f"interrupted: {summary(outcomes, len(faults))}")
+        return 130
+    print(summary(outcomes, len(faults)))
+    return 0 if outcomes[KILLED] == len(faults) else 1
+
+
+def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:
+    """Whether all tests pass without a fault: a failure means something only then."""
+    tests = sorted({test for fault in faults for test in fault.tests})
+    files = {test for test in tests if "::" not in test}
+    tests = [test for test in tests if test in files or test.partition("::")[0] not in files]
+    print(f"{len(faults)} faults; first their tests without a fault, which compiles all kernels", flush=True)
+    code, output = copy.run(tests, copy.sound)
+    if code != 0:
+        print(output, "The tests fail without a fault: no verdict is possible.", sep="\n", file=sys.stderr)
+    return code == 0
+
+
+def summary(outcomes: collections.Counter[str], faults: int) -> str:
+    """Counts of the outcomes."""
+    told = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
+    return f"{outcomes.total()} of {faults} faults judged: {told or 'none'}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

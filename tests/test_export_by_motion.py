@@ -1,0 +1,59 @@
+"""What the scenes of the other export tests do not have: full inertias, wheels without mass, steps near the limit."""
+
+from __future__ import annotations
+
+import dataclasses
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, nasty_scene
+
+import flexlink as fl
+from flexlink.engines import load
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_engines_read_products_of_inertia_in_their_places(engine: str, rng: np.random.Generator) -> None:
+    pytest.importorskip(engine)
+    chain = nasty_scene().chain()
+    bodies = chain.bodies.copy()
+    B = rng.normal(size=(len(bodies), 3, 3))
+    S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm of real bodies: their moments meet the triangle inequality
+    full = np.trace(S, axis1=1, axis2=2)[:, None, None] * np.eye(3) - S
+    heavy = bodies["mass"] > 0
+    bodies["inertia"][heavy] = full[heavy]
+    chain = dataclasses.replace(chain, bodies=bodies)
+    q, qd = rng.uniform(-1, 1, (2, chain.n))
+    other, M = load(engine, chain), fl.mass_matrix(chain, q)
+    assert other.mass_matrix(q) == pytest.approx(M, rel=0, abs=1e-12 * np.abs(M).max())
+    wanted = fl.bias_torque(chain, q, qd)
+    assert other.bias_torque(q, qd) == pytest.approx(wanted, rel=0, abs=1e-12 * np.abs(wanted).max())
+
+
+def test_pinocchio_reads_a_wheel_without_mass() -> None:
+    pytest.importorskip("pinocchio")
+    links = fl.Link(name="a", length=0.5, hub=fl.Payload(inertia=(0.1, 0.2, 0.3))), fl.Link(name="b", length=0.5)
+    chain = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))).chain()
+    q = np.array([0.3, 0.7])
+    assert load("pinocchio", chain).mass_matrix(q) == pytest.approx(fl.mass_matrix(chain, q), rel=1e-13)
+
+
+def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() -> None:
+    for segments in (3, 5, 9):
+        chain = make_scene(flexible("a", segments=segments), flexible("b", "xyz", segments)).chain()
+        option = ET.fromstring(fl.to_mjcf(chain)).find("option")
+        assert option is not None
+        limit = fl.stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n))
+        assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
+
+
+def test_mujoco_does_not_start_a_run_again_that_has_diverged() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    chain = make_scene(flexible("a")).chain()
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1e9  # far beyond what MuJoCo takes for a sound state, 1e10, after a step
+    for _ in range(5):
+        mujoco.mj_step(model, data)
+    assert data.time == pytest.approx(5 * model.opt.timestep)  # it has gone on; a reset begins at 0

@@ -1,0 +1,98 @@
+"""The list of planted faults does not rot, and its runner tells a fault that is noticed from one that is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+from faults import plant
+from faults.plant import BROKEN, KILLED, STALE, SURVIVED, Answer, Fault
+
+FAULTS = plant.load()
+
+
+def rot(fault: Fault) -> str:
+    """Why a fault of the list cannot be planted or judged; empty if it can."""
+    if (found := fault.occurrences(ROOT)) != 1:
+        return f"{fault.find!r} is found {found} times in {fault.file}, not once"
+    planted = (ROOT / fault.file).read_text(encoding="utf-8").replace(fault.find, fault.replace)
+    try:
+        compile(planted, fault.file, "exec")
+    except SyntaxError as error:
+        return f"not Python any more: {error}"  # which any test would notice
+    for test in fault.tests:
+        file, _, function = test.partition("::")
+        text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
+        if f"def {function.partition('[')[0]}" not in text:
+            return f"{test}: no such test"
+    return "" if fault.find != fault.replace else "nothing is replaced"
+
+
+def test_every_fault_can_be_planted_and_names_tests_that_exist() -> None:
+    assert {fault.name: reason for fault in FAULTS if (reason := rot(fault))} == {}
+
+
+def test_names_of_faults_differ() -> None:
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Path:
+    """A project of one function, whose test is blind to its sign."""
+    files = {
+        "area.py": "def area(a, b):\n    return a * b  # m²\n",
+        "test_area.py": "from area import area\n\n\ndef test_size():\n    assert abs(area(2, 3)) == 6\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def planted(find: str, replace: str) -> Fault:
+    return Fault("area/fault", "area.py", find, replace, ("test_area.py",), "")
+
+
+def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_it_is(tree: Path) -> None:
+    before = {path.name: path.read_bytes() for path in tree.iterdir()}
+    with plant.copied(tree) as copy:
+        assert copy.run(("test_area.py",), copy.sound).code == 0
+        told = [copy.judge(planted(*texts)) for texts in (("a * b", "a + b"), ("a * b", "-a * b"), ("a / b", ""))]
+        twice = copy.judge(planted("a", "b"))
+        assert (copy.root / "area.py").read_bytes() == before["area.py"]
+    assert [verdict.outcome for verdict in told] == [KILLED, SURVIVED, STALE]
+    assert told[0].told == "test_area.py::test_size"
+    assert told[2].told == "its text is found 0 times in area.py"
+    assert twice.outcome == STALE
+    assert {path.name: path.read_bytes() for path in tree.iterdir()} == before
+    assert not copy.root.exists()
+
+
+@pytest.mark.parametrize(
+    ("answer", "outcome"),
+    [
+        (Answer(0, "3 passed"), SURVIVED),
+        (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
+        (Answer(-11, ""), KILLED),  # a segmentation fault
+        (Answer(None, ""), KILLED),  # no end
+        (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),
+        (Answer(2, "ERROR tests/test_a.py - NameError: name 'x' is not defined"), BROKEN),
+        (Answer(4, "ERROR: not found: tests/test_a.py"), BROKEN),
+        (Answer(5, "no tests ran in 0.01s"), BROKEN),
+    ],
+)  # fmt: skip
+def test_only_a_failing_test_kills(answer: Answer, outcome: str) -> None:
+    assert plant.verdict(answer)[0] == outcome
+
+
+def test_faults_are_chosen_by_name_source_or_glob() -> None:
+    faults = [Fault(name, "", "", "", (), "") for name in ("rne/a", "rne/b", "mass/a")]
+
+    def chosen(*patterns: str) -> list[str]:
+        return [fault.name for fault in plant.select(faults, patterns)]
+
+    assert chosen() == ["rne/a", "rne/b", "mass/a"]
+    assert chosen("rne") == ["rne/a", "rne/b"]
+    assert chosen("*/a", "rne/b") == ["rne/a", "rne/b", "mass/a"]
+    with pytest.raises(LookupError, match="'mas': no such fault; there are rne/a, rne/b, mass/a"):
+        chosen("mas")

@@ -1,0 +1,67 @@
+"""Modes that spin, flutter and creep: gyroscopic coupling, slow growth, order of damped modes, M singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from beams import cantilever
+from conftest import flexible, make_scene
+
+import flexlink as fl
+
+
+def test_modes_of_a_spinning_arm_are_those_of_its_linearised_equation_of_motion() -> None:
+    """A wheel at the tip of a straight soft arm that turns at 20 rad/s: flapping and twist are coupled by their rates.
+
+    Straight and without gravity it is in relative equilibrium; T_GC is quadratic in the rates, so that its central
+    difference is exact, and a trigonometric polynomial in the angles.
+    """
+    wheel = fl.Payload(mass=1.0, inertia=(0.5, 0.3, 0.4))
+    chain = make_scene(flexible("a", "xyz", 3), tip=wheel, gravity=(0, 0, 0)).chain()
+    q, qd, free = np.zeros(chain.n), np.zeros(chain.n), np.arange(1, chain.n)
+    qd[0] = 20.0
+    assert fl.bias_torque(chain, q, qd)[free] == pytest.approx(0, abs=1e-9)
+
+    def slope(torque, h: float) -> np.ndarray:
+        return np.array([(torque(h * e) - torque(-h * e)) / (2 * h) for e in np.eye(chain.n)[free]]).T[free]
+
+    G = slope(lambda d: fl.bias_torque(chain, q, qd + d), 1.0)
+    K = slope(lambda d: fl.bias_torque(chain, q + d, qd) + fl.elastic_torque(chain, q + d), 1e-4)
+    M = fl.mass_matrix(chain, q)[np.ix_(free, free)]
+    zero, one = np.zeros_like(M), np.eye(len(M))
+
+    def frequencies(C: np.ndarray) -> np.ndarray:
+        A = np.block([[zero, one], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+        return np.sort(np.abs(np.linalg.eigvals(A).imag))[::2]
+
+    found = np.sort(fl.natural_frequencies(chain, q, locked=[0], qd=qd))
+    assert found == pytest.approx(frequencies(G), rel=1e-6)  # h² of the difference in the angles, 1e-8, and rounding
+    assert np.abs(found / frequencies(zero) - 1).max() > 1e-3  # it would be seen if the coupling were left out
+
+
+def test_slow_flutter_is_not_stable() -> None:
+    """Beck's column below and above the load at which two frequencies meet, 20.05 EI/L²; of 12 hinges 3 % less."""
+    chain = cantilever("legendre", 12)
+    below, above = (fl.modes(chain, tip_wrench=[-20.05 * part, 0, 0, 0, 0, 0], follower=True) for part in (0.93, 0.98))
+    assert below.stable
+    assert not above.stable
+    assert above.damping_ratios.min() > -0.1
+
+
+def test_damped_modes_come_slowest_first() -> None:
+    """Creeping ones among them: both real eigenvalues of a pair, in their places."""
+    damping = fl.Damping(ratio=0.3, at_hz=10.0)
+    chain = make_scene(flexible("a", "xyz", 5, damping=damping, joint=fl.Joint(locked=True))).chain()
+    λ = fl.modes(chain, np.zeros(chain.n)).eigenvalues
+    assert (λ.imag == 0).any()
+    assert (λ.imag > 0).any()
+    assert (np.diff(np.abs(λ)) >= 0).all()
+
+
+def test_coaxial_joints_are_singular_also_where_rounding_hides_it(rng: np.random.Generator) -> None:
+    skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0))
+    links = fl.Link(name="a", mount=skew), fl.Link(name="b", length=0.7, joint=fl.Joint(viscous=1.0))
+    chain = make_scene(*links, tip=fl.Payload(mass=1.3, inertia=(0.1, 0.2, 0.3))).chain()
+    for q in rng.uniform(-np.pi, np.pi, (50, 2)):
+        with pytest.raises(fl.SingularMassError, match="moves no inertia of its own"):
+            fl.modes(chain, q)
