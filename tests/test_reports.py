@@ -15,15 +15,18 @@ import numpy as np
 import pytest
 
 from flexlink.errors import FlexlinkError
+from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding
-from reports.findings.paper_conclusion import evaluations, judge
+from reports.findings.paper_conclusion import conclusion as judge
+from reports.findings.paper_conclusion import evaluations
 from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.reasons import split_reasons
+from reports.reference import read, save
 from reports.results import Results, used
-from reports.tables import bar
-from validation.store import Row, Series, Store
+from reports.sections import contents, sections
+from reports.tables import limit, table
+from validation.store import Conditions, Finished, Planned, Row, Series, Store
 
 ROOT = Path(__file__).parent.parent
 REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
@@ -33,21 +36,37 @@ def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | Non
     """A row that passes if its value is at most its tolerance."""
     passed = None if tolerance is None else value is not None and value <= tolerance
     plain = Row(
-        case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", setting="",
+        case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", varied={},
         quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, bound="at most",
-        passed=passed, reason=REASON, seconds=0.5, key="k",
+        passed=passed, timed=False, reason=REASON, note="", given_up="", seconds=0.5, key="k",
     )  # fmt: skip
     return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
 
 
-def stored(path: Path, *rows: Row) -> Path:
-    """A result folder with these rows."""
+QUIET, BUSY = Conditions(0.02, 0.05, cores=2), Conditions(1.8, 0.9, cores=2)
+DATE = "2026-07-01T10:30:00+00:00"
+ENVIRONMENT = {"date": DATE, "commit": "0123456789ab", "python": "3.11.7", "cores": 2, "system": "Linux x86_64",
+               "versions": {"flexlink": "0.1.0", "pin": "4.1.0", "mujoco": "4.0.0", "numpy": "2.4"}}  # fmt: skip
+
+
+def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned: tuple[str, ...] = ()) -> Path:
+    """A result folder with these rows of finished cases, and `planned` cases that were not measured."""
     store = Store(path)
     store.prepare({r.case for r in rows})
-    store.note_environment({"python": "3.11", "versions": {"numpy": "2"}})
+    store.note_environment(ENVIRONMENT)
+    plan = {r.case: Planned("k", r.kind, r.title) for r in rows}
+    store.note_plan(plan | {case: Planned("k", "pointwise", f"Title of {case}") for case in planned})
     for r in rows:
         store.append(r)
+    for case in dict.fromkeys(r.case for r in rows):
+        store.finish(case, Finished("k", DATE, "A processor", conditions))
     return path
+
+
+def timed(value: float, **fields: object) -> Row:
+    """A row of speed that is met if its value is at most 1 µs."""
+    speed = {"kind": "speed_calls", "quantity": "public call", "unit": "µs", "timed": True}
+    return row("calls", value=value, tolerance=1.0, **speed | fields)  # type: ignore[arg-type]
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -60,7 +79,28 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 def page_of(tmp_path: Path, *rows: Row) -> str:
     results = stored(tmp_path / "results", *rows)
-    return build(results, tmp_path / "report").read_text(encoding="utf-8")
+    return page_from(results, tmp_path)
+
+
+def page_from(results: Path, tmp_path: Path) -> str:
+    return build(results, tmp_path / "report", tmp_path / "no reference").read_text(encoding="utf-8")
+
+
+def words_from(results: Path, tmp_path: Path) -> str:
+    """The page without figures, which take nearly all of the time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("reports.build.pictures", lambda *_: iter(()))
+        return page_from(results, tmp_path)
+
+
+def words_of(tmp_path: Path, *rows: Row) -> str:
+    return words_from(stored(tmp_path / "results", *rows), tmp_path)
+
+
+def first_screen(page: str) -> str:
+    """What stands before the first chapter, without tags."""
+    part = page[page.index("<h1>") : page.index("</main>")].partition('<section id="agreement"')[0]
+    return " ".join(re.sub(r"<[^>]*>", " ", part).split())
 
 
 class Links(HTMLParser):
@@ -92,20 +132,44 @@ def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
 
 
 def test_failing_rows_stand_at_the_very_top(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
-    parts = ["1 of 2 checks FAIL", "Failing checks", REASON.replace("<", "&lt;"), "<nav", "Title of fine"]
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
+    parts = ["1 of 2 checks FAIL", "Failing checks", REASON.replace("<", "&lt;"), 'id="agreement"', "Title of fine"]
     places = [page.index(part.replace("& ", "&amp; ")) for part in parts]
     assert places == sorted(places)
-    assert page.index("Title of broken") < page.index("Title of fine"), "failing cases lead the verdict table"
+    assert page.index('id="case-broken"') < page.index('id="case-fine"'), "failing cases lead their chapter"
+
+
+def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
+    failing = page[page.index('id="failing"') :].split("</section>")[0]
+    assert "T_GC" in failing
+    assert "Mass matrix against" not in failing
+    assert failing.count("<tr class") == 1
+
+
+def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"))
+    assert (
+        "largest relative difference 3\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁹ (paper_fig5, mujoco). (fails its limit)"
+        in page
+    )
+    assert "(fails its limit)" in first_screen(page), "so does the first screen"
+
+
+def test_passing_tables_are_folded_and_failing_ones_are_open(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9))
+    opened = {re.search(r'id="case-(\w+)"', part)[1]: " open>" in part.partition("<summary>")[0]
+              for part in page.split('<details class="case')[1:]}  # type: ignore[index]  # fmt: skip
+    assert opened == {"fine": False, "broken": True}
 
 
 def test_a_failing_row_is_also_a_known_limitation(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
+    page = words_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
     assert "T_GC" in page[page.index('id="limitations"') :]
 
 
 def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row(value=None))
+    page = words_of(tmp_path, row(value=None))
     assert "1 of 1 check FAIL" in page
     assert "No value" in page[page.index('id="limitations"') :]
 
@@ -113,27 +177,27 @@ def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None
 def test_every_tolerance_shows_its_reason(tmp_path: Path) -> None:
     reasons = [f"reason number {k}" for k in range(4)]
     rows = [row(case, reason=reasons[2 * i + j], quantity=f"q{j}") for i, case in enumerate("ab") for j in range(2)]
-    page = page_of(tmp_path, *rows)
+    page = words_of(tmp_path, *rows)
     for reason in reasons:
         assert reason in page
 
 
 def test_known_limitations_are_never_empty(tmp_path: Path) -> None:
-    part = page_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
+    part = words_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
     assert part.count("<li>") >= 3
 
 
 def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row("odd", kind="never heard of"))
     columns = {"t": np.arange(3.0), "y": np.array([1.0, np.nan, 3.0])}
-    curve = Series("growth", "How it grows", columns, "t", "t [s]", "y")
+    curve = Series("unheard", "How it grows", columns, "t", "t [s]", "y")
     Store(results).add_series("odd", curve)
-    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    page = page_from(results, tmp_path)
     assert "Further cases" in page
     assert "Title of odd" in page
     assert "How it grows" in page
-    assert (tmp_path / "report" / "odd.growth.svg").exists()
-    assert (tmp_path / "report" / "odd.growth.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "report" / "odd.unheard.svg").exists()
+    assert (tmp_path / "report" / "odd.unheard.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path) -> None:
@@ -147,8 +211,27 @@ def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path
     assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
 
 
+def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("broken", value=1.0))
+    figures = re.findall(r"<figure .*?</figure>", page, re.DOTALL)
+    assert len(figures) >= 3
+    for figure in figures:
+        assert re.search(r'<svg [^>]*role="img" aria-label="[^"]{5,}"', figure)
+        assert re.search(r"<figcaption><strong>.{5,}</strong>", figure)
+        (data,) = re.findall(r'href="([^"]*\.csv)"', figure)
+        assert len((tmp_path / "report" / data).read_text(encoding="utf-8").splitlines()) > 1
+
+
+def test_figures_share_their_letters_and_draw_nothing_that_is_not_defined(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("more"))
+    defined = re.findall(r'<(?:path|clipPath) id="([^"]*)"', page)
+    assert len(defined) == len(set(defined))
+    used = set(re.findall(r'href="#([\w-]*)"|url\(#([^)]*)\)', page.split("</nav>")[-1]))
+    assert {one or other for one, other in used} - {"speed-table"} <= set(defined) | set(links(page).ids)
+
+
 def test_the_page_names_no_place_on_the_machine_that_made_it(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row())
+    page = words_of(tmp_path, row())
     assert str(tmp_path) not in page
     assert str(ROOT) not in page
 
@@ -166,7 +249,7 @@ def test_text_from_results_cannot_become_markup(tmp_path: Path) -> None:
 
 def test_csv_reads_back_exactly(tmp_path: Path) -> None:
     value = 0.1 + 0.2
-    page_of(tmp_path, row(value=value, tolerance=1.0))
+    words_of(tmp_path, row(value=value, tolerance=1.0))
     with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
         (read,) = csv.DictReader(file)
     assert float(read["value"]) == value
@@ -175,31 +258,194 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
 
 def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
-    first, second = (build(results, tmp_path / name) for name in ("a", "b"))
+    first, second = (build(results, tmp_path / name, tmp_path / "none") for name in ("a", "b"))
     for file in first.parent.iterdir():
         assert file.read_bytes() == (second.parent / file.name).read_bytes(), file.name
 
 
-def test_the_share_of_a_bar_passes_one_exactly_when_the_check_fails() -> None:
+def test_the_share_of_a_limit_passes_one_exactly_when_the_check_fails() -> None:
     upper, over = row(value=0.5, tolerance=1.0), row(value=2.0, tolerance=1.0)
     lower = row(value=7.5, tolerance=3.0, bound="at least", passed=True)
     under = row(value=1.5, tolerance=3.0, bound="at least", passed=False)
     assert [used(r) for r in (upper, over, lower, under)] == [0.5, 2.0, 0.4, 2.0]
-    assert bar(lower) == "≥ 3"
+    assert limit(lower) == "≥ 3"
 
 
-def test_the_note_on_a_row_is_told_from_the_reason_of_all() -> None:
-    rows = [row(reason="Sums of eps = 2.2e-16. Largest at joint 'upper.1'."), row(reason="Sums of eps = 2.2e-16. Hm.")]
-    parts = split_reasons(rows)
-    assert [parts[id(r)] for r in rows] == [
-        ("Sums of eps = 2.2e-16.", "Largest at joint 'upper.1'."), ("Sums of eps = 2.2e-16.", "Hm."),
-    ]  # fmt: skip
+def test_reasons_stand_once_for_all_rows_and_notes_beside_theirs() -> None:
+    rows = [row(note="Largest at joint 'upper.1'."), row(note="Hm.", engine="pinocchio")]
+    found = table(rows, {})
+    assert [meaning.reason for meaning in found.meanings] == [REASON]
+    assert [line.cells[found.heads.index("note")] for line in found.lines] == ["Largest at joint 'upper.1'.", "Hm."]
 
 
-def test_a_bar_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row(tolerance=None, reason="Information. The bar first set was 1e-8; it cannot be met."))
+def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_path: Path) -> None:
+    rows = [row(varied={"method": "RK4", "step": h}, quantity="q") for h in (1e-3, 1e-4)]
+    found = table(rows, {})
+    assert found.common == "paper_fig5, mujoco, RK4"
+    assert found.heads == ("quantity", "setting", "value", "limit", "of its limit")
+    assert [line.cells[1] for line in found.lines] == ["h = 0.001 s", "h = 0.0001 s"]
+    words_of(tmp_path, *rows)
+    with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
+        assert [(line["method"], float(line["step [s]"])) for line in csv.DictReader(file)] == [
+            ("RK4", 1e-3),
+            ("RK4", 1e-4),
+        ]
+
+
+def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
+    page = words_of(
+        tmp_path, row(tolerance=None, given_up="A limit first set was 1e-8; it cannot be met."), row("fine")
+    )
     assert "it cannot be met" in page[page.index('id="limitations"') :]
-    assert page.index("though a bar was set for it: terms, M") < page.index("<nav"), "the bottom line admits it"
+    assert "though a limit was once set: terms, M" in first_screen(page), "the verdict admits it"
+
+
+# the first screen
+
+
+def test_the_first_screen_says_what_was_compared_when_and_on_what(tmp_path: Path) -> None:
+    said = first_screen(words_of(tmp_path, row()))
+    versions = "flexlink 0.1.0 against Pinocchio 4.1.0, MuJoCo 4.0.0"
+    machine = "A processor · 2 cores · Linux x86_64 · Python 3.11.7 · numpy 2.4"
+    verdicts = ("Correctness: PASS 1 of 1 check pass (1 case)", "Speed: not measured")
+    for words in (versions, "2026-07-01, 10:30 to 10:30 UTC", machine, "commit 0123456789ab", *verdicts):
+        assert words in said
+
+
+def test_the_three_numbers_and_one_figure_stand_on_the_first_screen(tmp_path: Path) -> None:
+    calls = [timed(v, unit="1", passed=True, engine="pinocchio", quantity=f"T1 forward dynamics: pinocchio / {o}")
+             for v, o in ((11.0, "native"), (0.7, "public"))]  # fmt: skip
+    motion = row("fall", kind="trajectory", quantity="max |Δq|", unit="rad", value=4.5e-14)
+    results = stored(tmp_path / "results", row(), motion, *calls, conditions=QUIET)
+    page = page_from(results, tmp_path)
+    values = re.findall(r'<p class="value">(.*?)</p>', page)
+    assert [re.sub(r"<[^>]*>|\s", "", value) for value in values] == ["10⁻¹⁵", "4.5×10⁻¹⁴rad", "11×;0.7×"]
+    assert page.index('id="figure-overview"') < page.index('<section id="agreement"')
+
+
+def test_the_overview_shows_every_check_of_correctness_and_no_other(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row(), row(value=1.0, quantity="q"), row(tolerance=None), timed(0.5))
+    page_from(results, tmp_path)
+    with (tmp_path / "report" / "overview.csv").open(encoding="utf-8", newline="") as file:
+        assert [line["state"] for line in csv.DictReader(file)] == ["pass", "FAIL"]
+
+
+def test_all_chapters_of_the_page_stand_in_both_navigations(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("odd", kind="unheard"))
+    for nav in re.findall(r"<nav .*?</nav>", page, re.DOTALL):
+        for chapter in ("agreement", "other", "limitations", "environment", "reproduce"):
+            assert f'href="#{chapter}"' in nav
+    assert page.count("<nav ") == 2
+
+
+def test_the_contents_are_well_formed_and_name_kinds_that_exist() -> None:
+    files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")}
+    assert {kind for section in sections() for kind in section.kinds} - {"*"} <= files
+    wanted = [w for section in sections() for w in section.headline] + [w for n in contents().number for w in n.value]
+    assert {want.kind for want in wanted} <= files
+
+
+# two verdicts
+
+
+def test_a_missed_limit_of_time_leaves_the_verdict_on_correctness_alone(tmp_path: Path) -> None:
+    said = first_screen(words_from(stored(tmp_path / "results", row(), timed(2.0), conditions=QUIET), tmp_path))
+    assert "Correctness: PASS 1 of 1 check pass" in said
+    assert "Speed: missed 1 missed on this machine." in said
+    assert "Failing checks" not in said
+
+
+@pytest.mark.parametrize("value", [0.5, 2.0])
+def test_on_a_busy_machine_the_page_says_so_instead_of_met_or_missed(tmp_path: Path, value: float) -> None:
+    page = words_from(stored(tmp_path / "results", row(), timed(value), conditions=BUSY), tmp_path)
+    said = first_screen(page)
+    assert "Correctness: PASS" in said
+    assert "1 not measured: the machine was busy (other processes kept 1.8 of 2 cores busy" in said
+    with (tmp_path / "report" / "speed.csv").open(encoding="utf-8", newline="") as file:
+        (line,) = csv.DictReader(file)
+    assert (line["state"], line["load"], line["spread"]) == ("not measured: the machine was busy", "1.8", "0.9")
+    assert '<tr class="met"' not in page
+    assert '<tr class="missed"' not in page
+
+
+def test_the_speed_table_stands_beside_the_reference_run(tmp_path: Path) -> None:
+    save(Results.read(stored(tmp_path / "quiet", row(), timed(0.75), conditions=QUIET)), tmp_path / "reference")
+    results = stored(tmp_path / "results", row(), timed(0.5), conditions=QUIET)
+    page = build(results, tmp_path / "report", tmp_path / "reference").read_text(encoding="utf-8")
+    assert "Reference run: 2026-07-01, 10:30 to 10:30 UTC · A processor" in page
+    assert re.search(r'data-head="reference run" class="num">0.75\N{NO-BREAK SPACE}µs<', page)
+
+
+@pytest.mark.parametrize(("conditions", "value", "planned", "why"), [
+    (BUSY, 1e-15, (), "the machine was busy"), (QUIET, 1e-9, (), "1 of 1 check FAIL"),
+    (QUIET, 1e-15, ("other",), "1 of 3 cases are missing"),
+])  # fmt: skip
+def test_only_a_whole_right_and_quiet_study_becomes_the_reference_run(
+    tmp_path: Path, conditions: Conditions, value: float, planned: tuple[str, ...], why: str
+) -> None:
+    results = stored(tmp_path / "results", row(value=value), timed(0.5), conditions=conditions, planned=planned)
+    with pytest.raises(FlexlinkError, match=why):
+        save(Results.read(results), tmp_path / "reference")
+    assert not (tmp_path / "reference").exists()
+
+
+def test_a_torn_reference_run_is_one_line(tmp_path: Path) -> None:
+    save(Results.read(stored(tmp_path / "quiet", row(), timed(0.75), conditions=QUIET)), tmp_path / "reference")
+    (tmp_path / "reference" / "speed.csv").write_text("case,quantity\ncalls,public call\n", encoding="utf-8")
+    with pytest.raises(FlexlinkError, match="not a reference run"):
+        read(tmp_path / "reference")
+
+
+def test_the_reference_run_that_is_checked_in_can_be_read() -> None:
+    found = read()
+    assert bool(found.values) == bool(found.machine)
+
+
+# only what belongs together
+
+
+def killed(path: Path) -> Path:
+    """A study that was killed in the middle of its second case, with a third one to come."""
+    results = stored(path, row("first"), planned=("second", "third"))
+    Store(results).append(row("second"))
+    return results
+
+
+def test_half_a_study_never_reads_like_a_whole_one(tmp_path: Path) -> None:
+    page = words_from(killed(tmp_path / "results"), tmp_path)
+    said = first_screen(page)
+    assert "Correctness: INCOMPLETE No failure in 1 check, but 2 of 3 cases are missing." in said
+    assert not re.search(r"\ball\b[^.]*\bpass", said, re.IGNORECASE)
+    assert "second ( Title of second ): stopped in the middle" in said.replace(
+        "(Title of second)", "( Title of second )"
+    )
+    assert "third" in said
+    assert "not measured" in said
+    assert 'id="case-second"' not in page, "what was stopped is not shown as if it were whole"
+
+
+def test_a_study_killed_in_its_first_case_passes_nothing(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", planned=("only",))
+    Store(results).append(row("only"))
+    said = first_screen(words_from(results, tmp_path))
+    assert "Correctness: INCOMPLETE Nothing was judged" in said
+    assert "only (Title of only): stopped in the middle" in said
+
+
+def test_rows_of_older_sources_are_not_mixed_in(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row("old", key="older", value=1.0), row("new"))
+    store = Store(results)
+    store.finish("old", Finished("older", DATE, "A processor", None))
+    said = first_screen(words_from(results, tmp_path))
+    assert "old (Title of old): measured with other sources or versions" in said
+    assert "FAIL" not in said
+    assert [r.case for r in Results.read(results).rows] == ["new"]
+
+
+def test_a_line_of_an_older_run_of_a_finished_case_is_left_out(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row())
+    Store(results).append(row(key="older", value=1.0))
+    assert [r.value for r in Results.read(results).rows] == [1e-15]
 
 
 def conclusion(rk4: float, rk10: float) -> Finding:
@@ -235,11 +481,11 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
     results = stored(tmp_path / "results", row("fall", kind="trajectory"))
     time = np.linspace(0.0, 5.0, 51)
     for panel in PANELS:
-        for engine in ("", ".mujoco", ".pinocchio"):
+        for engine in ("", "mujoco", "pinocchio"):
             columns = {"time [s]": time, "one": np.sin(time), "two": np.cos(time)}
-            series = Series(
-                f"paper_fig5.{panel}{engine}", f"Title of {panel}", columns, "time [s]", "time [s]", "q [deg]"
-            )
+            labels = "time [s]", "time [s]", "q [deg]"
+            where = {"scene": "paper_fig5", "part": panel, "engine": engine}
+            series = Series("panel", f"Title of {panel}", columns, *labels, **where)
             Store(results).add_series("fall", series)
     (motion,) = motions(Results.read(results))
     figure = draw_tall(motion)
@@ -248,9 +494,9 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
         lines = [line for line in axes.lines if line.get_linestyle() == "-"]
         points = [line for line in axes.lines if line.get_linestyle() != "-"]
         assert (len(lines), len(points)) == (2, 4)
-    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    page = page_from(results, tmp_path)
     assert 'id="figure-figure5.paper_fig5"' in page
-    assert page.count("<figure ") == 1, "a series that a figure takes is not drawn again"
+    assert page.count("<figure ") == 2, "with the overview; a series that a figure takes is not drawn again"
 
 
 @pytest.mark.parametrize(
@@ -270,11 +516,24 @@ def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("content", ["", '{"case": "a"}\n', "no json\n"])
+@pytest.mark.parametrize("content", ['{"case": "a"}\n', "no json\n", "\xff\n"])
 def test_results_that_are_not_rows_are_an_error_of_the_project(tmp_path: Path, content: str) -> None:
-    (tmp_path / "rows.jsonl").write_text(content, encoding="utf-8")
-    with pytest.raises(FlexlinkError, match=r"rows\.jsonl|cannot be read"):
+    (stored(tmp_path, row()) / "rows.jsonl").write_text(content, encoding="utf-8")
+    with pytest.raises(FlexlinkError, match=r"rows\.jsonl, line 1"):
         build(tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/terms.curve.npz"])
+def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    results = stored(tmp_path / "results", row())
+    Store(results).add_series("terms", Series("curve", "Title", {"x": np.ones(2), "y": np.ones(2)}, "x", "x", "y"))
+    (results / name).write_bytes((results / name).read_bytes()[:20])
+    assert main(["--results", str(results), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert name in error
+    assert error.count("\n") == 1
 
 
 def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:

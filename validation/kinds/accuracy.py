@@ -14,6 +14,7 @@ from flexlink.compare import EPS, State, random_states
 from flexlink.dynamics import mass_matrix
 from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.timing.families import Family
@@ -37,18 +38,18 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             chain = family.scene(case, segments).chain()
             states = random_states(chain, settings.samples, settings.seed)
             truth = _exact(chain, states)
-            label, setting = f"{name}, n = {chain.n}", f"{settings.samples} random states"
+            facts: Facts = {"chain": name, "n": chain.n, "states": settings.samples}
             errors = {each: _errors(each, chain, states, truth) for each in ("native", *settings.engines)}
             ours = errors["native"]
             units = np.array([10 * EPS * np.linalg.cond(mass_matrix(chain, s.q)) for s in states])
-            yield Measured("q̈", float((ours / units).max()), label, setting=setting)
+            yield Measured("q̈", float((ours / units).max()), varied=facts)
             for engine, error in errors.items():
-                yield Measured("worst error of q̈", float(error.max()), label, engine, setting)
-                yield Measured("mean error of q̈", _mean(error), label, engine, setting)
+                yield Measured("worst error of q̈", float(error.max()), "", engine, facts)
+                yield Measured("mean error of q̈", _mean(error), "", engine, facts)
                 if engine != "native":
                     worst, mean = float(ours.max() / error.max()), _mean(ours) / _mean(error)
-                    yield Measured(f"{name}: worst error, native / {engine}", worst, label, engine, setting)
-                    yield Measured(f"{name}: mean error, native / {engine}", mean, label, engine, setting)
+                    yield Measured(f"{name}: worst error, native / {engine}", worst, "", engine, facts)
+                    yield Measured(f"{name}: mean error, native / {engine}", mean, "", engine, facts)
 
 
 def _exact(chain: Chain, states: list[State]) -> list[Array]:

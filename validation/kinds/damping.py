@@ -21,6 +21,7 @@ from flexlink.stability import largest_frequency
 from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series
 
 
@@ -46,12 +47,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for ζ in settings.ratios:
         h = _step(_scene(case, settings, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
         steps[ζ] = h
-        setting = f"{settings.method}, ratio {ζ:g} of the fastest mode"
-        yield Measured("stable step × ω_max", h, free.name, setting=setting)
+        facts: Facts = {"method": settings.method, "damping ratio": ζ}
+        yield Measured("stable step × ω_max", h, free.name, varied=facts)
         if ζ > 1:
             theory = settings.real_limit / (ζ + math.sqrt(ζ * ζ - 1))
             note = f"Theory {theory:.4g}."
-            yield Measured("stable step of a creeping mode", abs(h / theory - 1), free.name, setting=setting, note=note)
+            yield Measured("stable step of a creeping mode", abs(h / theory - 1), free.name, varied=facts, note=note)
     columns = {"ratio [1]": np.array(list(steps)), "h ω_max [1]": np.array(list(steps.values()))}
     title = f"{settings.method}: largest stable step against Kelvin-Voigt damping, {settings.chain}"
     label = "damping ratio of the fastest mode [1]"
@@ -65,13 +66,13 @@ def _capped(case: Case, settings: Settings, ω: float) -> Iterator[Measured]:
     for name, damping in (("no cap", target), (f"cap {settings.cap:g}", target | {"cap": settings.cap})):
         scene = _scene(case, settings, {"link": [{"damping": damping}]})
         ratios = fl.modes(scene.chain()).damping_ratios
-        setting = f"{settings.target:g} asked of the slowest mode, {name}"
-        yield Measured("damping ratio of the slowest mode", float(ratios[0]), scene.name, setting=setting)
-        yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, scene.name, setting=setting)
-        yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", setting)
+        facts: Facts = {"damping ratio": settings.target, "law": name}
+        yield Measured("damping ratio of the slowest mode", float(ratios[0]), scene.name, varied=facts)
+        yield Measured("stable step × ω_max", _step(scene, settings.method) * ω, scene.name, varied=facts)
+        yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", facts)
         if "cap" in damping:
             largest = float(ratios.max()) / settings.cap
-            yield Measured("largest damping ratio / cap", largest, scene.name, setting=setting)
+            yield Measured("largest damping ratio / cap", largest, scene.name, varied=facts)
 
 
 def _difference(scene: Scene) -> float:
