@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import os
 import re
 import subprocess
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.errors import FlexlinkError
 from reports.__main__ import main
@@ -22,51 +22,11 @@ from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
 from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.reference import read, save
 from reports.results import Results, used
-from reports.sections import contents, sections
 from reports.tables import limit, table
-from validation.store import Conditions, Finished, Planned, Row, Series, Store
+from validation.store import Series, Store
 
 ROOT = Path(__file__).parent.parent
-REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
-
-
-def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | None = 1e-12, **fields: object) -> Row:
-    """A row that passes if its value is at most its tolerance."""
-    passed = None if tolerance is None else value is not None and value <= tolerance
-    plain = Row(
-        case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", varied={},
-        quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, bound="at most",
-        passed=passed, timed=False, reason=REASON, note="", given_up="", seconds=0.5, key="k",
-    )  # fmt: skip
-    return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
-
-
-QUIET, BUSY = Conditions(0.02, 0.05, cores=2), Conditions(1.8, 0.9, cores=2)
-DATE = "2026-07-01T10:30:00+00:00"
-ENVIRONMENT = {"date": DATE, "commit": "0123456789ab", "python": "3.11.7", "cores": 2, "system": "Linux x86_64",
-               "versions": {"flexlink": "0.1.0", "pin": "4.1.0", "mujoco": "4.0.0", "numpy": "2.4"}}  # fmt: skip
-
-
-def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned: tuple[str, ...] = ()) -> Path:
-    """A result folder with these rows of finished cases, and `planned` cases that were not measured."""
-    store = Store(path)
-    store.prepare({r.case for r in rows})
-    store.note_environment(ENVIRONMENT)
-    plan = {r.case: Planned("k", r.kind, r.title) for r in rows}
-    store.note_plan(plan | {case: Planned("k", "pointwise", f"Title of {case}") for case in planned})
-    for r in rows:
-        store.append(r)
-    for case in dict.fromkeys(r.case for r in rows):
-        store.finish(case, Finished("k", DATE, "A processor", conditions))
-    return path
-
-
-def timed(value: float, **fields: object) -> Row:
-    """A row of speed that is met if its value is at most 1 µs."""
-    speed = {"kind": "speed_calls", "quantity": "public call", "unit": "µs", "timed": True}
-    return row("calls", value=value, tolerance=1.0, **speed | fields)  # type: ignore[arg-type]
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -75,32 +35,6 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
     )
-
-
-def page_of(tmp_path: Path, *rows: Row) -> str:
-    results = stored(tmp_path / "results", *rows)
-    return page_from(results, tmp_path)
-
-
-def page_from(results: Path, tmp_path: Path) -> str:
-    return build(results, tmp_path / "report", tmp_path / "no reference").read_text(encoding="utf-8")
-
-
-def words_from(results: Path, tmp_path: Path) -> str:
-    """The page without figures, which take nearly all of the time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("reports.build.pictures", lambda *_: iter(()))
-        return page_from(results, tmp_path)
-
-
-def words_of(tmp_path: Path, *rows: Row) -> str:
-    return words_from(stored(tmp_path / "results", *rows), tmp_path)
-
-
-def first_screen(page: str) -> str:
-    """What stands before the first chapter, without tags."""
-    part = page[page.index("<h1>") : page.index("</main>")].partition('<section id="agreement"')[0]
-    return " ".join(re.sub(r"<[^>]*>", " ", part).split())
 
 
 class Links(HTMLParser):
@@ -298,154 +232,6 @@ def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None
     )
     assert "it cannot be met" in page[page.index('id="limitations"') :]
     assert "though a limit was once set: terms, M" in first_screen(page), "the verdict admits it"
-
-
-# the first screen
-
-
-def test_the_first_screen_says_what_was_compared_when_and_on_what(tmp_path: Path) -> None:
-    said = first_screen(words_of(tmp_path, row()))
-    versions = "flexlink 0.1.0 against Pinocchio 4.1.0, MuJoCo 4.0.0"
-    machine = "A processor · 2 cores · Linux x86_64 · Python 3.11.7 · numpy 2.4"
-    verdicts = ("Correctness: PASS 1 of 1 check pass (1 case)", "Speed: not measured")
-    for words in (versions, "2026-07-01, 10:30 to 10:30 UTC", machine, "commit 0123456789ab", *verdicts):
-        assert words in said
-
-
-def test_the_three_numbers_and_one_figure_stand_on_the_first_screen(tmp_path: Path) -> None:
-    calls = [timed(v, unit="1", passed=True, engine="pinocchio", quantity=f"T1 forward dynamics: pinocchio / {o}")
-             for v, o in ((11.0, "native"), (0.7, "public"))]  # fmt: skip
-    motion = row("fall", kind="trajectory", quantity="max |Δq|", unit="rad", value=4.5e-14)
-    results = stored(tmp_path / "results", row(), motion, *calls, conditions=QUIET)
-    page = page_from(results, tmp_path)
-    values = re.findall(r'<p class="value">(.*?)</p>', page)
-    assert [re.sub(r"<[^>]*>|\s", "", value) for value in values] == ["10⁻¹⁵", "4.5×10⁻¹⁴rad", "11×;0.7×"]
-    assert page.index('id="figure-overview"') < page.index('<section id="agreement"')
-
-
-def test_the_overview_shows_every_check_of_correctness_and_no_other(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", row(), row(value=1.0, quantity="q"), row(tolerance=None), timed(0.5))
-    page_from(results, tmp_path)
-    with (tmp_path / "report" / "overview.csv").open(encoding="utf-8", newline="") as file:
-        assert [line["state"] for line in csv.DictReader(file)] == ["pass", "FAIL"]
-
-
-def test_all_chapters_of_the_page_stand_in_both_navigations(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row(), row("odd", kind="unheard"))
-    for nav in re.findall(r"<nav .*?</nav>", page, re.DOTALL):
-        for chapter in ("agreement", "other", "limitations", "environment", "reproduce"):
-            assert f'href="#{chapter}"' in nav
-    assert page.count("<nav ") == 2
-
-
-def test_the_contents_are_well_formed_and_name_kinds_that_exist() -> None:
-    files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")}
-    assert {kind for section in sections() for kind in section.kinds} - {"*"} <= files
-    wanted = [w for section in sections() for w in section.headline] + [w for n in contents().number for w in n.value]
-    assert {want.kind for want in wanted} <= files
-
-
-# two verdicts
-
-
-def test_a_missed_limit_of_time_leaves_the_verdict_on_correctness_alone(tmp_path: Path) -> None:
-    said = first_screen(words_from(stored(tmp_path / "results", row(), timed(2.0), conditions=QUIET), tmp_path))
-    assert "Correctness: PASS 1 of 1 check pass" in said
-    assert "Speed: missed 1 missed on this machine." in said
-    assert "Failing checks" not in said
-
-
-@pytest.mark.parametrize("value", [0.5, 2.0])
-def test_on_a_busy_machine_the_page_says_so_instead_of_met_or_missed(tmp_path: Path, value: float) -> None:
-    page = words_from(stored(tmp_path / "results", row(), timed(value), conditions=BUSY), tmp_path)
-    said = first_screen(page)
-    assert "Correctness: PASS" in said
-    assert "1 not measured: the machine was busy (other processes kept 1.8 of 2 cores busy" in said
-    with (tmp_path / "report" / "speed.csv").open(encoding="utf-8", newline="") as file:
-        (line,) = csv.DictReader(file)
-    assert (line["state"], line["load"], line["spread"]) == ("not measured: the machine was busy", "1.8", "0.9")
-    assert '<tr class="met"' not in page
-    assert '<tr class="missed"' not in page
-
-
-def test_the_speed_table_stands_beside_the_reference_run(tmp_path: Path) -> None:
-    save(Results.read(stored(tmp_path / "quiet", row(), timed(0.75), conditions=QUIET)), tmp_path / "reference")
-    results = stored(tmp_path / "results", row(), timed(0.5), conditions=QUIET)
-    page = build(results, tmp_path / "report", tmp_path / "reference").read_text(encoding="utf-8")
-    assert "Reference run: 2026-07-01, 10:30 to 10:30 UTC · A processor" in page
-    assert re.search(r'data-head="reference run" class="num">0.75\N{NO-BREAK SPACE}µs<', page)
-
-
-@pytest.mark.parametrize(("conditions", "value", "planned", "why"), [
-    (BUSY, 1e-15, (), "the machine was busy"), (QUIET, 1e-9, (), "1 of 1 check FAIL"),
-    (QUIET, 1e-15, ("other",), "1 of 3 cases are missing"),
-])  # fmt: skip
-def test_only_a_whole_right_and_quiet_study_becomes_the_reference_run(
-    tmp_path: Path, conditions: Conditions, value: float, planned: tuple[str, ...], why: str
-) -> None:
-    results = stored(tmp_path / "results", row(value=value), timed(0.5), conditions=conditions, planned=planned)
-    with pytest.raises(FlexlinkError, match=why):
-        save(Results.read(results), tmp_path / "reference")
-    assert not (tmp_path / "reference").exists()
-
-
-def test_a_torn_reference_run_is_one_line(tmp_path: Path) -> None:
-    save(Results.read(stored(tmp_path / "quiet", row(), timed(0.75), conditions=QUIET)), tmp_path / "reference")
-    (tmp_path / "reference" / "speed.csv").write_text("case,quantity\ncalls,public call\n", encoding="utf-8")
-    with pytest.raises(FlexlinkError, match="not a reference run"):
-        read(tmp_path / "reference")
-
-
-def test_the_reference_run_that_is_checked_in_can_be_read() -> None:
-    found = read()
-    assert bool(found.values) == bool(found.machine)
-
-
-# only what belongs together
-
-
-def killed(path: Path) -> Path:
-    """A study that was killed in the middle of its second case, with a third one to come."""
-    results = stored(path, row("first"), planned=("second", "third"))
-    Store(results).append(row("second"))
-    return results
-
-
-def test_half_a_study_never_reads_like_a_whole_one(tmp_path: Path) -> None:
-    page = words_from(killed(tmp_path / "results"), tmp_path)
-    said = first_screen(page)
-    assert "Correctness: INCOMPLETE No failure in 1 check, but 2 of 3 cases are missing." in said
-    assert not re.search(r"\ball\b[^.]*\bpass", said, re.IGNORECASE)
-    assert "second ( Title of second ): stopped in the middle" in said.replace(
-        "(Title of second)", "( Title of second )"
-    )
-    assert "third" in said
-    assert "not measured" in said
-    assert 'id="case-second"' not in page, "what was stopped is not shown as if it were whole"
-
-
-def test_a_study_killed_in_its_first_case_passes_nothing(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", planned=("only",))
-    Store(results).append(row("only"))
-    said = first_screen(words_from(results, tmp_path))
-    assert "Correctness: INCOMPLETE Nothing was judged" in said
-    assert "only (Title of only): stopped in the middle" in said
-
-
-def test_rows_of_older_sources_are_not_mixed_in(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", row("old", key="older", value=1.0), row("new"))
-    store = Store(results)
-    store.finish("old", Finished("older", DATE, "A processor", None))
-    said = first_screen(words_from(results, tmp_path))
-    assert "old (Title of old): measured with other sources or versions" in said
-    assert "FAIL" not in said
-    assert [r.case for r in Results.read(results).rows] == ["new"]
-
-
-def test_a_line_of_an_older_run_of_a_finished_case_is_left_out(tmp_path: Path) -> None:
-    results = stored(tmp_path / "results", row())
-    Store(results).append(row(key="older", value=1.0))
-    assert [r.value for r in Results.read(results).rows] == [1e-15]
 
 
 def conclusion(rk4: float, rk10: float) -> Finding:
