@@ -9,7 +9,9 @@ from pathlib import Path
 from flexlink.errors import FlexlinkError
 
 try:
+    from reports import reference
     from reports.build import build, readme_figure
+    from reports.results import Results
 except ImportError as missing:
     print(f"reports: {missing}; install with: python -m pip install -e '.[report]'", file=sys.stderr)
     sys.exit(2)
@@ -21,6 +23,7 @@ EXAMPLES = """examples:
   python -m reports
   python -m reports --results old/results --out old/report
   python -m reports --readme-figure docs/paper_fig5.png
+  python -m reports --reference                         after a whole study on a machine at rest
 """
 
 
@@ -28,7 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns the exit code: 0 written, 2 no results or nowhere to write."""
     parser = argparse.ArgumentParser(
         prog="python -m reports",
-        description="Make the validation report (index.html, a CSV a table, a PNG and SVG a figure) "
+        description="Make the validation report (index.html, a CSV a table; a PNG, SVG and CSV a figure) "
         "from stored results. Runs no simulation and needs no engine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -36,10 +39,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="FOLDER", help="default: validation/results")
     parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="default: reports/latest")
     parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="make only the README's figure, as this file")
+    parser.add_argument("--reference", action="store_true", help="make this study the reference run that is checked in")
     wanted = parser.parse_args(arguments)
     try:
         if wanted.readme_figure:
             print(readme_figure(wanted.results, wanted.readme_figure))
+        elif wanted.reference:
+            print(reference.save(Results.read(wanted.results)))
         else:
             print(build(wanted.results, wanted.out))
     except FlexlinkError as error:

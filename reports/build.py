@@ -1,8 +1,7 @@
-"""The page: chapters from sections.toml, filled by what the study holds."""
+"""The page: first screen, chapters from sections.toml filled by what the study holds, and the files beside it."""
 
 from __future__ import annotations
 
-import collections
 import dataclasses
 import importlib
 import pkgutil
@@ -18,18 +17,18 @@ import matplotlib as mpl
 
 from flexlink.errors import FlexlinkError
 from flexlink.output import write_text
-from reports import curves, figures, findings
+from reports import curves, figures, findings, reference, speed, verdict
 from reports.finding import Finding
 from reports.numbers import amount, number
 from reports.picture import Picture
 from reports.results import Results, used
+from reports.sections import chapter_of_kinds, contents, sections
 from reports.style import RC
-from reports.tables import Table, bar, rows_csv, table, table_csv
-from reports.verdict import bottom_line, describe, headlines, informing_against_a_bar, judge
+from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
 from validation.store import Row
 
 HERE = Path(__file__).parent
-ANY = "*"  # the chapter that takes the kinds which no other names
+SUMMARY = "summary"  # where the one figure of the first screen belongs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,8 +37,8 @@ class CaseBlock:
 
     case: str
     title: str
+    verdict: verdict.CaseVerdict
     table: Table
-    csv: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,33 +46,40 @@ class Shown:
     """A figure on the page."""
 
     name: str
+    id: str
+    title: str
     svg: str
     caption: str
 
 
 @dataclasses.dataclass(frozen=True)
 class Chapter:
-    """A chapter of the page."""
+    """A chapter of the page; figures of `more` are folded."""
 
     id: str
     title: str
+    short: str
     text: str
+    headlines: tuple[str, ...]
     figures: tuple[Shown, ...]
+    more: tuple[Shown, ...]
     findings: tuple[Finding, ...]
     cases: tuple[CaseBlock, ...]
 
 
-def build(results: Path, out: Path) -> Path:
-    """Write the report of a study: one page that stands alone, a CSV a table, a PNG and an SVG a figure.
+def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> Path:
+    """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
 
     A pure function of what is stored: no engine is needed and nothing is simulated.
 
     Parameters
     ----------
     results
-        Folder of the stored results (rows.jsonl, series/, environment.json).
+        Folder of the stored results.
     out
         Folder for the report; made if missing.
+    reference_run
+        Folder of the reference run whose times stand beside.
 
     Returns
     -------
@@ -85,11 +91,39 @@ def build(results: Path, out: Path) -> Path:
     FlexlinkError
         There are no readable results, or `out` cannot be written.
     """
-    study = Results.read(results)
+    study, beside = Results.read(results), reference.read(reference_run)
     make_folder(out)
-    chapters = list(_chapters(study, out))
-    write_text(out / "all_checks.csv", rows_csv(study.rows))
+    definitions: dict[str, str] = {}
+    shown = _shown(study, out, definitions)
+    chapters = list(_chapters(study, out, shown))
+    write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
+    write_text(out / "speed.csv", speed.csv_text(study, beside))
+    page = _template().render(
+        style=(HERE / "style.css").read_text(encoding="utf-8"),
+        compared=verdict.compared(study),
+        measured=verdict.measured(study),
+        correct=verdict.correct(study),
+        fast=verdict.fast(study),
+        facts=verdict.numbers_that_matter(study, contents().number),
+        overview=shown.get(SUMMARY, []),
+        failed=[row for row in study.rows if row.passed is False and not row.timed],
+        missing=study.missing,
+        chapters=chapters,
+        speed=speed.lines(study, beside),
+        conditions=speed.conditions(study),
+        beside=beside,
+        environment=_flat(study.environment),
+        limitations=_limitations(),
+        unobtained=[row for row in study.rows if row.value is None],
+        given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
+        definitions=definitions,
+    )
+    write_text(out / "index.html", page)
+    return out / "index.html"
+
+
+def _template() -> jinja2.Template:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(HERE),
         autoescape=True,
@@ -97,21 +131,8 @@ def build(results: Path, out: Path) -> Path:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    environment.filters.update(number=number, amount=amount, describe=describe, bar=bar)
-    page = environment.get_template("template.html").render(
-        style=(HERE / "style.css").read_text(encoding="utf-8"),
-        bottom_line=bottom_line(study),
-        failed=[row for row in study.rows if row.passed is False],
-        verdicts=judge(study),
-        chapters=chapters,
-        environment=_flat(study.environment),
-        limitations=_data("limitations.toml")["limitation"],
-        against=_against(study),
-        informing=informing_against_a_bar(study),
-        headlines=headlines(study, _data("sections.toml")["headline"]),
-    )
-    write_text(out / "index.html", page)
-    return out / "index.html"
+    environment.filters.update(number=number, amount=amount, limit=limit)
+    return environment.get_template("template.html")
 
 
 def make_folder(path: Path) -> None:
@@ -141,17 +162,25 @@ def readme_figure(results: Path, path: Path) -> Path:
 
 def pictures(results: Results, chapter_of: Mapping[str, str]) -> Iterator[tuple[str, Picture]]:
     """(chapter id, picture): what reports/figures/ draws, by file name, then every series that nothing there takes."""
-    taken: list[str] = []
+    taken: set[str] = set()
     with mpl.rc_context(RC):
         for drawer in _modules(figures):
-            taken += drawer.TAKES
+            taken.update(drawer.TAKES)
             for picture in drawer.draw(results):
                 yield drawer.SECTION, picture
         for case, found in results.series.items():
-            for name in found:
-                if any(fnmatch(name, pattern) for pattern in taken):
-                    continue
-                yield chapter_of[results.cases[case][0].kind], curves.picture(case, found[name])
+            for series in found:
+                if series.what not in taken:
+                    yield chapter_of[results.cases[case][0].kind], curves.picture(case, series)
+
+
+def _shown(results: Results, out: Path, definitions: dict[str, str]) -> dict[str, list[Shown]]:
+    """Chapter id → its figures, their files written."""
+    shown: dict[str, list[Shown]] = {}
+    for chapter, picture in pictures(results, chapter_of_kinds()):
+        svg = picture.save(out, definitions)
+        shown.setdefault(chapter, []).append(Shown(picture.name, picture.id, picture.title, svg, picture.caption))
+    return shown
 
 
 def _findings(results: Results, out: Path) -> Iterator[tuple[str, Finding]]:
@@ -167,50 +196,43 @@ def _modules(package: ModuleType) -> Iterator[Any]:
         yield importlib.import_module(f"{package.__name__}.{name}")
 
 
-def _chapters(results: Results, out: Path) -> Iterator[Chapter]:
-    sections = _data("sections.toml")["section"]
-    rest = next(section["id"] for section in sections if ANY in section["kinds"])
-    chapter_of = collections.defaultdict(lambda: rest, {kind: s["id"] for s in sections for kind in s["kinds"]})
-    shown: dict[str, list[Shown]] = {}
-    for chapter, picture in pictures(results, chapter_of):
-        shown.setdefault(chapter, []).append(Shown(picture.name, picture.save(out), picture.caption))
-    inferred = list(_findings(results, out))
-    for section in sections:
+def _chapters(results: Results, out: Path, shown: Mapping[str, list[Shown]]) -> Iterator[Chapter]:
+    chapter_of, inferred = chapter_of_kinds(), list(_findings(results, out))
+    for section in sections():
         blocks = tuple(
-            _case_block(case, rows, out)
+            _case_block(case, rows, results, out)
             for case, rows in results.cases.items()
-            if chapter_of[rows[0].kind] == section["id"]
+            if chapter_of[rows[0].kind] == section.id
         )
-        found = tuple(finding for chapter, finding in inferred if chapter == section["id"])
-        drawn = tuple(shown.get(section["id"], ()))
+        found = tuple(finding for chapter, finding in inferred if chapter == section.id)
+        drawn = shown.get(section.id, [])
+        first = tuple(one for one in drawn if any(fnmatch(one.name, pattern) for pattern in section.open))
+        more = tuple(one for one in drawn if one not in first)
         if drawn or blocks:
-            yield Chapter(section["id"], section["title"], section["text"].strip(), drawn, found, blocks)
+            yield Chapter(
+                section.id, section.title, section.short, section.text.strip(),
+                tuple(verdict.headlines(results, section.headline)), first, more, found,
+                tuple(sorted(blocks, key=lambda block: block.verdict.state != FAIL)),
+            )  # fmt: skip
 
 
-def _case_block(case: str, rows: tuple[Row, ...], out: Path) -> CaseBlock:
-    csv = f"{case}.csv"
-    write_text(out / csv, rows_csv(rows))
-    return CaseBlock(case, rows[0].title, table(rows), csv)
+def _case_block(case: str, rows: tuple[Row, ...], results: Results, out: Path) -> CaseBlock:
+    write_text(out / f"{case}.csv", rows_csv(rows, results.finished))
+    return CaseBlock(case, rows[0].title, verdict.case_verdict(rows, results), table(rows, results.finished))
 
 
 def _verdict_csv(results: Results) -> str:
-    heads = ("case", "title", "state", "passed", "judged", "informing", "worst_used", "worst", "seconds")
-    return table_csv(
-        heads,
-        (
-            (v.case, v.title, v.state, v.passed, v.judged, v.informing, v.worst and used(v.worst),
-             v.worst and describe(v.worst), v.seconds)
-            for v in judge(results)
-        ),
-    )  # fmt: skip
+    heads = ("case", "title", "state", "checks", "failed", "informing", "worst_used", "worst", "speed", "seconds")
+    lines = [
+        (case, rows[0].title, v.state, v.judged, v.failed, v.informing, v.worst and used(v.worst),
+         v.worst and f"{v.worst.quantity}, {v.worst.where}", v.speed, sum(row.seconds for row in rows))
+        for case, rows, v in ((case, rows, verdict.case_verdict(rows, results)) for case, rows in results.cases.items())
+    ]  # fmt: skip
+    missing = [(each.case, each.title, each.why, *[None] * 7) for each in results.missing]
+    return table_csv(heads, [*lines, *missing])
 
 
-def _against(results: Results) -> list[Row]:
-    """Rows that speak against a bar, or were never obtained."""
-    return [row for row in results.rows if row.passed is False or row.value is None]
-
-
-def _flat(tree: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+def _flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     """Nested settings as (dotted name, text)."""
     flat: list[tuple[str, str]] = []
     for name, value in tree.items():
@@ -221,5 +243,6 @@ def _flat(tree: dict[str, Any], prefix: str = "") -> list[tuple[str, str]]:
     return flat
 
 
-def _data(name: str) -> dict[str, Any]:
-    return tomllib.loads((HERE / name).read_text(encoding="utf-8"))
+def _limitations() -> list[dict[str, str]]:
+    found: list[dict[str, str]] = tomllib.loads((HERE / "limitations.toml").read_text(encoding="utf-8"))["limitation"]
+    return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from reports.picture import Picture
 from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.tables import series_csv
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -23,6 +25,18 @@ class Curve(NamedTuple):
     label: str
     x: Array
     y: Array
+
+
+def panels_of(series: Series) -> list[tuple[str, Series]]:
+    """(value of the panel column, the series of that panel), in order of appearance; ("", all) without one."""
+    if series.panel is None:
+        return [("", series)]
+    column = np.asarray(series.columns[series.panel]).astype(str)
+    rest = {name: values for name, values in series.columns.items() if name != series.panel}
+    return [
+        (value, dataclasses.replace(series, panel=None, columns={n: v[column == value] for n, v in rest.items()}))
+        for value in dict.fromkeys(column.tolist())
+    ]
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -39,10 +53,10 @@ def curves(series: Series, *wanted: str) -> Iterator[Curve]:
     for group, rows in groups(series):
         for name in names:
             label = group if group and len(names) == 1 else " ".join(part for part in (group, name) if part)
-            yield Curve(label, numbers(series.columns[series.x][rows]), numbers(series.columns[name][rows]))
+            yield Curve(label, floats(series.columns[series.x][rows]), floats(series.columns[name][rows]))
 
 
-def numbers(column: NDArray[Any]) -> Array:
+def floats(column: NDArray[Any]) -> Array:
     """A column as float64."""
     return np.asarray(column, dtype=np.float64)
 
@@ -63,8 +77,11 @@ def draw_series(axes: Axes, series: Series) -> None:
 
 def picture(case: str, series: Series) -> Picture:
     """A figure of a series that no file in reports/figures/ takes care of."""
-    figure, (axes,) = panels(1, 3.2)
-    draw_series(axes, series)
-    if len(axes.lines) > 1:
-        legend_above(figure, axes, 2)
-    return Picture(f"{case}.{series.name}", figure, f"{series.title} ({case}).")
+    found = panels_of(series)
+    figure, all_axes = panels(len(found), 3.2 if len(found) == 1 else 2.3)
+    for axes, (name, part) in zip(all_axes, found, strict=True):
+        draw_series(axes, part)
+        axes.set_title(name, loc="left")
+    if len(all_axes[0].lines) > 1:
+        legend_above(figure, all_axes[0], 2)
+    return Picture(f"{case}.{series.name}", series.title, figure, f"From the case {case}.", series_csv(series))

@@ -33,6 +33,16 @@ class Finding:
     to_look_up: bool = False
 
     @property
+    def numeric(self) -> frozenset[str]:
+        """Heads of the columns of numbers."""
+        return frozenset(head for k, head in enumerate(self.heads) if k not in self.words)
+
+    @property
+    def rows(self) -> tuple[tuple[str, tuple[str | float | None, ...]], ...]:
+        """The lines, each with the class that it has on the page: none."""
+        return tuple(("", line) for line in self.lines)
+
+    @property
     def words(self) -> frozenset[int]:
         """Columns of words, by number, which are set to the left and wrapped; numbers stand to the right."""
         return frozenset(k for line in self.lines for k, cell in enumerate(line) if _is_words(cell, k))

@@ -12,11 +12,11 @@ from matplotlib.lines import Line2D
 from reports.curves import curves
 from reports.results import Results
 from reports.style import CYCLE, INK, MARKERS, panels
+from reports.tables import series_csv
 from validation.store import Series
 
-# Stored as SCENE.PANEL, an engine's as SCENE.PANEL.ENGINE.
-PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e
-TAKES = tuple(f"*.{name}{end}" for name in (*PANELS, "joint-2") for end in ("", ".*"))  # of stored names
+PANELS = ("active", "passive-2", "passive-3", "joint-3", "hand")  # a to e: parts of what is stored as "panel"
+TAKES = ("panel",)
 POINTS = 12  # of an engine on a curve: enough to see, few enough to see between
 LOOK: dict[str, Any] = {"color": INK, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
 LEGEND = 4  # entries; more do not fit on a phone
@@ -34,15 +34,12 @@ class Motion(NamedTuple):
 def motions(results: Results) -> list[Motion]:
     """Every scene of which a case stored the motion."""
     found = []
-    for case, series in results.series.items():
-        for scene in dict.fromkeys(name.partition(".")[0] for name in series if name.endswith(f".{PANELS[0]}")):
-            native = {panel: series[f"{scene}.{panel}"] for panel in PANELS if f"{scene}.{panel}" in series}
-            others: dict[str, dict[str, Series]] = {}
-            for name, one in series.items():
-                owner, panel, engine = (name + "..").split(".")[:3]
-                if owner == scene and panel in native and engine:
-                    others.setdefault(engine, {})[panel] = one
-            found.append(Motion(case, scene, native, others))
+    for case, scene in dict.fromkeys((case, series.scene) for case, series in results.showing("panel")):
+        by_engine: dict[str, dict[str, Series]] = {"": {}}
+        stored = {(s.engine, s.part): s for s in results.series[case] if s.what == "panel" and s.scene == scene}
+        for engine in sorted({engine for engine, _ in stored}):
+            by_engine[engine] = {part: stored[engine, part] for part in PANELS if (engine, part) in stored}
+        found.append(Motion(case, scene, by_engine.pop(""), by_engine))
     return found
 
 
@@ -75,7 +72,7 @@ def _fill(axes: list[Axes], motion: Motion) -> None:
     for letter, panel, (name, series) in zip("abcde", axes, motion.native.items(), strict=False):
         entries = _entries(series)
         for curve in curves(series):
-            entry = list(entries).index(_entry(curve.label, entries))
+            entry = entries.index(_entry(series, curve.label, entries))
             panel.plot(curve.x, curve.y, color=CYCLE[entry], linewidth=0.9)
         handles = [Line2D([], [], color=CYCLE[k]) for k in range(len(entries))]
         for number, others in enumerate(motion.engines.values()):
@@ -86,22 +83,19 @@ def _fill(axes: list[Axes], motion: Motion) -> None:
         low, high = panel.get_ylim()
         panel.set_ylim(low, high + (0.5 if len(entries) > 3 else 0.3) * (high - low))  # room for the legend
         panel.legend(
-            handles, list(entries.values()), loc="upper left", ncols=3 if len(entries) < 4 else 2, frameon=False,
+            handles, entries, loc="upper left", ncols=3 if len(entries) < 4 else 2, frameon=False,
             borderpad=0.1, labelspacing=0.2, columnspacing=1.0,
         )  # fmt: skip
 
 
-def _entries(series: Series) -> dict[str, str]:
-    """What the legend tells apart, by end of name: every curve, or only the axes where that would be too many."""
+def _entries(series: Series) -> list[str]:
+    """What the legend tells apart: every curve, or only what they share an entry for where that would be too many."""
     labels = [curve.label for curve in curves(series)]
-    if len(labels) <= LEGEND:
-        return {label: label for label in labels}
-    axes = sorted({label.rpartition(".")[2] for label in labels})
-    return {f".{axis}": f"about {axis}" for axis in axes}
+    return labels if len(labels) <= LEGEND else sorted({series.legend.get(label, label) for label in labels})
 
 
-def _entry(label: str, entries: dict[str, str]) -> str:
-    return next(end for end in entries if label.endswith(end))
+def _entry(series: Series, label: str, entries: list[str]) -> str:
+    return label if label in entries else series.legend[label]
 
 
 def _points(panel: Axes, series: Series, number: int) -> None:
@@ -116,4 +110,9 @@ def caption(motion: Motion) -> str:
     """What the picture shows."""
     who = [f"{name} ({word})" for name, word in zip(motion.engines, ("circles", "squares", "triangles"), strict=False)]
     overlay = f" Points: {' and '.join(who)}, from the exported file with the same method and step." if who else ""
-    return f"{motion.scene}: angles of the joints, and coordinates in frame 0. Lines: flexlink.{overlay}"
+    return f"Angles of the joints, and coordinates in frame 0. Lines: flexlink.{overlay}"
+
+
+def data(motion: Motion) -> str:
+    """What the picture is drawn from, as CSV."""
+    return series_csv(*(one for part in (motion.native, *motion.engines.values()) for one in part.values()))

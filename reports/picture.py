@@ -1,4 +1,4 @@
-"""A figure with what the page says about it, and the files it becomes."""
+"""A figure with what the page says about it, the data that it is drawn from, and the files that it becomes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from flexlink.output import write_text, write_whole
-from reports.style import BLUE, INK, PAPER, RC
+from reports.inline import inline
+from reports.style import RC
 
 PNG_DPI = 160
 
@@ -24,15 +25,21 @@ class Picture:
     ----------
     name
         Name of its files, without ending.
+    title
+        What it shows, in a few words; also what those are told who cannot see it.
     figure
         What is drawn.
     caption
-        What it shows and how to read it; also the text for those who cannot see it.
+        How to read it.
+    csv
+        What it is drawn from.
     """
 
     name: str
+    title: str
     figure: Figure
     caption: str
+    csv: str
 
     def save_png(self, path: Path) -> None:
         """Write a PNG of `PNG_DPI` dots an inch."""
@@ -43,23 +50,18 @@ class Picture:
         with mpl.rc_context(RC):
             write_whole(path, write)
 
-    def save(self, folder: Path) -> str:
-        """Write the PNG and the SVG file; returns the SVG for the page, with the page's own ink and ground."""
+    def save(self, folder: Path, definitions: dict[str, str]) -> str:
+        """Write the PNG, SVG and CSV files; returns the SVG for the page, as `reports.inline.inline`."""
         self.save_png(folder / f"{self.name}.png")
         self.figure.set_layout_engine("none")  # the layout is found by now; finding it again takes as long as drawing
         buffer = io.StringIO()
         with mpl.rc_context(RC):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        svg = buffer.getvalue()
-        write_text(folder / f"{self.name}.svg", svg)
-        return self._for_page(svg)
+        write_text(folder / f"{self.name}.svg", buffer.getvalue())
+        write_text(folder / f"{self.name}.csv", self.csv)
+        return inline(buffer.getvalue(), self.title, definitions)
 
-    def _for_page(self, svg: str) -> str:
-        """Only the element; `id`s made unique among all figures of a page; ink, ground and blue left to the page."""
-        svg = svg[svg.index("<svg") :]
-        svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-        svg = re.sub(r'\b(id="|xlink:href="#|url\(#)', rf"\g<1>{self.name}-", svg)
-        svg = re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', r'<svg \1 role="img" focusable="false">', svg, count=1)
-        for colour, name in ((INK, "currentColor"), (PAPER, "var(--ground)"), (BLUE, "var(--blue)")):
-            svg = svg.replace(colour, name)
-        return svg.replace("xlink:href", "href")
+    @property
+    def id(self) -> str:
+        """The name as an element of a page may be called."""
+        return re.sub(r"[^\w.-]", "_", self.name)

@@ -1,25 +1,48 @@
-"""What a study left behind, as the report reads it. Nothing is measured here again."""
+"""What a study left behind, as the report reads it: only what belongs together, and what is missing. Nothing is run."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from flexlink.errors import FlexlinkError
-from validation.store import Row, Series, Store
+from validation.store import Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"
+NEVER, STOPPED, OLDER = "not measured", "stopped in the middle", "measured with other sources or versions"
+
+
+@dataclasses.dataclass(frozen=True)
+class Missing:
+    """A case of the study that the results do not hold, or not whole, or not of these sources."""
+
+    case: str
+    title: str
+    why: str
 
 
 @dataclasses.dataclass(frozen=True)
 class Results:
-    """A stored study: the only thing that chapters and figures look at."""
+    """A stored study: the only thing that chapters and figures look at.
+
+    Attributes
+    ----------
+    rows
+        Those of complete cases that were measured with the sources and versions of the study's last run.
+    finished
+        Key, date and machine of the same cases.
+    missing
+        All other cases of the study.
+    """
 
     rows: tuple[Row, ...]
-    environment: dict[str, Any]
+    environment: Mapping[str, Any]
+    finished: Mapping[str, Finished]
+    plan: Mapping[str, Planned]
+    missing: tuple[Missing, ...]
     store: Store
 
     @classmethod
@@ -29,22 +52,29 @@ class Results:
         Raises
         ------
         FlexlinkError
-            There is none, it holds no row, or it cannot be understood.
+            There is none, or it cannot be understood.
         """
-        if not (path / "rows.jsonl").is_file():
-            raise FlexlinkError(f"{path}: no stored results (rows.jsonl is missing); {HOW}")
+        for name in ("plan.json", "environment.json"):
+            if not (path / name).is_file():
+                raise FlexlinkError(f"{path}: no stored results ({name} is missing); {HOW}")
         store = Store(path)
-        try:
-            rows, environment = tuple(store.rows()), store.environment()
-        except (TypeError, ValueError, OSError) as error:
-            raise FlexlinkError(f"{path}: stored results that cannot be read: {error}; {HOW} --force") from None
-        if not rows:
-            raise FlexlinkError(f"{path}/rows.jsonl: holds no row; {HOW} --force")
-        return cls(rows, environment, store)
+        plan, stored, finished = store.plan(), store.rows(), store.finished()
+        whole = {case: done for case, done in finished.items() if case in plan and done.key == plan[case].key}
+        begun = {row.case for row in stored if row.case in plan and row.key == plan[row.case].key}
+        older = {row.case for row in stored} - begun
+        missing = [
+            Missing(case, planned.title, STOPPED if case in begun else OLDER if case in older else NEVER)
+            for case, planned in plan.items()
+            if case not in whole
+        ]
+        place = {case: number for number, case in enumerate(plan)}
+        rows = [row for row in stored if row.case in whole and row.key == whole[row.case].key]
+        rows.sort(key=lambda row: place[row.case])
+        return cls(tuple(rows), store.environment(), whole, plan, tuple(missing), store)
 
     @cached_property
     def cases(self) -> dict[str, tuple[Row, ...]]:
-        """Rows by case, in the order in which the study ran."""
+        """Rows by case, in the order of the study."""
         found: dict[str, list[Row]] = {}
         for row in self.rows:
             found.setdefault(row.case, []).append(row)
@@ -57,24 +87,22 @@ class Results:
                 yield case, rows
 
     @cached_property
-    def series(self) -> dict[str, dict[str, Series]]:
-        """Every series: case → name → series."""
-        try:
-            return {case: self.store.series(case) for case in self.cases}
-        except (TypeError, ValueError, KeyError, OSError) as error:
-            raise FlexlinkError(f"{self.store.path}/series: cannot be read: {error}; {HOW} --force") from None
+    def series(self) -> dict[str, tuple[Series, ...]]:
+        """Every series by case."""
+        return {case: tuple(self.store.series(case).values()) for case in self.cases}
 
-    def series_named(self, name: str) -> Iterator[tuple[str, Series]]:
-        """(case, series) wherever a case has a series of this name."""
+    def showing(self, *what: str) -> Iterator[tuple[str, Series]]:
+        """(case, series) of everything that shows one of these."""
         for case, found in self.series.items():
-            if name in found:
-                yield case, found[name]
+            for series in found:
+                if series.what in what:
+                    yield case, series
 
 
 def used(row: Row) -> float | None:
-    """Share of the bar that a row uses up: at most 1 exactly when it passes; None without a bar.
+    """Share of the limit that a row uses up: at most 1 exactly when it passes; None without a limit.
 
-    value / tolerance for an upper bar, tolerance / value for a lower one.
+    value / tolerance for an upper limit, tolerance / value for a lower one.
     """
     if row.tolerance is None:
         return None

@@ -45,6 +45,7 @@ RC: dict[str, Any] = {
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.3,
     "lines.markersize": 5.0,
+    "path.simplify_threshold": 0.3,  # pt; a third of a line
     "axes.spines.top": False,
     "axes.spines.right": False,
     "svg.fonttype": "path",  # letters as outlines: a text would need the reader's fonts

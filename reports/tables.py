@@ -5,28 +5,35 @@ from __future__ import annotations
 import csv
 import dataclasses
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from reports.numbers import amount, number
-from reports.reasons import split_reasons
+from reports.numbers import amount
 from reports.results import used
-from validation.store import Row
+from validation.facts import head, said
+from validation.store import Finished, Row, Series
+from validation.verdict import BUSY, MET, speed_state
 
-FIELDS = tuple(field.name for field in dataclasses.fields(Row) if field.name != "key")
-LABELS = ("scene", "engine", "setting", "quantity")
-ORDER = {False: 0, True: 1, None: 2}  # of the lines: what fails, what is judged, what only informs
-VERDICTS = {True: "pass", False: "FAIL", None: "info"}
+PASS, FAIL, INFO = "pass", "FAIL", "info"
+ORDER = (FAIL, "missed", "not measured", PASS, "met", INFO)  # of the lines
+CSV_FIELDS = tuple(f.name for f in dataclasses.fields(Row) if f.name not in ("key", "varied"))
 
 
 @dataclasses.dataclass(frozen=True)
 class Line:
-    """One row on the page: cells in the order of the heads, verdict, metric, note, number of the reason below."""
+    """One row on the page: its state, and its cells in the order of the heads."""
 
+    state: str
     cells: tuple[str, ...]
-    verdict: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Meaning:
+    """Of some quantities: how they are measured, why their limit is what it is, why a limit was given up."""
+
+    quantities: tuple[str, ...]
     metric: str
-    note: str
-    reason: int | None
+    reason: str
+    given_up: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,61 +45,105 @@ class Table:
     common
         What is the same in all rows and therefore has no column.
     heads, numeric
-        Heads of the columns, and which of them (by number) hold numbers.
+        Heads of the columns, and which of them hold numbers.
     lines
-        One per row: failing ones first, then those with a bar, then information.
-    reasons
-        Why the bars are what they are; lines refer to them by number, from 1.
+        One per row: failing ones first, then those with a limit, then information.
+    meanings
+        What the quantities are.
     """
 
     common: str
     heads: tuple[str, ...]
-    numeric: frozenset[int]
+    numeric: frozenset[str]
     lines: tuple[Line, ...]
-    reasons: tuple[str, ...]
-
-    @property
-    def noted(self) -> bool:
-        """Some line has a note."""
-        return any(line.note for line in self.lines)
+    meanings: tuple[Meaning, ...]
 
 
-def table(rows: Sequence[Row]) -> Table:
+def state(row: Row, finished: Mapping[str, Finished]) -> str:
+    """In a word: pass or FAIL, met, missed or not measured of a limit of time, info without a limit."""
+    if row.passed is None:
+        return INFO
+    if row.timed:
+        return {MET: "met", BUSY: "not measured"}.get(speed_state(row, finished), "missed")
+    return PASS if row.passed else FAIL
+
+
+def table(rows: Sequence[Row], finished: Mapping[str, Finished]) -> Table:
     """The checks of a case as they are shown."""
-    values = {field: dict.fromkeys(getattr(row, field) for row in rows) for field in LABELS}
-    labels = [field for field in LABELS if len(values[field]) > 1]
-    common = [f"{field} {next(iter(values[field]))}" for field in LABELS if field not in labels and any(values[field])]
-    heads = (*labels, "value", "bar", "used")
-    parts = split_reasons(rows)
-    reasons = tuple(dict.fromkeys(reason for reason, _ in parts.values() if reason))
-    lines = []
-    for row in sorted(rows, key=lambda row: ORDER[row.passed]):
-        cells = (*(getattr(row, field) for field in labels), amount(row.value, row.unit), bar(row), share(used(row)))
-        reason, note = parts[id(row)]
-        lines.append(Line(cells, VERDICTS[row.passed], row.metric, note, reasons.index(reason) + 1 if reason else None))
-    numeric = frozenset(range(len(labels), len(heads)))
-    return Table(", ".join(common), heads, numeric, tuple(lines), reasons)
+    facts = {name: {row.varied.get(name) for row in rows} for row in rows for name in row.varied}
+    differ = {name for name, values in facts.items() if len(values) > 1}
+    columns: dict[str, list[str]] = {
+        "quantity": [row.quantity for row in rows],
+        "scene": [row.scene for row in rows],
+        "engine": [row.engine for row in rows],
+        "setting": [said({name: v for name, v in row.varied.items() if name in differ}) for row in rows],
+    }
+    shown = {name: column for name, column in columns.items() if len(set(column)) > 1 or name == "quantity"}
+    alike = [columns[name][0] for name in columns if name not in shown and columns[name][0]]
+    alike += [said({name: next(iter(values))}) for name, values in facts.items() if name not in differ]  # type: ignore[dict-item]
+    shown |= {
+        "value": [amount(row.value, row.unit) for row in rows],
+        "limit": [limit(row) for row in rows],
+        "of its limit": [share(used(row)) for row in rows],
+        "note": [row.note for row in rows],
+    }
+    shown = {name: column for name, column in shown.items() if any(column)}
+    cells = zip(*shown.values(), strict=True)
+    lines = [Line(state(row, finished), line) for row, line in zip(rows, cells, strict=True)]
+    return Table(
+        ", ".join(alike), tuple(shown), frozenset({"value", "limit", "of its limit"}),
+        tuple(sorted(lines, key=lambda line: ORDER.index(line.state))), tuple(meanings(rows)),
+    )  # fmt: skip
 
 
-def bar(row: Row) -> str:
-    """The tolerance with its sense, "≤ 10⁻¹²"; empty without one."""
+def meanings(rows: Iterable[Row]) -> Iterable[Meaning]:
+    """What the quantities of rows are; those that share all words stand together."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        found.setdefault((row.metric, row.reason, row.given_up), []).append(row.quantity)
+    for (metric, reason, given_up), quantities in found.items():
+        yield Meaning(tuple(dict.fromkeys(quantities)), metric, reason, given_up)
+
+
+def limit(row: Row) -> str:
+    """The limit with its side, "≤ 10⁻¹² rad"; empty without one."""
     if row.tolerance is None:
         return ""
-    return f"{'≥' if row.bound == 'at least' else '≤'} {number(row.tolerance)}"
+    return f"{'≥' if row.bound == 'at least' else '≤'} {amount(row.tolerance, row.unit)}"
 
 
 def share(part: float | None) -> str:
-    """Part of a bar as a percentage, or how many times too much; empty for None."""
+    """Part of a limit as a percentage, or how many times too much; empty for None."""
     if part is None:
         return ""
     if part > 10.0:
-        return f"{number(part, 2)}×"
+        return f"{amount(part, '')}×"
     return f"{100.0 * part:.0f} %" if part >= 0.01 else "< 1 %"
 
 
-def rows_csv(rows: Iterable[Row]) -> str:
-    """All fields of the rows, numbers written so that they read back exactly."""
-    return table_csv(FIELDS, ([getattr(row, field) for field in FIELDS] for row in rows))
+def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished]) -> str:
+    """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
+    facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
+    heads = (*CSV_FIELDS, *(head(name) for name in facts), "state")
+    return table_csv(
+        heads,
+        (
+            [*(getattr(row, f) for f in CSV_FIELDS), *(row.varied.get(f) for f in facts), state(row, finished)]
+            for row in rows
+        ),
+    )
+
+
+def series_csv(*many: Series) -> str:
+    """The points of a figure, one line each: which series, which curve, x and y."""
+    lines: list[tuple[object, ...]] = []
+    for series in many:
+        names = [n for n in series.columns if n not in (series.x, series.group, series.panel)]
+        for k, x in enumerate(series.columns[series.x].tolist()):
+            labels = [str(series.columns[c][k]) if c else "" for c in (series.panel, series.group)]
+            for name in names:
+                lines.append((series.name, *labels, name, x, series.columns[name][k].item()))
+    return table_csv(("series", "panel", "curve", "column", many[0].x_label, many[0].y_label), lines)
 
 
 def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:

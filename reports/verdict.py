@@ -1,125 +1,192 @@
-"""The verdict: which cases pass, how close to their bars, and the bottom line in words with computed numbers."""
+"""What the first screen says: what was compared, when and on what, two verdicts, and the numbers that matter."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+import datetime
+from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 from reports.numbers import amount, plural
-from reports.reasons import split_reasons
 from reports.results import Results, used
-from reports.tables import bar, share
+from reports.sections import Number, Wanted
+from reports.tables import FAIL, share, state
 from validation.store import Row
+from validation.verdict import Speed, correctness, speed
+
+PASS, INCOMPLETE = "PASS", "INCOMPLETE"
+NAMES = {"pin": "Pinocchio", "mujoco": "MuJoCo", "mpmath": "mpmath"}  # package → what was compared with
+
+
+@dataclasses.dataclass(frozen=True)
+class Verdict:
+    """A verdict of the first screen: one word, and a sentence or two."""
+
+    state: str
+    text: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Fact:
+    """A number of the first screen: its values, each with what must be said beside it."""
+
+    label: str
+    values: tuple[tuple[str, str], ...]
 
 
 @dataclasses.dataclass(frozen=True)
 class CaseVerdict:
-    """One line of the verdict table."""
+    """A case in a line: how many checks of correctness pass, what its limits of time came to, the closest check."""
 
-    case: str
-    title: str
-    passed: int
-    judged: int  # rows with a bar
-    informing: int  # rows without
-    worst: Row | None  # the row that uses most of its bar
-    seconds: float
+    judged: int
+    failed: int
+    informing: int
+    speed: str
+    worst: Row | None  # the check of correctness that uses most of its limit
 
     @property
     def state(self) -> str:
-        """'FAIL', 'pass', or 'info' for a case without a bar."""
-        if self.passed < self.judged:
-            return "FAIL"
-        return "pass" if self.judged else "info"
+        """'FAIL' or 'pass'; of a case without a check of correctness 'timed' or 'info'."""
+        return FAIL if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
 
     @property
-    def used(self) -> str:
-        """How much of its bar the worst row uses."""
-        return share(used(self.worst)) if self.worst else "–"
+    def text(self) -> str:
+        """The line."""
+        parts = []
+        if self.judged:
+            parts.append(f"{self.judged - self.failed} of {self.judged} pass")
+        if self.worst and not self.failed:
+            parts.append(f"at most {share(used(self.worst))} of a limit used")
+        if self.speed:
+            parts.append(f"speed: {self.speed}")
+        if not parts:
+            parts.append(f"{plural(self.informing, 'number')} without a limit")
+        return "; ".join(parts)
 
 
-def judge(results: Results) -> list[CaseVerdict]:
-    """All cases, failing ones first, otherwise in the order of the study."""
-    verdicts = [_judge(case, rows) for case, rows in results.cases.items()]
-    return sorted(verdicts, key=lambda verdict: verdict.state != "FAIL")
+def case_verdict(rows: Sequence[Row], results: Results) -> CaseVerdict:
+    """The line of a case."""
+    right, fast = correctness(rows), speed(rows, results.finished)
+    timed = any(fast[:3])
+    judged = [row for row in rows if row.passed is not None and not row.timed]
+    worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
+    informing = sum(row.passed is None for row in rows)
+    return CaseVerdict(right.judged, len(right.failed), informing, _brief(fast) if timed else "", worst)
 
 
-def _judge(case: str, rows: tuple[Row, ...]) -> CaseVerdict:
-    judged = [row for row in rows if row.passed is not None]
-    worst = max(judged, key=_hardness, default=None)
-    return CaseVerdict(
-        case=case,
-        title=rows[0].title,
-        passed=sum(row.passed is True for row in judged),
-        judged=len(judged),
-        informing=len(rows) - len(judged),
-        worst=worst,
-        seconds=sum(row.seconds or 0.0 for row in rows),
-    )
+def _brief(fast: Speed) -> str:
+    named = ((fast.met, "met"), (fast.missed, "missed"), (fast.unmeasured, "not measured"))
+    return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
 
 
-def _hardness(row: Row) -> tuple[bool, float]:
-    return row.passed is False, used(row) or 0.0
+def compared(results: Results) -> str:
+    """What was compared with what, in a sentence."""
+    versions = results.environment.get("versions", {})
+    ours = f"flexlink {versions.get('flexlink', '')}".strip()
+    engines = [f"{NAMES[name]} {versions[name]}" for name in ("pin", "mujoco") if versions.get(name)]
+    exact = [f"50-digit arithmetic (mpmath {versions['mpmath']})"] if versions.get("mpmath") else []
+    others = ", ".join([*engines, *exact, "published and exact solutions of beams"])
+    return f"{ours} against {others}: {plural(len(results.cases), 'case')}, {plural(len(results.rows), 'number')}."
 
 
-def describe(row: Row) -> str:
-    """Where a row comes from: quantity, scene, engine, setting."""
-    return ", ".join(part for part in (row.quantity, row.scene, row.engine, row.setting) if part)
+def measured(results: Results) -> str:
+    """When, on which machine, with what."""
+    environment = results.environment
+    machines = dict.fromkeys(done.machine for done in results.finished.values())
+    python = f"Python {environment['python']}" if "python" in environment else ""
+    commit = f"commit {environment['commit']}" if environment.get("commit") else ""
+    libraries = [f"{n} {environment.get('versions', {}).get(n, '')}" for n in ("numpy", "numba")]
+    cores = plural(environment["cores"], "core") if "cores" in environment else ""
+    parts = [_when(results), "; ".join(machines), cores, environment.get("system", ""), python, *libraries, commit]
+    return " · ".join(part for part in parts if part.strip())
 
 
-def bottom_line(results: Results) -> str:
-    """The outcome in one or two sentences, every number taken from the rows."""
-    judged = [row for row in results.rows if row.passed is not None]
-    failed = [row for row in judged if row.passed is False]
-    cases = plural(len(results.cases), "case")
-    given_up = [where for where, _ in informing_against_a_bar(results)]
-    rest = (
-        f" Not judged, though a bar was set for it: {'; '.join(given_up)} (see known limitations)." if given_up else ""
-    )
+def _when(results: Results) -> str:
+    dates = sorted(datetime.datetime.fromisoformat(done.date) for done in results.finished.values() if done.date)
+    if not dates:
+        return ""
+    first, last = dates[0], dates[-1]
+    if first.date() == last.date():
+        return f"{first:%Y-%m-%d}, {first:%H:%M} to {last:%H:%M} UTC"
+    return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+
+
+def correct(results: Results) -> Verdict:
+    """Whether everything is right; what is missing is never passed over."""
+    judged, failed = correctness(results.rows)
+    checks = plural(judged, "check")
     if failed:
-        return f"{len(failed)} of {plural(len(judged), 'check')} FAIL ({cases}); they stand right below.{rest}"
-    if not judged:
-        return f"Nothing was judged: {plural(len(results.rows), 'row')} of information, none with a bar.{rest}"
-    worst = max(judged, key=_hardness)
-    return (
-        f"All {len(judged)} checks pass ({cases}). The one closest to its bar uses {share(used(worst))} of it: "
-        f"{describe(worst)}, {amount(worst.value, worst.unit)}, and the bar is {bar(worst)}.{rest}"
-    )
+        text = f"{len(failed)} of {checks} FAIL; they stand right below."
+    elif not judged:
+        text = f"Nothing was judged: {plural(len(results.rows), 'number')}, none with a limit."
+    elif results.missing:
+        text = f"No failure in {checks}, but {_missing(results)}."
+    else:
+        text = f"{judged} of {checks} pass ({plural(len(results.cases), 'case')})."
+    if results.missing and (failed or not judged):
+        text += f" Besides, {_missing(results)}."
+    given_up = dict.fromkeys(f"{row.case}, {row.quantity}" for row in results.rows if row.given_up)
+    if given_up:
+        text += f" Not judged, though a limit was once set: {'; '.join(given_up)} (see known limitations)."
+    return Verdict(FAIL if failed else INCOMPLETE if results.missing or not judged else PASS, text)
 
 
-def headlines(results: Results, wanted: Iterable[Mapping[str, str]]) -> list[str]:
-    """A sentence for each wanted quantity that the study holds: its worst value, and where that is.
+def _missing(results: Results) -> str:
+    return f"{len(results.missing)} of {plural(len(results.plan), 'case')} are missing"
 
-    Each of `wanted` has `kind`, `quantity` (a pattern), optionally `scene` and `setting`, and `text`, which
-    may name {value}, {quantity} and {where}.
-    """
+
+def fast(results: Results) -> Verdict:
+    """Whether the limits of time are met; a busy machine says nothing about them."""
+    found = speed(results.rows, results.finished)
+    word = "missed" if found.missed else "not measured" if found.unmeasured or not found.met else "met"
+    return Verdict(word, f"{found.said()[0].upper()}{found.said()[1:]}.")
+
+
+def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact]:
+    """Those that the study holds."""
     found = []
-    for want in wanted:
-        rows = [
-            row
-            for row in results.rows
-            if row.kind == want["kind"]
-            and fnmatchcase(row.quantity, want["quantity"])
-            and row.scene == want.get("scene", row.scene)
-            and row.setting == want.get("setting", row.setting)
-            and row.value is not None
-        ]
-        if rows:
-            pick = min if rows[0].bound == "at least" else max
-            worst = pick(rows, key=lambda row: row.value or 0.0)
-            where = ", ".join(part for part in (worst.scene, worst.engine) if part)
-            value = amount(worst.value, worst.unit)
-            found.append(want["text"].format(value=value, quantity=worst.quantity, where=where))
+    for each in wanted:
+        rows = [(want, worst(results, want)) for want in each.value]
+        values = tuple((_said(want, row), _remark(row, results)) for want, row in rows if row)
+        if values:
+            found.append(Fact(each.label, values))
     return found
 
 
-def informing_against_a_bar(results: Results) -> list[tuple[str, str]]:
-    """(where, why) of quantities without a bar whose reason speaks of one: a bar was wanted, and is not kept."""
-    found = {}
-    for case, rows in results.cases.items():
-        parts = split_reasons(rows)
-        for row in rows:
-            reason = parts[id(row)][0]
-            if row.passed is None and "bar" in reason.split():
-                found[f"{case}, {row.quantity}"] = reason
-    return list(found.items())
+def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
+    """A sentence for each wanted quantity that the study holds; one that misses its limit says so."""
+    found = []
+    for want in wanted:
+        row = worst(results, want)
+        if row is None:
+            continue
+        remark = _remark(row, results)
+        found.append(f"{_said(want, row)} ({remark})" if remark else _said(want, row))
+    return found
+
+
+def _said(want: Wanted, row: Row) -> str:
+    return want.text.format(value=amount(row.value, row.unit), quantity=row.quantity, where=row.where)
+
+
+def _remark(row: Row, results: Results) -> str:
+    """What must be said beside a number: that it breaks its limit, or was timed on a busy machine."""
+    if row.timed and results.finished[row.case].busy:
+        return "machine busy"
+    return {FAIL: "fails its limit", "missed": "misses its limit"}.get(state(row, results.finished), "")
+
+
+def worst(results: Results, want: Wanted) -> Row | None:
+    """The row of the worst value that fits, if any does."""
+    rows = [
+        row
+        for row in results.rows
+        if row.kind == want.kind
+        and fnmatchcase(row.quantity, want.quantity)
+        and row.scene == (want.scene or row.scene)
+        and row.engine == (want.engine or row.engine)
+        and all(row.varied.get(name) == value for name, value in want.varied.items())
+        and row.value is not None
+    ]
+    pick = min if want.pick == "smallest" else max
+    return pick(rows, key=lambda row: row.value or 0.0) if rows else None

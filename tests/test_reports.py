@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import os
 import re
 import subprocess
@@ -13,41 +12,21 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.errors import FlexlinkError
+from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding
-from reports.findings.paper_conclusion import evaluations, judge
+from reports.findings.paper_conclusion import conclusion as judge
+from reports.findings.paper_conclusion import evaluations
 from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.reasons import split_reasons
 from reports.results import Results, used
-from reports.tables import bar
-from validation.store import Row, Series, Store
+from reports.tables import limit, table
+from validation.store import Series, Store
 
 ROOT = Path(__file__).parent.parent
-REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
-
-
-def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | None = 1e-12, **fields: object) -> Row:
-    """A row that passes if its value is at most its tolerance."""
-    passed = None if tolerance is None else value is not None and value <= tolerance
-    plain = Row(
-        case=case, kind="pointwise", title=f"Title of {case}", scene="paper_fig5", engine="mujoco", setting="",
-        quantity="M", metric="max |Δ|", value=value, unit="1", tolerance=tolerance, bound="at most",
-        passed=passed, reason=REASON, seconds=0.5, key="k",
-    )  # fmt: skip
-    return dataclasses.replace(plain, **fields)  # type: ignore[arg-type]
-
-
-def stored(path: Path, *rows: Row) -> Path:
-    """A result folder with these rows."""
-    store = Store(path)
-    store.prepare({r.case for r in rows})
-    store.note_environment({"python": "3.11", "versions": {"numpy": "2"}})
-    for r in rows:
-        store.append(r)
-    return path
 
 
 def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -56,11 +35,6 @@ def run(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, *command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
     )
-
-
-def page_of(tmp_path: Path, *rows: Row) -> str:
-    results = stored(tmp_path / "results", *rows)
-    return build(results, tmp_path / "report").read_text(encoding="utf-8")
 
 
 class Links(HTMLParser):
@@ -92,20 +66,44 @@ def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
 
 
 def test_failing_rows_stand_at_the_very_top(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
-    parts = ["1 of 2 checks FAIL", "Failing checks", REASON.replace("<", "&lt;"), "<nav", "Title of fine"]
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
+    parts = ["1 of 2 checks FAIL", "Failing checks", REASON.replace("<", "&lt;"), 'id="agreement"', "Title of fine"]
     places = [page.index(part.replace("& ", "&amp; ")) for part in parts]
     assert places == sorted(places)
-    assert page.index("Title of broken") < page.index("Title of fine"), "failing cases lead the verdict table"
+    assert page.index('id="case-broken"') < page.index('id="case-fine"'), "failing cases lead their chapter"
+
+
+def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
+    failing = page[page.index('id="failing"') :].split("</section>")[0]
+    assert "T_GC" in failing
+    assert "Mass matrix against" not in failing
+    assert failing.count("<tr class") == 1
+
+
+def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"))
+    assert (
+        "largest relative difference 3\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁹ (paper_fig5, mujoco). (fails its limit)"
+        in page
+    )
+    assert "(fails its limit)" in first_screen(page), "so does the first screen"
+
+
+def test_passing_tables_are_folded_and_failing_ones_are_open(tmp_path: Path) -> None:
+    page = words_of(tmp_path, row("fine"), row("broken", value=3e-9))
+    opened = {re.search(r'id="case-(\w+)"', part)[1]: " open>" in part.partition("<summary>")[0]
+              for part in page.split('<details class="case')[1:]}  # type: ignore[index]  # fmt: skip
+    assert opened == {"fine": False, "broken": True}
 
 
 def test_a_failing_row_is_also_a_known_limitation(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
+    page = words_of(tmp_path, row("broken", value=3e-9, quantity="T_GC"))
     assert "T_GC" in page[page.index('id="limitations"') :]
 
 
 def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row(value=None))
+    page = words_of(tmp_path, row(value=None))
     assert "1 of 1 check FAIL" in page
     assert "No value" in page[page.index('id="limitations"') :]
 
@@ -113,27 +111,27 @@ def test_a_value_that_could_not_be_had_fails_and_is_said(tmp_path: Path) -> None
 def test_every_tolerance_shows_its_reason(tmp_path: Path) -> None:
     reasons = [f"reason number {k}" for k in range(4)]
     rows = [row(case, reason=reasons[2 * i + j], quantity=f"q{j}") for i, case in enumerate("ab") for j in range(2)]
-    page = page_of(tmp_path, *rows)
+    page = words_of(tmp_path, *rows)
     for reason in reasons:
         assert reason in page
 
 
 def test_known_limitations_are_never_empty(tmp_path: Path) -> None:
-    part = page_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
+    part = words_of(tmp_path, row()).split('id="limitations"')[1].split("</section>")[0]
     assert part.count("<li>") >= 3
 
 
 def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row("odd", kind="never heard of"))
     columns = {"t": np.arange(3.0), "y": np.array([1.0, np.nan, 3.0])}
-    curve = Series("growth", "How it grows", columns, "t", "t [s]", "y")
+    curve = Series("unheard", "How it grows", columns, "t", "t [s]", "y")
     Store(results).add_series("odd", curve)
-    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    page = page_from(results, tmp_path)
     assert "Further cases" in page
     assert "Title of odd" in page
     assert "How it grows" in page
-    assert (tmp_path / "report" / "odd.growth.svg").exists()
-    assert (tmp_path / "report" / "odd.growth.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "report" / "odd.unheard.svg").exists()
+    assert (tmp_path / "report" / "odd.unheard.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path) -> None:
@@ -147,8 +145,27 @@ def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path
     assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
 
 
+def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("broken", value=1.0))
+    figures = re.findall(r"<figure .*?</figure>", page, re.DOTALL)
+    assert len(figures) >= 3
+    for figure in figures:
+        assert re.search(r'<svg [^>]*role="img" aria-label="[^"]{5,}"', figure)
+        assert re.search(r"<figcaption><strong>.{5,}</strong>", figure)
+        (data,) = re.findall(r'href="([^"]*\.csv)"', figure)
+        assert len((tmp_path / "report" / data).read_text(encoding="utf-8").splitlines()) > 1
+
+
+def test_figures_share_their_letters_and_draw_nothing_that_is_not_defined(tmp_path: Path) -> None:
+    page = page_of(tmp_path, row(), row("more"))
+    defined = re.findall(r'<(?:path|clipPath) id="([^"]*)"', page)
+    assert len(defined) == len(set(defined))
+    used = set(re.findall(r'href="#([\w-]*)"|url\(#([^)]*)\)', page.split("</nav>")[-1]))
+    assert {one or other for one, other in used} - {"speed-table"} <= set(defined) | set(links(page).ids)
+
+
 def test_the_page_names_no_place_on_the_machine_that_made_it(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row())
+    page = words_of(tmp_path, row())
     assert str(tmp_path) not in page
     assert str(ROOT) not in page
 
@@ -166,7 +183,7 @@ def test_text_from_results_cannot_become_markup(tmp_path: Path) -> None:
 
 def test_csv_reads_back_exactly(tmp_path: Path) -> None:
     value = 0.1 + 0.2
-    page_of(tmp_path, row(value=value, tolerance=1.0))
+    words_of(tmp_path, row(value=value, tolerance=1.0))
     with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
         (read,) = csv.DictReader(file)
     assert float(read["value"]) == value
@@ -175,31 +192,46 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
 
 def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
-    first, second = (build(results, tmp_path / name) for name in ("a", "b"))
+    first, second = (build(results, tmp_path / name, tmp_path / "none") for name in ("a", "b"))
     for file in first.parent.iterdir():
         assert file.read_bytes() == (second.parent / file.name).read_bytes(), file.name
 
 
-def test_the_share_of_a_bar_passes_one_exactly_when_the_check_fails() -> None:
+def test_the_share_of_a_limit_passes_one_exactly_when_the_check_fails() -> None:
     upper, over = row(value=0.5, tolerance=1.0), row(value=2.0, tolerance=1.0)
     lower = row(value=7.5, tolerance=3.0, bound="at least", passed=True)
     under = row(value=1.5, tolerance=3.0, bound="at least", passed=False)
     assert [used(r) for r in (upper, over, lower, under)] == [0.5, 2.0, 0.4, 2.0]
-    assert bar(lower) == "≥ 3"
+    assert limit(lower) == "≥ 3"
 
 
-def test_the_note_on_a_row_is_told_from_the_reason_of_all() -> None:
-    rows = [row(reason="Sums of eps = 2.2e-16. Largest at joint 'upper.1'."), row(reason="Sums of eps = 2.2e-16. Hm.")]
-    parts = split_reasons(rows)
-    assert [parts[id(r)] for r in rows] == [
-        ("Sums of eps = 2.2e-16.", "Largest at joint 'upper.1'."), ("Sums of eps = 2.2e-16.", "Hm."),
-    ]  # fmt: skip
+def test_reasons_stand_once_for_all_rows_and_notes_beside_theirs() -> None:
+    rows = [row(note="Largest at joint 'upper.1'."), row(note="Hm.", engine="pinocchio")]
+    found = table(rows, {})
+    assert [meaning.reason for meaning in found.meanings] == [REASON]
+    assert [line.cells[found.heads.index("note")] for line in found.lines] == ["Largest at joint 'upper.1'.", "Hm."]
 
 
-def test_a_bar_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
-    page = page_of(tmp_path, row(tolerance=None, reason="Information. The bar first set was 1e-8; it cannot be met."))
+def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_path: Path) -> None:
+    rows = [row(varied={"method": "RK4", "step": h}, quantity="q") for h in (1e-3, 1e-4)]
+    found = table(rows, {})
+    assert found.common == "paper_fig5, mujoco, RK4"
+    assert found.heads == ("quantity", "setting", "value", "limit", "of its limit")
+    assert [line.cells[1] for line in found.lines] == ["h = 0.001 s", "h = 0.0001 s"]
+    words_of(tmp_path, *rows)
+    with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
+        assert [(line["method"], float(line["step [s]"])) for line in csv.DictReader(file)] == [
+            ("RK4", 1e-3),
+            ("RK4", 1e-4),
+        ]
+
+
+def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
+    page = words_of(
+        tmp_path, row(tolerance=None, given_up="A limit first set was 1e-8; it cannot be met."), row("fine")
+    )
     assert "it cannot be met" in page[page.index('id="limitations"') :]
-    assert page.index("though a bar was set for it: terms, M") < page.index("<nav"), "the bottom line admits it"
+    assert "though a limit was once set: terms, M" in first_screen(page), "the verdict admits it"
 
 
 def conclusion(rk4: float, rk10: float) -> Finding:
@@ -235,11 +267,11 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
     results = stored(tmp_path / "results", row("fall", kind="trajectory"))
     time = np.linspace(0.0, 5.0, 51)
     for panel in PANELS:
-        for engine in ("", ".mujoco", ".pinocchio"):
+        for engine in ("", "mujoco", "pinocchio"):
             columns = {"time [s]": time, "one": np.sin(time), "two": np.cos(time)}
-            series = Series(
-                f"paper_fig5.{panel}{engine}", f"Title of {panel}", columns, "time [s]", "time [s]", "q [deg]"
-            )
+            labels = "time [s]", "time [s]", "q [deg]"
+            where = {"scene": "paper_fig5", "part": panel, "engine": engine}
+            series = Series("panel", f"Title of {panel}", columns, *labels, **where)
             Store(results).add_series("fall", series)
     (motion,) = motions(Results.read(results))
     figure = draw_tall(motion)
@@ -248,9 +280,9 @@ def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> No
         lines = [line for line in axes.lines if line.get_linestyle() == "-"]
         points = [line for line in axes.lines if line.get_linestyle() != "-"]
         assert (len(lines), len(points)) == (2, 4)
-    page = build(results, tmp_path / "report").read_text(encoding="utf-8")
+    page = page_from(results, tmp_path)
     assert 'id="figure-figure5.paper_fig5"' in page
-    assert page.count("<figure ") == 1, "a series that a figure takes is not drawn again"
+    assert page.count("<figure ") == 2, "with the overview; a series that a figure takes is not drawn again"
 
 
 @pytest.mark.parametrize(
@@ -270,11 +302,24 @@ def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("content", ["", '{"case": "a"}\n', "no json\n"])
+@pytest.mark.parametrize("content", ['{"case": "a"}\n', "no json\n", "\xff\n"])
 def test_results_that_are_not_rows_are_an_error_of_the_project(tmp_path: Path, content: str) -> None:
-    (tmp_path / "rows.jsonl").write_text(content, encoding="utf-8")
-    with pytest.raises(FlexlinkError, match=r"rows\.jsonl|cannot be read"):
+    (stored(tmp_path, row()) / "rows.jsonl").write_text(content, encoding="utf-8")
+    with pytest.raises(FlexlinkError, match=r"rows\.jsonl, line 1"):
         build(tmp_path, tmp_path / "out")
+
+
+@pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/terms.curve.npz"])
+def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    results = stored(tmp_path / "results", row())
+    Store(results).add_series("terms", Series("curve", "Title", {"x": np.ones(2), "y": np.ones(2)}, "x", "x", "y"))
+    (results / name).write_bytes((results / name).read_bytes()[:20])
+    assert main(["--results", str(results), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert name in error
+    assert error.count("\n") == 1
 
 
 def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import time
+import itertools
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -23,8 +24,8 @@ from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.runner import judge
-from validation.store import Store
-from validation.timing import contestants, loops, pinocchio_models, steps
+from validation.store import Finished, Planned, Store
+from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
 from validation.timing.families import Family, of_steps
 from validation.timing.families import random_states as states_of
 from validation.timing.stopwatch import race
@@ -109,9 +110,30 @@ def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
 def test_all_who_take_steps_are_told_when_they_blow_up() -> None:
     scene = family("T1", 5).released(CASE, 5)
     wild = of_steps(scene, 1, 30 * scene.run.step)
-    for contestant in (steps.native(wild), steps.by_mujoco(wild), steps.native_batch([wild] * 8)):
-        with pytest.raises(FlexlinkError, match="unstable at step"):
+    contestants = (steps.native(wild), steps.by_mujoco(wild), steps.by_pinocchio(wild), steps.native_batch([wild] * 8))
+    for contestant in contestants:
+        with np.errstate(all="ignore"), pytest.raises(FlexlinkError, match="unstable at step"):
             contestant(5000)
+
+
+def test_the_loop_over_pinocchio_takes_the_steps_that_simulate_takes() -> None:
+    scene = family("T1", 5).released(CASE, 5)
+    ours = fl.simulate(of_steps(scene, 200)).q[-1]
+    np.testing.assert_allclose(steps.by_pinocchio(scene)(200), ours, rtol=0, atol=1e-13)
+
+
+def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
+    work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
+    for costly in ("flexlink.scene.Scene.chain", "flexlink.export.to_urdf", "flexlink.scene.Scene.initial_state"):
+        monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
+    work(2)
+
+
+def test_only_a_fall_is_timed_in_the_loop_over_pinocchio() -> None:
+    driven = msgspec.structs.replace(family("T1", 5).released(CASE, 5), wrench=fl.Wrench(force=(1.0, 0.0, 0.0)))
+    with pytest.raises(FlexlinkError, match="only a fall without drive"):
+        steps.by_pinocchio(driven)
 
 
 def test_a_stable_race_of_steps_has_everyone_in_it() -> None:
@@ -126,20 +148,30 @@ def test_a_stable_race_of_steps_has_everyone_in_it() -> None:
 # stopwatch
 
 
-def test_the_stopwatch_finds_the_time_of_a_call() -> None:
-    def sleeps(milliseconds: float):
-        return lambda calls: time.sleep(calls * milliseconds * 1e-3)
+def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that only the works move; every second turn something else takes as long again."""
+    now = [0.0]
 
-    laps = race({"one": sleeps(1.0), "three": sleeps(3.0)}, turns=2, turn=0.006)
-    assert 1e-3 <= laps["one"].seconds < 2e-3
+    def takes(seconds: float):
+        turns = itertools.count()
+
+        def work(calls: int) -> None:
+            now[0] += calls * seconds * (1.0 if next(turns) % 2 else 2.0)
+
+        return work
+
+    monkeypatch.setattr(stopwatch.time, "perf_counter", lambda: now[0])
+    laps = race({"one": takes(1e-3), "three": takes(3e-3)}, turns=5, turn=0.006)
+    assert laps["one"].seconds == pytest.approx(1e-3)
+    assert laps["three"].seconds == pytest.approx(3e-3)
     assert laps["one"].calls >= 2 * laps["three"].calls
-    assert laps["three"].seconds / laps["one"].seconds == pytest.approx(3, rel=0.5)
 
 
 def test_the_exponent_is_of_the_long_chains_only() -> None:
     times = [Time("native", n, 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0)) for n in (10, 100, 400, 3000)]
-    [row] = speed_calls.exponents("T1 forward dynamics", times)
-    assert (row.quantity, row.setting) == ("T1 forward dynamics: exponent", "n = 100 … 3000")
+    [row] = speed_calls.exponents("T1", "forward dynamics", times)
+    assert row.quantity == "T1 forward dynamics: exponent"
+    assert row.varied == {"chain": "T1", "job": "forward dynamics", "n": 100, "to n": 3000}
     assert row.value == pytest.approx(1.5)
 
 
@@ -177,12 +209,15 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     case = load_case(CASES / "speed_calls.toml")
     entries = [("T1", Time("native", n, 1e-8 * n)) for n in (10, 100, 1000)] + [("T1", Time("mujoco", 10, 1e-6))]
     store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
-    for row in speed_calls.exponents("T1 forward dynamics", [each for _, each in entries]):
+    for row in speed_calls.exponents("T1", "forward dynamics", [each for _, each in entries]):
         store.append(judge(case, row, 0.0, "key"))
+    store.note_environment({})
+    store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})
+    store.finish("speed_calls", Finished("key", "", "", None))
     results = Results.read(tmp_path)
     [picture] = speed_cost.draw(results)
     assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: ours ∝ $n^{1}$"]
     [finding] = speed_times.find(results)
-    assert finding.heads == ("chain", "n", "native", "mujoco")
+    assert finding.heads == ("chain", "n", "native [µs]", "mujoco [µs]")
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
     assert finding.lines[1][-1] is None

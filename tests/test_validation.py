@@ -1,4 +1,4 @@
-"""The study: cases are checked data, the store loses nothing, a rerun skips what is there, a failed bar is seen."""
+"""The study: cases are checked data, the store loses nothing, a rerun skips what is there, a failed check is seen."""
 
 import subprocess
 import sys
@@ -7,15 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlink.errors import SceneError
+from flexlink.errors import FlexlinkError, SceneError
 from flexlink.spec import decode
 from validation import case as cases
-from validation import runner
+from validation import facts, runner
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
+from validation.facts import head, said
 from validation.kinds import KINDS
 from validation.runner import judge
-from validation.store import Row, Series, Store
+from validation.store import Conditions, Finished, Planned, Row, Series, Store
+from validation.timing import machine
 
 ROOT = Path(__file__).parent.parent
 
@@ -52,17 +54,17 @@ def study(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", load_cases(), ids=lambda case: case.name)
-def test_every_case_is_well_formed_and_every_bar_has_a_reason(case):
+def test_every_case_is_well_formed_and_every_limit_has_a_reason(case):
     decode(case.settings, KINDS[case.kind].Settings, "settings")
     assert all(path.is_file() for path in case.scene_files)
-    assert all(len(q.reason) > 10 and q.metric for q in case.quantity.values())
+    assert all(q.metric and (q.tolerance is None or len(q.reason) > 10) for q in case.quantity.values())
     assert any(q.tolerance is not None for q in case.quantity.values())
 
 
 @pytest.mark.parametrize(("change", "message"), [
     (("kind  =", "knd  ="), "knd = 'order_conditions': unknown key"),
     (("tolerance = 1e-40", "tolerance = true"), "quantity.residual.tolerance = True: expected float"),
-    (('reason    = "exact"', ""), "quantity.residual.reason: missing"),
+    (('reason    = "exact"', ""), "quantity.residual.reason: missing; a tolerance needs one"),
     (("kind  =", 'name = "other"\nkind  ='), "name = 'other': unknown key; the name of a case is its file's"),
 ])  # fmt: skip
 def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, message):
@@ -89,7 +91,7 @@ def verdict(value, scale=1.0, **quantity):
     (1.0, "at most", True), (1.1, "at most", False), (1.0, "at least", True), (0.9, "at least", False),
     (float("nan"), "at most", False), (float("nan"), "at least", False), (float("inf"), "at most", False),
 ])  # fmt: skip
-def test_a_value_passes_only_on_its_side_of_the_bar(value, bound, passed):
+def test_a_value_passes_only_on_its_side_of_the_limit(value, bound, passed):
     assert verdict(value, tolerance=1.0, bound=bound).passed is passed
 
 
@@ -106,15 +108,16 @@ def test_a_tolerance_can_be_in_units_of_what_the_physics_predicts():
 # running
 
 
-def test_a_bar_that_is_met_gives_exit_code_0_and_a_finished_case(study):
+def test_a_limit_that_is_kept_gives_exit_code_0_and_a_finished_case(study):
     code, store = study()
     [row] = store.rows()
     assert (code, row.case, row.quantity, row.passed) == (0, "small", "residual", True)
-    assert store.finished() == {"small": row.key}
+    assert {case: done.key for case, done in store.finished().items()} == {"small": row.key}
+    assert {case: planned.key for case, planned in store.plan().items()} == {"small": row.key}
     assert store.environment()["versions"]["numpy"] == np.__version__
 
 
-def test_a_bar_that_is_missed_gives_exit_code_1_and_is_named(study, capsys):
+def test_a_check_that_fails_gives_exit_code_1_and_is_named(study, capsys):
     text = CASE.replace("tolerance = 1e-40", 'tolerance = 1.0\nbound = "at least"')
     study.case_file.write_text(text, encoding="utf-8")
     code, store = study()
@@ -140,10 +143,10 @@ def test_a_rerun_skips_what_is_stored_and_force_measures_again(study, monkeypatc
 
 
 def test_an_edit_of_the_case_measures_it_again(study):
-    key = study()[1].finished()["small"]
+    key = study()[1].finished()["small"].key
     study.case_file.write_text(CASE.replace("a title", "another title"), encoding="utf-8")
     store = study()[1]
-    assert store.finished()["small"] != key
+    assert store.finished()["small"].key != key
     assert [row.title for row in store.rows()] == ["another title"]
 
 
@@ -168,7 +171,7 @@ def test_a_killed_run_loses_only_the_case_in_hand(study, monkeypatch):
     assert [row.case for row in store.rows()] == ["a_first", "small"]  # and no row twice
 
 
-def test_a_bar_that_nothing_measures_is_an_error(study, capsys):
+def test_a_limit_that_nothing_measures_is_an_error(study, capsys):
     study.case_file.write_text(CASE.replace("quantity.residual", "quantity.residue"), encoding="utf-8")
     assert study()[0] == 2
     assert "quantity.residue: kind 'order_conditions' does not measure this here" in capsys.readouterr().err
@@ -226,9 +229,9 @@ def test_a_case_that_was_deleted_leaves_the_store(study):
 
 def row(case="c", **changes):
     values = {
-        "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "setting": "RK4 h=0.1 s",
+        "case": case, "kind": "k", "title": "t", "scene": "s", "engine": "native", "varied": {"method": "RK4", "n": 3},
         "quantity": "q̈", "metric": "m", "value": 0.1, "unit": "rad", "tolerance": None, "bound": "at most",
-        "passed": None, "reason": "because", "seconds": 0.5, "key": "k",
+        "passed": None, "timed": False, "reason": "because", "note": "", "given_up": "", "seconds": 0.5, "key": "k",
     }  # fmt: skip
     return Row(**values | changes)
 
@@ -264,14 +267,170 @@ def test_series_read_back_exactly_with_their_labels(tmp_path):
     store = Store(tmp_path)
     store.prepare(["c"])
     columns = {"method": np.array(["RK2", "RK10"]), "step [s]": np.array([0.1, 0.2]), "a/b [m/s]": np.array([1.0, 2.0])}
-    put = Series("n.error", "Title", columns, "step [s]", "step [s]", "error", "log", "log", group="method")
+    labels = "step [s]", "step [s]", "error"
+    put = Series("error", "Title", columns, *labels, "log", "log", group="method", scene="n", legend={"a/b [m/s]": "v"})
     store.add_series("c", put)
     got = store.series("c")["n.error"]
-    assert (got.title, got.x, got.y_scale, got.group) == ("Title", "step [s]", "log", "method")
+    assert (got.title, got.x, got.y_scale, got.group, got.scene) == ("Title", "step [s]", "log", "method", "n")
+    assert got.legend == put.legend
     assert list(got.columns) == list(columns)
     assert all(np.array_equal(got.columns[name], columns[name]) for name in columns)
     store.forget("c")
     assert store.series("c") == {}
+
+
+@pytest.mark.parametrize("name", ["finished.json", "plan.json", "environment.json", "series/small.a.npz"])
+@pytest.mark.parametrize("torn", [0.0, 0.5, 0.95])
+def test_a_torn_file_of_the_store_is_one_line_that_names_it(tmp_path, name, torn):
+    store = stored_everything(tmp_path)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[: int(torn * len(whole))])
+    with pytest.raises(FlexlinkError, match=r"cannot be read .*remove the folder to start anew") as error:
+        for read in (store.finished, store.plan, store.environment, lambda: store.series("small")):
+            read()
+    assert str(error.value).startswith(f"{tmp_path / name}: ")
+    assert "\n" not in str(error.value)
+
+
+def stored_everything(folder):
+    """A store with one finished case and a series."""
+    store = Store(folder)
+    store.prepare(["small"])
+    store.note_environment({"python": "3.11"})
+    store.note_plan({"small": Planned("k", "kind", "title")})
+    store.add_series("small", Series("a", "Title", {"x": np.arange(3.0), "y": np.ones(3)}, "x", "x", "y"))
+    store.append(row("small"))
+    store.finish("small", Finished("k", "2026-01-01T00:00:00+00:00", "machine", None))
+    return store
+
+
+def test_a_study_with_a_torn_store_is_one_line_and_exit_code_2(study, capsys):
+    _, store = study()
+    (store.path / "finished.json").write_text('{"small": {"key": "', encoding="utf-8")
+    assert study()[0] == 2
+    error = capsys.readouterr().err
+    assert "finished.json: cannot be read" in error
+    assert error.count("\n") == 1
+
+
+# what was varied
+
+
+def test_what_was_varied_is_typed_and_said_in_words():
+    facts = {"method": "RK4", "step": 1e-4, "hinges": 10, "n": 4, "steps": 10_000}
+    assert said(facts) == "RK4, h = 0.0001 s, 10 hinges, n = 4, 10,000 steps"
+    assert (head("step"), head("nobody foresaw")) == ("step [s]", "nobody foresaw")
+    assert said({"nobody foresaw": 3}) == "nobody foresaw 3"
+
+
+def test_every_word_for_what_is_varied_can_be_said():
+    for name, (column, form) in facts.WORDS.items():
+        assert column, name
+        assert form.format(1) != form, name
+
+
+# correctness and speed
+
+
+QUIET, BUSY = Conditions(0.05, 0.1, cores=2), Conditions(1.9, 0.1, cores=2)
+
+
+@pytest.fixture
+def timed(study, monkeypatch):
+    """The study's case as one that is judged by its time, too; its way to run takes what the machine does."""
+    kind = KINDS["order_conditions"]
+    honest = kind.run
+
+    def run(case, settings):
+        yield from honest(case, settings)
+        yield Measured("time", 2.0, timed=True)
+
+    monkeypatch.setattr(kind, "run", run)
+    monkeypatch.setattr(runner, "TIMED", {"order_conditions"})
+    study.limit = 1.0
+
+    def measure(conditions, *options):
+        time = f"\n[quantity.time]\nmetric = 'm'\nunit = 's'\ntolerance = {study.limit}\nreason = 'a reason'\n"
+        study.case_file.write_text(CASE + time, encoding="utf-8")
+        watch = type("Watch", (), {"conditions": lambda self: conditions})
+        monkeypatch.setattr(runner, "Watch", watch)
+        return study(*options)
+
+    return measure
+
+
+def test_a_missed_limit_of_time_leaves_exit_code_0_and_correctness_alone(timed, capsys):
+    code, store = timed(QUIET)
+    said = capsys.readouterr().out
+    assert code == 0
+    assert [row.passed for row in store.rows()] == [True, False]
+    assert "correctness: 1 of 1 checks pass" in said
+    assert "speed: 1 missed on this machine" in said
+    assert "missed small: time" in said
+    assert "FAILED" not in said
+
+
+def test_on_a_busy_machine_a_limit_of_time_is_neither_met_nor_missed(timed, study, capsys):
+    for study.limit in (1.0, 3.0):
+        assert timed(BUSY)[0] == 0
+        said = " ".join(capsys.readouterr().out.split())
+        assert "correctness: 1 of 1 checks pass" in said
+        assert "1 not measured: the machine was busy (other processes kept 1.9 of 2 cores busy" in said
+        assert "missed" not in said
+
+
+def test_a_failing_check_of_correctness_still_fails_beside_limits_of_time_that_are_met(timed, study, monkeypatch):
+    study.limit = 3.0
+    monkeypatch.setitem(globals(), "CASE", CASE.replace("1e-40", '1.0\nbound = "at least"'))
+    assert timed(QUIET)[0] == 1
+
+
+def test_what_was_timed_on_a_busy_machine_is_timed_again_and_what_was_not_is_skipped(timed):
+    first = timed(BUSY)[1].finished()["small"]
+    second = timed(QUIET)[1].finished()["small"]
+    assert (first.busy, second.busy) == (True, False)
+    assert timed(BUSY)[1].finished()["small"] == second
+
+
+@pytest.mark.parametrize(("conditions", "busy"), [
+    (Conditions(0.0, 0.2, 2), False), (Conditions(0.19, 0.0, 2), False), (Conditions(0.21, 0.0, 2), True),
+    (Conditions(0.21, 0.0, 8), False), (Conditions(None, 0.29, 2), False), (Conditions(None, 0.31, 2), True),
+])  # fmt: skip
+def test_a_machine_is_busy_by_what_others_take_of_it_or_by_an_uneven_loop(conditions, busy):
+    assert conditions.busy is busy
+
+
+def test_the_watch_counts_what_others_run_and_not_the_work_that_is_timed(monkeypatch):
+    clocks = iter([machine.Clock(10.0, 100.0, 50.0), machine.Clock(20.0, 125.0, 60.0)])  # 25 core seconds, 10 our own
+    monkeypatch.setattr(machine, "_read", lambda: next(clocks))
+    monkeypatch.setattr(machine, "_laps", lambda: [1.0, 1.0, 1.0, 3.0])
+    found = machine.Watch().conditions()
+    assert (found.load, found.spread) == (1.5, 0.5)
+
+
+def test_a_watch_on_this_machine_finds_something_sensible():
+    found = machine.Watch().conditions()
+    assert found.load is None or 0.0 <= found.load <= found.cores + 1.0
+    assert found.spread >= 0.0
+
+
+def test_where_nobody_counts_the_load_only_the_loop_decides(monkeypatch):
+    monkeypatch.setattr(machine, "STAT", Path("/nowhere/stat"))
+    assert machine.Watch().conditions().load is None
+
+
+def test_all_kinds_are_found_by_being_there():
+    files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")} - {"__init__"}
+    assert set(KINDS) == files
+    assert all(hasattr(kind, "Settings") and hasattr(kind, "run") for kind in KINDS.values())
+
+
+def test_a_study_without_its_checkout_says_that_it_needs_one(study, capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("validation.__main__.MODELS", tmp_path / "site-packages" / "models")
+    assert study()[0] == 2
+    error = capsys.readouterr().err
+    assert "models: no such folder; the study runs in a checkout of the project" in error
+    assert error.count("\n") == 1
 
 
 def test_the_store_reads_without_engines_and_without_a_terminal_library():

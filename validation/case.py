@@ -1,10 +1,11 @@
-"""A case of the study: scenes, a kind of measurement, its settings, and for each quantity the bar and its reason."""
+"""A case of the study: scenes, a kind of measurement, its settings, and for each quantity the limit and its reason."""
 
 from __future__ import annotations
 
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -12,6 +13,8 @@ from flexlink import catalogue
 from flexlink.errors import SceneError
 from flexlink.scene import Scene, load_scene
 from flexlink.spec import Spec, decode
+from validation.facts import Facts
+from validation.store import Bound
 
 HERE = Path(__file__).parent
 CASES = HERE / "cases"
@@ -20,13 +23,23 @@ BENCHMARKS = HERE / "scenes"
 
 
 class Quantity(Spec, frozen=True):
-    """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict."""
+    """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict.
+
+    `reason` says why the tolerance is what it is; of a quantity without one, what it is shown for, if that needs words.
+    `given_up` says why a tolerance that was once set is not kept.
+    """
 
     metric: str
-    reason: str
+    reason: str = ""
+    given_up: str = ""
     unit: str = "1"
     tolerance: float | None = None
-    bound: Literal["at most", "at least"] = "at most"
+    bound: Bound = "at most"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.tolerance is not None and not self.reason:
+            raise SceneError("reason: missing; a tolerance needs one")
 
 
 class Case(Spec, frozen=True):
@@ -60,6 +73,9 @@ class Case(Spec, frozen=True):
         return [benchmarks.get(name, MODELS / f"{name}.toml") for name in self.scenes]
 
 
+NOTHING: Facts = MappingProxyType({})
+
+
 class Measured(NamedTuple):
     """What a kind yields for every number: a row without verdict."""
 
@@ -67,9 +83,10 @@ class Measured(NamedTuple):
     value: float
     scene: str = ""
     engine: str = "native"
-    setting: str = ""
-    scale: float = 1.0  # the case's tolerance is in units of this, where the bar follows from the physics of the run
-    note: str = ""  # computed words, put after the reason
+    varied: Facts = NOTHING  # what was varied: names of `validation.facts`
+    scale: float = 1.0  # the case's tolerance is in units of this, where the limit follows from the physics of the run
+    note: str = ""  # computed words on this value
+    timed: bool = False  # a matter of speed, not of correctness
 
 
 def load_case(path: Path) -> Case:

@@ -17,9 +17,10 @@ from typing import Any
 
 from flexlink.errors import SceneError
 from flexlink.spec import decode
-from validation.case import Case, Measured
+from validation.case import Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED
-from validation.store import Row, Series, Store, finite
+from validation.store import Finished, Planned, Row, Series, Store, finite
+from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
@@ -38,19 +39,32 @@ def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) 
         A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
     """
     shared = _hash_of_sources()
-    keys = {case.name: _key(case, shared) for case in cases}
-    wanted = [case for case in cases if force or store.finished().get(case.name) != keys[case.name]]
+    keys = {case.name: _key(case, shared) for case in load_cases()}
+    wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store)]
+    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in load_cases()})
     if wanted:
         store.note_environment(environment())
     for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
+        watch = Watch() if case.kind in TIMED else None
         for result in results:
             if isinstance(result, Series):
                 store.add_series(case.name, result)
             else:
                 store.append(result)
                 report(case.name, result)
-        store.finish(case.name, keys[case.name])
+        conditions = watch.conditions() if watch else None
+        store.finish(case.name, Finished(keys[case.name], _date(), _processor(), conditions))
+
+
+def _is_done(case: Case, key: str, store: Store) -> bool:
+    """Stored for the same sources and versions; a case with a limit of time must have had the machine for itself."""
+    done = store.finished().get(case.name)
+    if done is None or done.key != key:
+        return False
+    return not (
+        done.busy and any(row.timed and row.passed is not None for row in store.rows() if row.case == case.name)
+    )
 
 
 def _in_order_of_completion(
@@ -103,7 +117,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
             yield judge(case, result, time.perf_counter() - start, key)
             missing.discard(result.quantity)
             start = time.perf_counter()
-    if missing:  # a bar that nobody measured must not look like a bar that was met
+    if missing:  # a limit that nobody measured must not look like a limit that was kept
         raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 
 
@@ -116,10 +130,10 @@ def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
-        setting=measured.setting, quantity=measured.quantity, metric=quantity.metric,
+        varied=dict(measured.varied), quantity=measured.quantity, metric=quantity.metric,
         value=finite(measured.value), unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
-        passed=None if passed is None else bool(passed), reason=f"{quantity.reason} {measured.note}".strip(),
-        seconds=round(seconds, 3), key=key,
+        passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
+        note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
     )  # fmt: skip
 
 
@@ -153,7 +167,7 @@ def versions() -> dict[str, str]:
 def environment() -> dict[str, Any]:
     """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
     return {
-        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "date": _date(),
         "commit": _commit(),
         "python": platform.python_version(),
         "versions": versions(),
@@ -161,6 +175,10 @@ def environment() -> dict[str, Any]:
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.machine()}",
     }
+
+
+def _date() -> str:
+    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
 def _processor() -> str:

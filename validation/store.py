@@ -1,11 +1,13 @@
 """Store of a study's results: plain files, readable with neither engines nor a terminal library.
 
+    plan.json               case → key that its results must have, title and kind: all cases of the study's last run
     rows.jsonl              one JSON object a line, with the fields of `Row`
     series/CASE.NAME.npz    arrays c0, c1, … (columns of equal length) and `meta`, a JSON string: the fields of `Series`
     environment.json        versions, processor, commit, date
-    finished.json           case → key of its last complete run
+    finished.json           case → `Finished`: key, date and machine of its last complete run
 
-A row is on disk as soon as it is measured; a case counts as done only when it is in `finished.json`.
+A row is on disk as soon as it is measured; a case counts as done only when it is in `finished.json`, and its results
+belong to the study only if its key is the one in `plan.json`.
 """
 
 from __future__ import annotations
@@ -14,17 +16,29 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Collection, Mapping, Sequence
+import zipfile
+import zlib
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.errors import FlexlinkError, OutputError
 from flexlink.output import write_text, write_whole
+from validation.facts import Facts, said
 
 Scale = Literal["linear", "log"]
+Bound = Literal["at most", "at least"]
+T = TypeVar("T")
+
+ANEW = "remove the folder to start anew"
+UNREADABLE = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
+
+BUSY_LOAD = 0.1  # of the machine's cores: from here on others take what the timed process would have had
+BUSY_SPREAD = 0.3  # of a calibration loop, mean lap over fastest less 1: 0.03 to 0.2 on idle virtual machines
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,24 +50,32 @@ class Row:
     title: str
     scene: str  # "" where the case has none
     engine: str  # what was measured: "native", "pinocchio", …
-    setting: str  # such as "RK4 h=0.0001"
+    varied: Facts  # what was varied: name → value, names of `validation.facts`
     quantity: str
     metric: str
     value: float | None  # None if the measurement is not a finite number
     unit: str
-    tolerance: float | None  # None: information, no verdict
-    bound: str  # "at most" or "at least": the side of the tolerance on which a value passes
+    tolerance: float | None  # the limit; None: information, no verdict
+    bound: Bound  # the side of the limit on which a value passes
     passed: bool | None
-    reason: str
+    timed: bool  # a matter of speed: it depends on the machine, and no verdict on correctness takes it in
+    reason: str  # why the limit is what it is
+    note: str  # computed words on this value alone
+    given_up: str  # why a limit that was once set is not kept; "" if there was none
     seconds: float
     key: str  # hash of everything that the row depends on
+
+    @property
+    def where(self) -> str:
+        """Scene, engine and what was varied, in words."""
+        return ", ".join(part for part in (self.scene, self.engine, said(self.varied)) if part)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Series:
     """A table for a figure: columns of equal length against the column `x`, one curve per column, or per `group`."""
 
-    name: str
+    what: str  # what it shows, such as "sweep": figures ask for it
     title: str
     columns: Mapping[str, NDArray[Any]]
     x: str  # the column on the horizontal axis
@@ -62,6 +84,54 @@ class Series:
     x_scale: Scale = "linear"
     y_scale: Scale = "linear"
     group: str | None = None  # a text column: each of its values is a curve of its own
+    panel: str | None = None  # a text column: each of its values has axes of its own
+    scene: str = ""
+    part: str = ""  # which of several of its kind, such as "mode 1"
+    engine: str = ""  # "" for our own
+    legend: Mapping[str, str] = dataclasses.field(default_factory=dict)  # column → entry, where columns share one
+
+    @property
+    def name(self) -> str:
+        """Name within its case."""
+        return ".".join(part for part in (self.scene, self.what, self.part, self.engine) if part).replace(" ", "_")
+
+
+@dataclasses.dataclass(frozen=True)
+class Conditions:
+    """What else a machine did while a case was timed."""
+
+    load: float | None  # cores that other processes kept busy, mean over the case; None where it cannot be known
+    spread: float  # of a calibration loop before and after: mean lap over the fastest, less 1
+    cores: int
+
+    @property
+    def busy(self) -> bool:
+        """Whether the times say more about the other processes than about the code."""
+        return (self.load or 0.0) > BUSY_LOAD * self.cores or self.spread > BUSY_SPREAD
+
+
+@dataclasses.dataclass(frozen=True)
+class Finished:
+    """A complete run of a case."""
+
+    key: str
+    date: str  # of its end, UTC
+    machine: str
+    conditions: Conditions | None  # None: nothing was timed
+
+    @property
+    def busy(self) -> bool:
+        """Whether something was timed on a busy machine."""
+        return self.conditions is not None and self.conditions.busy
+
+
+@dataclasses.dataclass(frozen=True)
+class Planned:
+    """A case of the study: the key of what its sources, scenes and versions are now."""
+
+    key: str
+    kind: str
+    title: str
 
 
 class Store:
@@ -81,37 +151,50 @@ class Store:
         file = self.path / "rows.jsonl"
         if not file.exists():
             return []
-        lines = file.read_text(encoding="utf-8").split("\n")[:-1]  # a whole line ends in a newline
+        lines = _whole(file, Path.read_bytes).split(b"\n")[:-1]  # a whole line ends in a newline
         rows = []
         for number, line in enumerate(lines, start=1):
             try:
-                rows.append(Row(**json.loads(line)))
-            except (ValueError, TypeError) as error:
-                raise FlexlinkError(
-                    f"{file}, line {number}: not a row of this version ({error}); remove the folder to start anew"
-                ) from None
+                rows.append(msgspec.json.decode(line, type=Row))
+            except (ValueError, msgspec.MsgspecError) as error:
+                raise FlexlinkError(f"{file}, line {number}: not a row of this version ({error}); {ANEW}") from None
         return rows
 
     def series(self, case: str) -> dict[str, Series]:
-        """The series of one case by name."""
-        found = {}
-        for file in sorted((self.path / "series").glob(f"{case}.*.npz")):
-            with np.load(file, allow_pickle=False) as archive:
-                meta = json.loads(str(archive["meta"]))
-                names = meta.pop("columns")
-                columns = {name: archive[f"c{k}"] for k, name in enumerate(names)}
-            found[meta["name"]] = Series(columns=columns, **meta)
-        return found
+        """The series of one case by name.
+
+        Raises
+        ------
+        FlexlinkError
+            A file is torn, or not a series of this version.
+        """
+        files = sorted((self.path / "series").glob(f"{case}.*.npz"))
+        return {series.name: series for series in (_whole(file, _series) for file in files)}
 
     def environment(self) -> dict[str, Any]:
         """Versions, processor, system, commit and date of the run; empty if none was stored."""
-        file = self.path / "environment.json"
-        return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+        return self._table("environment.json", Any)
 
-    def finished(self) -> dict[str, str]:
-        """Case → key of its last complete run."""
-        file = self.path / "finished.json"
-        return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    def plan(self) -> dict[str, Planned]:
+        """Case → what its results must belong to; all cases of the study as the last run knew them."""
+        return self._table("plan.json", Planned)
+
+    def finished(self) -> dict[str, Finished]:
+        """Case → its last complete run."""
+        return self._table("finished.json", Finished)
+
+    def _table(self, name: str, kind: Any) -> dict[str, Any]:
+        """A JSON object, empty without the file.
+
+        Raises
+        ------
+        FlexlinkError
+            It is torn, or not of this version.
+        """
+        file = self.path / name
+        if not file.exists():
+            return {}
+        return _whole(file, lambda path: msgspec.json.decode(path.read_bytes(), type=dict[str, kind]))
 
     def prepare(self, known: Collection[str]) -> None:
         """Make the folder, and forget cases that are not `known` any more.
@@ -130,13 +213,15 @@ class Store:
 
     def note_environment(self, environment: Mapping[str, Any]) -> None:
         """Store on what the rows to come are measured."""
-        write_text(self.path / "environment.json", _json(environment))
+        self._write("environment.json", environment)
+
+    def note_plan(self, plan: Mapping[str, Planned]) -> None:
+        """Store which cases make the study whole, and which keys their results must have."""
+        self._write("plan.json", plan)
 
     def forget(self, case: str) -> None:
         """Drop every trace of a case."""
-        done = self.finished()
-        done.pop(case, None)
-        write_text(self.path / "finished.json", _json(done))
+        self._write("finished.json", {name: done for name, done in self.finished().items() if name != case})
         kept = [row for row in self.rows() if row.case != case]
         write_text(self.path / "rows.jsonl", "".join(_line(row) for row in kept))
         for file in (self.path / "series").glob(f"{case}.*.npz"):
@@ -161,8 +246,7 @@ class Store:
 
     def add_series(self, case: str, series: Series) -> None:
         """Store a series, replacing one of the same case and name."""
-        meta = {f.name: getattr(series, f.name) for f in dataclasses.fields(series)}
-        meta["columns"] = list(series.columns)
+        meta = {f.name: getattr(series, f.name) for f in dataclasses.fields(series)} | {"columns": list(series.columns)}
         arrays: dict[str, Any] = {f"c{k}": column for k, column in enumerate(series.columns.values())}
 
         def write(path: Path) -> None:
@@ -171,9 +255,12 @@ class Store:
 
         write_whole(self.path / "series" / f"{case}.{series.name}.npz", write)
 
-    def finish(self, case: str, key: str) -> None:
+    def finish(self, case: str, finished: Finished) -> None:
         """Note that every row and series of `case` is stored."""
-        write_text(self.path / "finished.json", _json(self.finished() | {case: key}))
+        self._write("finished.json", self.finished() | {case: finished})
+
+    def _write(self, name: str, value: Mapping[str, Any]) -> None:
+        write_text(self.path / name, msgspec.json.format(msgspec.json.encode(value), indent=1).decode() + "\n")
 
 
 def table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, NDArray[Any]]:
@@ -187,8 +274,20 @@ def finite(value: float) -> float | None:
 
 
 def _line(row: Row) -> str:
-    return json.dumps(dataclasses.asdict(row), ensure_ascii=False, allow_nan=False) + "\n"
+    return msgspec.json.encode(row).decode() + "\n"
 
 
-def _json(value: Mapping[str, Any]) -> str:
-    return json.dumps(value, ensure_ascii=False, indent=1) + "\n"
+def _whole(file: Path, read: Callable[[Path], T]) -> T:
+    """What `read` makes of a file; one that is torn or of another version is an error of the project, in one line."""
+    try:
+        return read(file)
+    except (*UNREADABLE, OSError) as error:
+        why = (str(error).splitlines() or [type(error).__name__])[0]
+        raise FlexlinkError(f"{file}: cannot be read ({why}); {ANEW}") from None
+
+
+def _series(file: Path) -> Series:
+    with np.load(file, allow_pickle=False) as archive:
+        meta = json.loads(str(archive["meta"]))
+        names = meta.pop("columns")
+        return Series(columns={name: archive[f"c{k}"] for k, name in enumerate(names)}, **meta)

@@ -1,14 +1,15 @@
-"""Every term of the equation of motion against the other engines: a dot per quantity and engine, a tick for the bar."""
+"""Every term of the equation of motion against the other engines: dots for engines, a tick for the limit."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, INK, MARKERS, legend_above, panels
-from validation.store import Row
+from reports.tables import rows_csv
+from validation.store import Finished, Row
 
 SECTION = "agreement"
 TAKES: tuple[str, ...] = ()
@@ -23,10 +24,13 @@ def draw(results: Results) -> Iterator[Picture]:
         return
     limits = (min(shown) / 4.0, max(shown) * 4.0)
     for case, scene in dict.fromkeys((row.case, row.scene) for row in rows):
-        yield _picture(case, scene, [row for row in rows if (row.case, row.scene) == (case, scene)], limits)
+        own = [row for row in rows if (row.case, row.scene) == (case, scene)]
+        yield _picture(case, scene, own, limits, results.finished)
 
 
-def _picture(case: str, scene: str, rows: Sequence[Row], limits: tuple[float, float]) -> Picture:
+def _picture(
+    case: str, scene: str, rows: Sequence[Row], limits: tuple[float, float], finished: Mapping[str, Finished]
+) -> Picture:
     labels = list(dict.fromkeys(_label(row) for row in rows))
     engines = list(dict.fromkeys(row.engine for row in rows))
     figure, (axes,) = panels(1, 1.3 + 0.33 * len(labels))
@@ -36,9 +40,9 @@ def _picture(case: str, scene: str, rows: Sequence[Row], limits: tuple[float, fl
         offset = 0.16 * (number - 0.5 * (len(engines) - 1))
         places = [labels.index(_label(row)) + offset for row in found]
         axes.plot(values, places, MARKERS[number], color=CYCLE[number], label=engine, clip_on=False)
-    bars = [(row.tolerance, labels.index(_label(row))) for row in rows if row.tolerance is not None]
-    if bars:
-        axes.plot(*zip(*bars, strict=True), "|", color=INK, markersize=15, markeredgewidth=2, label="bar")
+    limits_of = [(row.tolerance, labels.index(_label(row))) for row in rows if row.tolerance is not None]
+    if limits_of:
+        axes.plot(*zip(*limits_of, strict=True), "|", color=INK, markersize=15, markeredgewidth=2, label="limit")
     axes.set(xscale="log", xlim=limits, yticks=range(len(labels)), yticklabels=labels, xlabel="error [1]")
     axes.set_ylim(len(labels) - 0.5, -0.5)
     legend_above(figure, axes, len(engines) + 1)
@@ -46,10 +50,10 @@ def _picture(case: str, scene: str, rows: Sequence[Row], limits: tuple[float, fl
     for row in rows:
         measures.setdefault(row.metric, []).append(row.quantity)
     words = "; ".join(f"{', '.join(dict.fromkeys(names))}: {metric}" for metric, names in measures.items())
-    caption = f"{scene}: {rows[0].title[0].lower()}{rows[0].title[1:]}. A point at the left edge is exactly 0. {words}."
-    return Picture(f"{case}.{scene}", figure, caption)
+    caption = f"A point at the left edge is exactly 0. {words}."
+    return Picture(f"{case}.{scene}", f"{scene}: {rows[0].title}", figure, caption, rows_csv(rows, finished))
 
 
 def _label(row: Row) -> str:
-    """The quantity; one whose bar is 1 is measured in bars."""
-    return textwrap.fill(row.quantity + (", of its bar" if row.tolerance == 1.0 else ""), 14)
+    """The quantity; one whose limit is 1 is measured in parts of it."""
+    return textwrap.fill(row.quantity + (", of its limit" if row.tolerance == 1.0 else ""), 14)

@@ -9,16 +9,17 @@ from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.tables import series_csv
 
 SECTION = "integrators"
-TAKES = ("error",)
+TAKES = ("convergence",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
     """One picture a case."""
     for case, rows in results.of_kind("convergence"):
-        slopes = {row.setting.partition(",")[0]: row.value for row in rows if row.quantity == "slope"}
-        for name, series in results.series[case].items():
+        slopes = {row.varied["method"]: row.value for row in rows if row.quantity == "slope"}
+        for series in (s for s in results.series[case] if s.what in TAKES):
             figure, (axes,) = panels(1, 3.2)
             for place, curve in enumerate(curves(series)):
                 label = f"{curve.label}, slope {number(slopes.get(curve.label))}"
@@ -26,4 +27,5 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
             tidy_logs(axes)
             legend_above(figure, axes, 1)
-            yield Picture(f"{case}.{name}", figure, f"{rows[0].title}. {series.title}; slopes by least squares.")
+            words = f"{series.title}; slopes by least squares."
+            yield Picture(f"{case}.{series.name}", rows[0].title, figure, words, series_csv(series))

@@ -9,6 +9,7 @@ from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, panels
+from reports.tables import rows_csv
 
 SECTION = "integrators"
 TAKES: tuple[str, ...] = ()
@@ -20,7 +21,7 @@ def draw(results: Results) -> Iterator[Picture]:
         costs: dict[str, list[float]] = {}
         for row in rows:
             if row.quantity == "cost per step" and row.value is not None:
-                costs.setdefault(row.setting.partition(" ")[0], []).append(row.value)
+                costs.setdefault(str(row.varied["method"]), []).append(row.value)
         if not costs:
             continue
         unit = next(row.unit for row in rows if row.quantity == "cost per step")
@@ -31,5 +32,7 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set(xlabel=f"cost of a step [{unit}]", xlim=(0.0, 1.3 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        words = "time of one core for one step, median over the runs of a method, with sampling and energies"
-        yield Picture(f"{case}.cost", figure, f"{rows[0].scene}: {words}.")
+        words = "Time of one core for one step, with sampling and energies."
+        shown = [row for row in rows if row.quantity == "cost per step"]
+        title = f"{rows[0].scene}: cost of a step by method"
+        yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown, results.finished))

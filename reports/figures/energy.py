@@ -8,17 +8,16 @@ from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, INK, legend_above, panels
+from reports.tables import series_csv
 
 SECTION = "trajectory"
-TAKES = ("*.energy", "*.energy.*")
+TAKES = ("energy",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
     """One picture a scene of which a case stored the motion."""
-    for case, found in results.series.items():
-        for name, series in found.items():
-            if not name.endswith(".energy"):
-                continue
+    for case, series in results.showing(*TAKES):
+        if not series.engine:
             figure, (axes,) = panels(1, 3.0)
             for place, curve in enumerate(curves(series)):
                 total = curve.label == "total"
@@ -26,5 +25,6 @@ def draw(results: Results) -> Iterator[Picture]:
                 axes.plot(curve.x, curve.y - curve.y[0], color=colour, linestyle=line, label=curve.label)
             axes.set(xlabel=series.x_label, ylabel="change of energy [J]")
             legend_above(figure, axes, 2)
-            scene = name.removesuffix(".energy")
-            yield Picture(f"{case}.{name}", figure, f"{scene}: change of each part of the energy since the start.")
+            title = f"{series.scene}: where the energy goes"
+            words = "Change of each part of the energy since the start."
+            yield Picture(f"{case}.{series.name}", title, figure, words, series_csv(series))

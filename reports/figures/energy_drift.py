@@ -8,30 +8,28 @@ from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.tables import series_csv
 
 SECTION = "trajectory"
-TAKES = ("*.drift",)
+TAKES = ("drift",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
     """Points measured, lines predicted, one colour a method."""
-    for case, _ in results.of_kind("energy_drift"):
-        for name, series in results.series[case].items():
-            if not name.endswith(".drift"):
-                continue
-            figure, (axes,) = panels(1, 3.2)
-            predicted = list(curves(series, "predicted"))
-            for place, (found, line) in enumerate(zip(curves(series, "measured"), predicted, strict=True)):
-                colour, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
-                axes.plot(found.x, found.y, marker, color=colour, label=f"{found.label} measured")
-                axes.plot(line.x, line.y, "--", color=colour, label=f"{line.label} predicted")
-            axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
-            tidy_logs(axes)
-            legend_above(figure, axes, 2)
-            yield Picture(f"{case}.{name}", figure, f"{series.title}: {CAPTION}")
+    for case, series in results.showing(*TAKES):
+        figure, (axes,) = panels(1, 3.2)
+        predicted = list(curves(series, "predicted"))
+        for place, (found, line) in enumerate(zip(curves(series, "measured"), predicted, strict=True)):
+            colour, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
+            axes.plot(found.x, found.y, marker, color=colour, label=f"{found.label} measured")
+            axes.plot(line.x, line.y, "--", color=colour, label=f"{line.label} predicted")
+        axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
+        tidy_logs(axes)
+        legend_above(figure, axes, 2)
+        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, series_csv(series))
 
 
 CAPTION = (
-    "largest change of the total energy, which the exact motion keeps. Predicted: what the method's damping takes from "
+    "Largest change of the total energy, which the exact motion keeps. Predicted: what the method's damping takes from "
     "the elastic modes that the release excites, plus rounding."
 )

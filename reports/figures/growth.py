@@ -11,19 +11,18 @@ from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import CYCLE, GREY, INK, legend_above, panels, tidy_logs
+from reports.tables import series_csv
 
 SECTION = "trajectory"
-TAKES = ("*.growth",)
+TAKES = ("growth",)
 
 
 def draw(results: Results) -> Iterator[Picture]:
     """Difference up to time t on a log axis, with the fitted growth and the horizon."""
     for case, rows in results.of_kind("rounding_growth"):
         value = {(row.scene, row.quantity): row.value for row in rows if row.engine == "native"}
-        for name, series in results.series[case].items():
-            if not name.endswith(".growth"):
-                continue
-            scene = name.removesuffix(".growth")
+        for series in (s for s in results.series[case] if s.what in TAKES):
+            scene = series.scene
             figure, (axes,) = panels(1, 3.6)
             for place, curve in enumerate(curves(series)):
                 seen = curve.y > 0.0
@@ -39,11 +38,11 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.set(yscale="log", xlabel=series.x_label, ylabel=series.y_label)
             tidy_logs(axes)
             legend_above(figure, axes, 1)
-            yield Picture(f"{case}.{name}", figure, CAPTION.format(scene=scene))
+            yield Picture(f"{case}.{series.name}", f"{scene}: rounding grows", figure, CAPTION, series_csv(series))
 
 
 CAPTION = (
-    "{scene}: largest difference of any joint angle up to time t. The first curve is flexlink against itself, started "
+    "Largest difference of any joint angle up to time t. The first curve is flexlink against itself, started "
     "one unit in the last place away or with another solver for q̈: all that rounding alone can do. An engine that "
     "computes the same motion grows along with it."
 )

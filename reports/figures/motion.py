@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from reports.figures import paper_fig5
-from reports.panels import TAKES, caption, draw_tall, motions
+from reports.panels import TAKES, caption, data, draw_tall, motions
 from reports.picture import Picture
 from reports.results import Results
 
@@ -18,4 +18,5 @@ def draw(results: Results) -> Iterator[Picture]:
     """Up to five panels a scene."""
     for motion in motions(results):
         if motion.scene not in paper_fig5.SCENES:
-            yield Picture(f"{motion.case}.{motion.scene}", draw_tall(motion), caption(motion))
+            name, title = f"{motion.case}.{motion.scene}", f"{motion.scene}: the motion"
+            yield Picture(name, title, draw_tall(motion), caption(motion), data(motion))

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import BLUE, INK, VERMILION, legend_above, panels
+from reports.tables import rows_csv
 
 SECTION = "integrators"
 TAKES: tuple[str, ...] = ()
@@ -20,9 +21,9 @@ CAPTION = (
 def draw(results: Results) -> Iterator[Picture]:
     """One picture a case: residual through the order, and one order above."""
     for case, rows in results.of_kind("order_conditions"):
-        methods = list(dict.fromkeys(row.setting for row in rows))
-        bars = [row.tolerance for row in rows if row.tolerance]
-        shown = [row.value for row in rows if row.value and row.quantity in {name for name, *_ in CURVES}] + bars
+        methods = list(dict.fromkeys(str(row.varied["method"]) for row in rows))
+        limits = [row.tolerance for row in rows if row.tolerance]
+        shown = [row.value for row in rows if row.value and row.quantity in {name for name, *_ in CURVES}] + limits
         if not shown:
             continue
         left = min(shown) * 1e-5
@@ -31,13 +32,18 @@ def draw(results: Results) -> Iterator[Picture]:
             found = [row for row in rows if row.quantity == name and row.value is not None]
             values = [max(row.value or 0.0, left) for row in found]
             axes.plot(
-                values, [methods.index(row.setting) for row in found], marker, color=colour, label=label, clip_on=False
+                values,
+                [methods.index(str(row.varied["method"])) for row in found],
+                marker,
+                color=colour,
+                label=label,
+                clip_on=False,
             )
-        for bar in bars[:1]:
-            axes.axvline(bar, color=INK, label="bar")
+        for limit in limits[:1]:
+            axes.axvline(limit, color=INK, label="limit")
         axes.set(xscale="log", yticks=range(len(methods)), xlabel="largest residual [1]")
-        axes.set_yticklabels([method.split(",")[0] for method in methods])
+        axes.set_yticklabels(methods)
         axes.set_xlim(left=left)
         axes.set_ylim(len(methods) - 0.5, -0.5)
         legend_above(figure, axes, 3)
-        yield Picture(case, figure, CAPTION)
+        yield Picture(case, rows[0].title, figure, CAPTION, rows_csv(rows, results.finished))

@@ -12,10 +12,11 @@ from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels, tidy_logs
+from reports.tables import series_csv
 from validation.store import Row, Series
 
 SECTION = "physics"
-TAKES = ("sweep.*", "price", "motion", "published")
+TAKES = ("sweep", "price", "motion", "published")
 LOOKS = {  # colour, marker, line of a rule, the same in all figures
     "paper": (VERMILION, "s", "-"),
     "midpoint": (BLUE, "o", "-"),
@@ -35,13 +36,14 @@ def draw(results: Results) -> Iterator[Picture]:
     """For each case its sweeps, then what it has of price and motion."""
     for case, found in results.series.items():
         rows = results.cases[case]
-        sweeps = [series for name, series in found.items() if name.startswith("sweep.")]
-        if sweeps:
-            yield Picture(f"{case}.sweep", _sweeps(sweeps, rows), f"{rows[0].title}. {sweeps[0].title} {READ}")
-        if "price" in found:
-            yield Picture(f"{case}.price", _price(found["price"]), f"{rows[0].title}. {PRICE}")
-        if "motion" in found and sweeps:
-            yield Picture(f"{case}.motion", _motion(found["motion"]), f"{rows[0].title}: {MOTION}")
+        title, shown = rows[0].title, {what: [s for s in found if s.what == what] for what in TAKES}
+        if sweeps := shown["sweep"]:
+            words = f"{sweeps[0].title} {READ}"
+            yield Picture(f"{case}.sweep", f"{title}: error by rule", _sweeps(sweeps, rows), words, series_csv(*sweeps))
+        for series in shown["price"]:
+            yield Picture(f"{case}.price", f"{title}: price", _price(series), PRICE, series_csv(series))
+        for series in shown["motion"]:
+            yield Picture(f"{case}.motion", f"{title}: motion", _motion(series), MOTION, series_csv(series))
 
 
 READ = (
@@ -52,15 +54,14 @@ PRICE = (
     "Error of the first mode against what an explicit method pays: hinges times steps a second at RK4's largest stable "
     "step (EI = ρA = L = 1). Short segments at the ends of a link, as legendre has them, cost small steps."
 )
-MOTION = "continuous reference, the judged chain, and the chain beside it."
+MOTION = "Continuous reference, the judged chain, and the chain beside it."
 
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
-    orders = {row.setting: row.value for row in rows if row.quantity == "fitted order"}
+    orders = {(row.varied["measure"], row.varied["rule"]): row.value for row in rows if row.quantity == "fitted order"}
     figure, all_axes = panels(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
     for place, (axes, series) in enumerate(zip(all_axes, sweeps, strict=True)):
-        measure = series.name.removeprefix("sweep.")
-        _rules(axes, series, {rule: orders.get(f"{rule}, {measure}") for rule in LOOKS})
+        _rules(axes, series, {rule: orders.get((series.part, rule)) for rule in LOOKS})
         axes.set(xlabel=series.x_label if place == len(sweeps) - 1 else "", ylabel=series.y_label)
     legend_above(figure, all_axes[0], 2)
     return figure

@@ -8,6 +8,7 @@ from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import BLUE, GREY, INK, panels
+from reports.tables import rows_csv
 
 SECTION = "speed"
 TAKES: tuple[str, ...] = ()
@@ -15,12 +16,12 @@ QUANTITIES = ("real-time factor", "real-time factor of another engine")
 
 
 def draw(results: Results) -> Iterator[Picture]:
-    """One bar an engine, scene and way of solving for q̈."""
+    """A bar an engine, scene and way of solving for q̈."""
     for case, rows in results.of_kind("speed"):
         found = [row for row in rows if row.quantity in QUANTITIES and row.value]
         if not found:
             continue
-        labels = [f"{row.engine} {row.setting.partition(', ')[2]}\n{row.scene}" for row in found]
+        labels = [f"{row.engine} {row.varied.get('solver', '')}\n{row.scene}" for row in found]
         values = [row.value or 0.0 for row in found]
         figure, (axes,) = panels(1, 0.9 + 0.5 * len(found))
         colours = [BLUE if row.engine == "native" else GREY for row in found]
@@ -32,6 +33,5 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set(xlabel="simulated seconds per second [1]", xlim=(0.0, 1.25 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        yield Picture(
-            case, figure, "Simulated seconds in a second of one core, engines called from Python; the line is the bar."
-        )
+        words = "Simulated seconds in a second of one core, engines called from Python; the line is the limit for LU."
+        yield Picture(case, rows[0].title, figure, words, rows_csv(found, results.finished))

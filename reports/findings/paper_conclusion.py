@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from reports.curves import groups, numbers
+from reports.curves import floats, groups
 from reports.finding import Finding
 from reports.numbers import amount, number
 from reports.results import Results
@@ -22,16 +22,15 @@ Costs = Mapping[str, float]  # method → evaluations per simulated second, of t
 
 def find(results: Results) -> Iterator[Finding]:
     """One finding a scene of every comparison of methods."""
-    for case, _ in results.of_kind("integrators"):
-        for name, series in results.series[case].items():
-            works = {
-                method: (numbers(series.columns[WORK][rows]), numbers(series.columns[ERROR][rows]))
-                for method, rows in groups(series)
-            }
-            yield judge(f"{case}.{name}.conclusion", name.removesuffix(".error"), works)
+    for case, series in results.showing("comparison"):
+        works = {
+            method: (floats(series.columns[WORK][rows]), floats(series.columns[ERROR][rows]))
+            for method, rows in groups(series)
+        }
+        yield conclusion(f"{case}.{series.name}.conclusion", series.scene, works)
 
 
-def judge(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Finding:
+def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Finding:
     """The cheapest method at every accuracy that any method reaches, and what that makes of the paper's conclusion."""
     table = {}
     for target in TARGETS:

@@ -18,8 +18,8 @@ NEAR = 2.0  # times the fewest hinges that still count as enough
 class Need(NamedTuple):
     """Rule → hinges needed, and rule → hinges that were not enough."""
 
-    needed: Mapping[str, float]
-    missed: Mapping[str, float]
+    needed: dict[str, float]
+    missed: dict[str, float]
 
 
 def find(results: Results) -> Iterator[Finding]:
@@ -43,10 +43,9 @@ def _needs(results: Results) -> dict[str, Need]:
     found: dict[str, Need] = {}
     for row in results.rows:
         if row.quantity in ("hinges needed", "hinges not enough") and row.value is not None:
-            rule, _, name = row.setting.partition(", ")
-            need = found.setdefault(name, Need({}, {}))
+            need = found.setdefault(str(row.varied["need"]), Need({}, {}))
             part = need.needed if row.quantity == "hinges needed" else need.missed
-            part[rule] = row.value  # type: ignore[index]
+            part[str(row.varied["rule"])] = row.value
     return found
 
 
@@ -79,9 +78,7 @@ def _paper(needs: Mapping[str, Need]) -> Iterator[str]:
     if enough:
         yield (
             f"The paper’s own layout is enough, at no more than {number(NEAR)} times the fewest hinges, for: "
-            f"{'; '.join(enough)}. These are joints free of torque."
-            if all(word.startswith("free joint") for word in enough)
-            else f"The paper’s own layout is enough for: {'; '.join(enough)}."
+            f"{'; '.join(enough)}."
         )
     yield f"It misses {missed} of {len(needs)} needs altogether."
 
@@ -91,7 +88,7 @@ def _orders(results: Results) -> Iterator[str]:
     orders = {
         row.case: number(row.value, 2)
         for row in results.rows
-        if row.quantity == "fitted order" and row.setting == "paper, mode 1"
+        if row.quantity == "fitted order" and dict(row.varied) == {"rule": "paper", "measure": "mode 1"}
     }
     if FREE in orders and CLAMPED in orders:
         yield (
@@ -101,11 +98,10 @@ def _orders(results: Results) -> Iterator[str]:
 
 
 def _steps(results: Results, needs: Mapping[str, Need]) -> Iterator[str]:
-    steps = {row.setting: row.value for row in results.rows if row.quantity == "stable step of RK4" and row.value}
-    pairs = {setting.partition(", ")[0]: (setting, step) for setting, step in steps.items()}
-    if "gauss" in pairs and "legendre" in pairs:
-        (setting, gauss), (_, legendre) = pairs["gauss"], pairs["legendre"]
-        hinges, times = setting.partition(", ")[2], number(gauss / legendre, 2)
+    found = [row for row in results.rows if row.quantity == "stable step of RK4" and row.value]
+    steps = {row.varied["rule"]: row.value or 0.0 for row in found}
+    if "gauss" in steps and "legendre" in steps:
+        hinges, times = f"{found[0].varied['hinges']} hinges", number(steps["gauss"] / steps["legendre"], 2)
         fewest = sum(need.needed.get("legendre") == min(need.needed.values(), default=None) for need in needs.values())
         yield (
             f"legendre takes the fewest hinges of all rules for {fewest} of {len(needs)} needs, but its short end "

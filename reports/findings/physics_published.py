@@ -17,7 +17,7 @@ def find(results: Results) -> Iterator[Finding]:
     """One table over all cases: the first numbers of each, and the largest difference of all of them."""
     lines: list[tuple[str | float | None, ...]] = []
     compared = cases = 0
-    for case, series in results.series_named("published"):
+    for case, series in results.showing("published"):
         columns = (series.columns[name].tolist() for name in ("what", "published", "ours"))
         pairs = list(zip(*columns, strict=True))
         compared, cases = compared + len(pairs), cases + 1

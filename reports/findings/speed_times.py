@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reports.curves import curves
+from reports.curves import curves, panels_of
 from reports.finding import Finding
 from reports.results import Results
 
@@ -14,19 +14,14 @@ ORDER = ("native", "public", "pinocchio", "pinocchio, fastest", "mujoco")
 
 def find(results: Results) -> Iterator[Finding]:
     """One table a job."""
-    for case, found in results.series.items():
-        for name, series in found.items():
-            if not name.startswith("cost."):
-                continue
-            times: dict[tuple[str, float], dict[str, float]] = {}
-            for curve in curves(series):
-                family, _, engine = curve.label.partition(" | ")
+    for case, series in results.showing("cost"):
+        times: dict[tuple[str, float], dict[str, float]] = {}
+        for family, part in panels_of(series):
+            for curve in curves(part):
                 for n, time in zip(curve.x, curve.y, strict=True):
-                    times.setdefault((family, float(n)), {})[engine] = float(time)
-            engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
-            lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
-            sentence = "Microseconds; ours in a compiled loop, “public” the checked call, engines from Python."
-            heads = ("chain", "n", *engines)
-            yield Finding(
-                f"{case}.{name.replace(' ', '_')}.times", series.title, (sentence,), heads, lines, to_look_up=True
-            )
+                    times.setdefault((family, float(n)), {})[curve.label] = float(time)
+        engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
+        lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
+        sentence = "Ours in a compiled loop, “public” the checked call from Python, engines called from Python."
+        heads = ("chain", "n", *(f"{engine} [µs]" for engine in engines))
+        yield Finding(f"{case}.{series.name}.times", series.title, (sentence,), heads, lines, to_look_up=True)

@@ -12,6 +12,7 @@ import numpy as np
 from flexlink.spec import Positive, Spec
 from validation.benchmarks.variant import Rule
 from validation.case import Measured
+from validation.facts import Facts
 from validation.store import Series, table
 
 Errors = dict[int, float]
@@ -70,8 +71,8 @@ def report(
         rows = [(rule, n, e) for rule, found in errors.items() for n, e in found.items()]
         columns = table(("rule", "hinges", "error"), rows)
         y_label = f"error of {measure} [{units.get(measure, 1)}]"
-        name = f"sweep.{measure}"
-        yield Series(name, about, columns, "hinges", "hinges a link", y_label, "log", "log", group="rule")
+        labels = "hinges", "hinges a link", y_label
+        yield Series("sweep", about, columns, *labels, "log", "log", group="rule", part=measure)
         for rule, found in errors.items():
             yield from _order(sweep, measure, rule, found)
     for need in sweep.needs:
@@ -88,13 +89,14 @@ def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Me
     last = sweep.last(errors)
     if len(last) < 2:
         return
-    fitted, setting = order(last), f"{rule}, {measure}"
+    fitted = order(last)
+    facts: Facts = {"rule": rule, "measure": measure}
     counts = ", ".join(map(str, last))
-    yield Measured("fitted order", fitted, setting=setting, note=f"Fitted at {counts} hinges.")
+    yield Measured("fitted order", fitted, varied=facts, note=f"Fitted at {counts} hinges.")
     expected = sweep.orders.get(measure, {}).get(rule)
     if expected is not None:
         note = f"Fitted {fitted:.2f} at {counts} hinges, theory {expected:g}."
-        yield Measured("|order − theory|", abs(fitted - expected), setting=setting, note=note)
+        yield Measured("|order − theory|", abs(fitted - expected), varied=facts, note=note)
 
 
 def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
@@ -110,9 +112,9 @@ def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
         good = [n for k, n in enumerate(counts) if all(errors[m] <= need.within for m in counts[: k + 1])]
         if good:
             needed[rule] = min(good)
-            yield Measured("hinges needed", needed[rule], setting=f"{rule}, {need.name}")
+            yield Measured("hinges needed", needed[rule], varied={"rule": rule, "need": need.name})
         else:
-            yield Measured("hinges not enough", max(errors), setting=f"{rule}, {need.name}")
+            yield Measured("hinges not enough", max(errors), varied={"rule": rule, "need": need.name})
     if needed:
         fewest = min(needed.values())
         best = ", ".join(rule for rule, n in needed.items() if n == fewest)

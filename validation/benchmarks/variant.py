@@ -13,6 +13,7 @@ from flexlink.errors import SceneError
 from flexlink.scene import Scene, scene_from
 from flexlink.spec import Spec
 from validation.case import Case
+from validation.facts import Facts
 
 
 class Rule(Spec, frozen=True):
@@ -20,6 +21,11 @@ class Rule(Spec, frozen=True):
 
     rule: str
     hinges: int
+
+    @property
+    def facts(self) -> Facts:
+        """As what was varied."""
+        return {"rule": self.rule, "hinges": self.hinges}
 
     def __str__(self) -> str:
         return f"{self.rule}, {self.hinges} hinges"

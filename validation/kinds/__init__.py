@@ -1,36 +1,18 @@
-"""Kinds of measurement: one file each, with its `Settings` and a generator `run(case, settings)`."""
+"""Kinds of measurement: one file each, with its `Settings` and a generator `run(case, settings)`.
+
+A kind is found by being here, under the name of its file. One that measures time says `TIMED = True`: nothing else
+runs meanwhile, and the study notes what the machine did besides.
+"""
 
 from __future__ import annotations
 
+import importlib
+import pkgutil
 from collections.abc import Iterator
 from typing import Any, Protocol
 
 from flexlink.spec import Spec
 from validation.case import Case, Measured
-from validation.kinds import (
-    accuracy,
-    buckling,
-    convergence,
-    damping,
-    energy_drift,
-    exact_motion,
-    finite_chains,
-    frequencies,
-    identities,
-    integrators,
-    judge,
-    motion_benchmark,
-    order_conditions,
-    pointwise,
-    rounding_growth,
-    speed,
-    speed_batch,
-    speed_calls,
-    speed_start,
-    speed_steps,
-    statics,
-    trajectory,
-)
 from validation.store import Series
 
 
@@ -46,29 +28,7 @@ class Kind(Protocol):
 
 
 KINDS: dict[str, Kind] = {
-    "accuracy": accuracy,
-    "buckling": buckling,
-    "convergence": convergence,
-    "damping": damping,
-    "energy_drift": energy_drift,
-    "exact_motion": exact_motion,
-    "finite_chains": finite_chains,
-    "frequencies": frequencies,
-    "identities": identities,
-    "integrators": integrators,
-    "judge": judge,
-    "motion_benchmark": motion_benchmark,
-    "order_conditions": order_conditions,
-    "pointwise": pointwise,
-    "rounding_growth": rounding_growth,
-    "speed": speed,
-    "speed_batch": speed_batch,
-    "speed_calls": speed_calls,
-    "speed_start": speed_start,
-    "speed_steps": speed_steps,
-    "statics": statics,
-    "trajectory": trajectory,
+    name: importlib.import_module(f"{__name__}.{name}")
+    for name in sorted(info.name for info in pkgutil.iter_modules(__path__))
 }
-
-TIMED = {name for name in KINDS if name.startswith("speed")} | {"integrators"}
-"""Kinds that measure time: nothing else may run meanwhile."""
+TIMED = {name for name, kind in KINDS.items() if getattr(kind, "TIMED", False)}

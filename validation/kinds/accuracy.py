@@ -15,6 +15,7 @@ from flexlink.rounding import EPS, acceleration_error
 from flexlink.spec import Spec
 from flexlink.states import State, random_states
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.timing.families import Family
@@ -90,16 +91,16 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
                 for (chain, states, truth), got in zip(arms, found["native"], strict=True)
                 for s, one, exact in zip(states, got, truth, strict=True)
             ]
-            label, setting = f"{name}, n = {arms[0][0].n}", f"{len(ours)} random states"
-            yield Measured("q̈", float(np.max(residuals)), label, setting=setting)
-            yield Measured(f"{name}: worst error", float(ours.max()), label, setting=setting)
+            facts: Facts = {"chain": name, "n": arms[0][0].n, "states": len(ours)}
+            yield Measured("q̈", float(np.max(residuals)), varied=facts)
+            yield Measured(f"{name}: worst error", float(ours.max()), varied=facts)
             for engine, error in errors.items():
-                yield Measured("worst error of q̈", float(error.max()), label, engine, setting)
-                yield Measured("mean error of q̈", _mean(error), label, engine, setting)
+                yield Measured("worst error of q̈", float(error.max()), "", engine, facts)
+                yield Measured("mean error of q̈", _mean(error), "", engine, facts)
                 if engine != "native":
                     worst, mean = float(ours.max() / error.max()), _mean(ours) / _mean(error)
-                    yield Measured(f"{name}: worst error, native / {engine}", worst, label, engine, setting)
-                    yield Measured(f"{name}: mean error, native / {engine}", mean, label, engine, setting)
+                    yield Measured(f"{name}: worst error, native / {engine}", worst, "", engine, facts)
+                    yield Measured(f"{name}: mean error, native / {engine}", mean, "", engine, facts)
 
 
 def _exact(chain: Chain, states: list[State]) -> list[Array]:

@@ -18,6 +18,7 @@ from validation.benchmarks.reference import numbers
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -65,10 +66,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         ours = _critical(chain, load)
         pairs.append(Pair(load.name, exact[load.name], ours))
         note = f"{ours:.8g}, published or exact {exact[load.name]:.8g}."
-        setting = str(settings.best)
-        yield Measured("critical load", abs(ours / exact[load.name] - 1), load.name, setting=setting, note=note)
+        facts: Facts = {"load": load.name, **settings.best.facts}
+        yield Measured("critical load", abs(ours / exact[load.name] - 1), varied=facts, note=note)
         theirs = _critical_in_mujoco(chain, load)
-        yield Measured("MuJoCo's critical load", abs(theirs / ours - 1), load.name, "mujoco", setting)
+        yield Measured("MuJoCo's critical load", abs(theirs / ours - 1), "", "mujoco", facts)
     yield published(pairs, f"{case.title} ({settings.best})")
 
 

@@ -14,8 +14,9 @@ from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Positive, Spec
 from flexlink.tableaus import tableau
+from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
+from validation.facts import Facts
 from validation.oracles import runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.store import Series, table
@@ -52,14 +53,17 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             errors = [_distance(end(scene, method, settings.duration, count), exact) for count in counts]
             slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
             order = tableau(method).order
-            setting = f"{method}, {settings.arithmetic}, h={h.max():.3g} … {h.min():.3g} s"
-            yield Measured("slope", slope, scene.name, setting=setting)
-            yield Measured("|slope − order|", abs(slope - order), scene.name, setting=setting)
-            yield Measured("order − slope", order - slope, scene.name, setting=setting)
+            facts: Facts = {
+                "method": method, "arithmetic": settings.arithmetic, "step": float(h.max()), "to step": float(h.min()),
+            }  # fmt: skip
+            yield Measured("slope", slope, scene.name, varied=facts)
+            yield Measured("|slope − order|", abs(slope - order), scene.name, varied=facts)
+            yield Measured("order − slope", order - slope, scene.name, varied=facts)
             curves += [(method, float(step), error) for step, error in zip(h, errors, strict=True)]
         columns = table(("method", "step [s]", "error [rad]"), curves)
         title = f"{scene.name}, {settings.segments} segments: error after {settings.duration:g} s"
-        yield Series("error", title, columns, "step [s]", "step [s]", "max |Δq| [rad]", "log", "log", group="method")
+        labels = "step [s]", "step [s]", "max |Δq| [rad]"
+        yield Series("convergence", title, columns, *labels, "log", "log", group="method", scene=scene.name)
 
 
 def _with_segments(scene: Scene, segments: int) -> Scene:

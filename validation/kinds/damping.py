@@ -22,6 +22,7 @@ from flexlink.stability import largest_frequency
 from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series
 
 
@@ -49,12 +50,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for ζ in settings.ratios:
         h = _step(_scene(case, settings.chain, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
         steps[ζ] = h
-        setting = f"{settings.method}, ratio {ζ:g} of the fastest mode"
-        yield Measured("stable step × ω_max", h, free.name, setting=setting)
+        facts: Facts = {"method": settings.method, "damping ratio": ζ}
+        yield Measured("stable step × ω_max", h, free.name, varied=facts)
         if ζ > 1:
             theory = settings.real_limit / (ζ + math.sqrt(ζ * ζ - 1))
             note = f"Theory {theory:.4g}."
-            yield Measured("stable step of a creeping mode", abs(h / theory - 1), free.name, setting=setting, note=note)
+            yield Measured("stable step of a creeping mode", abs(h / theory - 1), free.name, varied=facts, note=note)
     columns = {"ratio [1]": np.array(list(steps)), "h ω_max [1]": np.array(list(steps.values()))}
     title = f"{settings.method}: largest stable step against Kelvin-Voigt damping, {settings.chain}"
     label = "damping ratio of the fastest mode [1]"
@@ -68,13 +69,14 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
     for hinges in settings.refined:
         rule = Rule(rule=settings.chain.rule, hinges=hinges)
         bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link": [{"damping": damping}]})
-        found, setting = fl.modes(scene.chain()), f"{settings.target:g} asked of the slowest mode, {rule}"
+        found = fl.modes(scene.chain())
+        facts: Facts = {"damping ratio": settings.target, **rule.facts}
         ratio, asked = float(found.damping_ratios[0]), settings.target * float(found.frequencies[0]) / settings.slowest
-        yield Measured("damping ratio of the slowest mode", ratio, scene.name, setting=setting)
-        yield Measured("damping ratio of the slowest mode, asked", abs(ratio / asked - 1), scene.name, setting=setting)
+        yield Measured("damping ratio of the slowest mode", ratio, scene.name, varied=facts)
+        yield Measured("damping ratio of the slowest mode, asked", abs(ratio / asked - 1), scene.name, varied=facts)
         cost = _step(bare, settings.method) / _step(scene, settings.method)
-        yield Measured("stable step undamped / damped", cost, scene.name, setting=setting)
-        yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", setting)
+        yield Measured("stable step undamped / damped", cost, scene.name, varied=facts)
+        yield Measured("MuJoCo: fastest eigenvalue", _difference(scene), scene.name, "mujoco", facts)
 
 
 def _difference(scene: Scene) -> float:

@@ -20,8 +20,9 @@ from flexlink.simulate import simulate
 from flexlink.spec import Spec
 from flexlink.stability import stability_polynomial
 from flexlink.tableaus import tableau
+from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
+from validation.facts import Facts
 from validation.store import Series, table
 
 Array = NDArray[np.float64]
@@ -45,15 +46,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             steps = round(scene.run.duration / step)
             loss = modal_loss(method, ω * step, E, steps)
             rounding = steps * EPS * float(np.max(energy.kinetic))
-            setting = f"{method} h={step:g} s"
+            facts: Facts = {"method": method, "step": step}
             note = f"Predicted {loss:.2g} J, rounding at most {rounding:.2g} J."
-            yield Measured("drift", drift, scene.name, setting=setting, scale=loss + rounding, note=note)
-            yield Measured("drift / energy exchanged", drift / exchanged, scene.name, setting=setting)
+            yield Measured("drift", drift, scene.name, varied=facts, scale=loss + rounding, note=note)
+            yield Measured("drift / energy exchanged", drift / exchanged, scene.name, varied=facts)
             points.append((method, step, drift, loss + rounding))
         columns = table(("method", "step [s]", "measured", "predicted"), points)
         yield Series(
-            f"{scene.name}.drift", f"{scene.name}: energy drift in {scene.run.duration:g} s", columns, "step [s]",
-            "step [s]", "energy drift [J]", "log", "log", group="method",
+            "drift", f"{scene.name}: energy drift in {scene.run.duration:g} s", columns, "step [s]",
+            "step [s]", "energy drift [J]", "log", "log", group="method", scene=scene.name,
         )  # fmt: skip
 
 

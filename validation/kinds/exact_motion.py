@@ -15,9 +15,9 @@ from flexlink import engines
 from flexlink.scene import Scene
 from flexlink.spec import Positive, Spec
 from validation.benchmarks.reference import look_up
+from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -46,11 +46,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)
         rows = np.searchsorted(ours.t, times - 1e-9)  # their samples among ours, whatever the last digit of k·step
-        setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
-        yield Measured("tip error", float(error.max()), name, setting=setting)
+        yield Measured("tip error", float(error.max()), name, varied=told(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
-        yield Measured("time integration error", change, name, setting=setting)
+        yield Measured("time integration error", change, name, varied=told(scene.run))
         yield _parity(with_run(scene, method="RK4", step=trial.rk4_step), name)
 
 
@@ -65,5 +64,4 @@ def _exact(trial: Trial) -> tuple[Array, Array]:
 def _parity(scene: Scene, name: str) -> Measured:
     ours = fl.simulate(scene)
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
-    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", setting)
+    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", told(scene.run))

@@ -19,6 +19,7 @@ from validation.benchmarks.parity import chain_frequencies, load_stiffness, spri
 from validation.benchmarks.reference import look_up, numbers
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles import bending_chain, hencky
 
 Array = NDArray[np.float64]
@@ -68,21 +69,21 @@ def _both(chain: fl.Chain) -> Iterator[tuple[str, Array]]:
 def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule, name in NAMES.items():
         for n in settings.cells:
-            setting = f"{rule}, n = {n}"
+            facts: Facts = {"rule": rule, "cells": n}
             exact = numbers("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
             chain = _chain(case, rule, n)
             for engine, found in _both(chain):
-                yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, setting)
+                yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, facts)
             if rule != "hencky":  # its root disc would need half an inertia
                 bar = _chain(case, rule, n, TORSION)
                 bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
                 found = fl.natural_frequencies(bar, locked=bending)
-                yield Measured("twisting frequencies", _relative(found, hencky.twist(rule, n)), setting=setting)
+                yield Measured("twisting frequencies", _relative(found, hencky.twist(rule, n)), varied=facts)
     for rule in settings.rules:
         at = Rule(rule=rule, hinges=settings.hinges)
         exact = bending_chain.frequencies(*lumping_rule(rule).hinges(at.hinges))
         for engine, found in _both(Variant().build(case, at).chain()):
-            yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, str(at))
+            yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, at.facts)
 
 
 def _arm(case: Case) -> Iterator[Measured]:
@@ -93,20 +94,21 @@ def _arm(case: Case) -> Iterator[Measured]:
             chain = _chain(case, rule, int(n), TWO_LINKS)
             found = fl.natural_frequencies(chain, locked=[int(k) for k in chain.active])[:3]
             yield Measured(
-                "two-link arm", _relative(found, exact * (1 + np.array(errors))), setting=f"{rule}, n = {n} a link"
+                "two-link arm", _relative(found, exact * (1 + np.array(errors))), varied={"rule": rule, "cells": int(n)}
             )
 
 
 def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule in NAMES:
         for n in settings.cells:
-            chain, exact, setting = _chain(case, rule, n), hencky.buckling(rule, n), f"{rule}, n = {n}"
+            chain, exact = _chain(case, rule, n), hencky.buckling(rule, n)
+            facts: Facts = {"rule": rule, "cells": n}
             loads = fl.buckling_loads(chain, tip_wrench=PUSH)
-            yield Measured("buckling loads", _relative(loads, exact), setting=setting)
+            yield Measured("buckling loads", _relative(loads, exact), varied=facts)
             engine = engines.load("mujoco", chain)
             geometric = load_stiffness(engine, np.zeros(chain.n), PUSH)
             loads = np.sort(1 / linalg.eigvals(-geometric, springs(engine)).real)
-            yield Measured("buckling loads", _relative(loads, exact), "", "mujoco", setting)
+            yield Measured("buckling loads", _relative(loads, exact), "", "mujoco", facts)
 
 
 def _elastica(case: Case, settings: Settings) -> Iterator[Measured]:
@@ -118,8 +120,8 @@ def _elastica(case: Case, settings: Settings) -> Iterator[Measured]:
                 q = fl.solve_static(chain, tip_wrench=[0, float(load), 0, 0, 0, 0]).q
                 x, y, _ = fl.tip_position(chain, q)
                 error = np.array([y, 1 - x, q.sum()]) - np.array([exact[k] for k in ("w/L", "u/L", "theta_tip")], float)
-                setting = f"{rule}, n = {n}, PL²/EI = {load}"
-                yield Measured("discrete elastica", float(np.abs(error).max()), setting=setting)
+                facts: Facts = {"rule": rule, "cells": n, "load": f"PL²/EI = {load}"}
+                yield Measured("discrete elastica", float(np.abs(error).max()), varied=facts)
 
 
 def _roll_up(case: Case, settings: Settings) -> Iterator[Measured]:
@@ -131,4 +133,5 @@ def _roll_up(case: Case, settings: Settings) -> Iterator[Measured]:
                 q = fl.solve_static(chain, tip_wrench=[0, 0, 0, 0, 0, 2 * np.pi * float(turns)]).q
                 x, y, _ = fl.tip_position(chain, q)
                 error = np.array([x, y, q.sum()]) - np.array([exact[k] for k in ("x/L", "y/L", "theta_tip")], float)
-                yield Measured("roll-up", float(np.abs(error).max()), setting=f"{rule}, n = {n}, {turns} turns")
+                facts: Facts = {"rule": rule, "cells": n, "turns": float(turns)}
+                yield Measured("roll-up", float(np.abs(error).max()), varied=facts)

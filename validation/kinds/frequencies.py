@@ -24,6 +24,7 @@ from validation.benchmarks.reference import numbers
 from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series, table
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from report(settings, points, case.about)
     first = settings.last(by_rule(points, "mode 1").get(settings.best.rule, {}))
     if len(first) > 1:
-        yield Measured("order of the best rule in mode 1", order(first), setting=settings.best.rule)
+        yield Measured("order of the best rule in mode 1", order(first), varied={"rule": settings.best.rule})
     if settings.price:
         yield from _price(case, settings, points)
     pairs = []
@@ -76,9 +77,13 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             pairs.append(pair)
             note = f"{ours[k]:.8g} {settings.unit}, published or exact {exact[k]:.8g}."
             error = abs(ours[k] / exact[k] - 1)
-            yield Measured(f"error of mode {k + 1}", error, variant.name, setting=str(settings.best), note=note)
+            yield Measured(f"error of mode {k + 1}", error, varied=_facts(variant, settings), note=note)
         yield _parity(scene, variant, settings)
     yield published(pairs, f"{case.title} ({settings.best})")
+
+
+def _facts(variant: Variant, settings: Settings) -> Facts:
+    return ({"situation": variant.name} if variant.name else {}) | {**settings.best.facts}
 
 
 def _exact(variant: Variant, settings: Settings) -> Array:
@@ -112,7 +117,7 @@ def _parity(scene: Scene, variant: Variant, settings: Settings) -> Measured:
     first = np.abs(np.sqrt(theirs[rigid : rigid + settings.modes] / ours[rigid : rigid + settings.modes]) - 1).max()
     note = f"The first {settings.modes} frequencies differ by at most {first:.1g} of themselves."
     value = float(np.abs(theirs - ours).max() / unit)
-    return Measured("MuJoCo's frequencies", value, variant.name, "mujoco", str(settings.best), note=note)
+    return Measured("MuJoCo's frequencies", value, "", "mujoco", _facts(variant, settings), note=note)
 
 
 def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[Measured | Series]:
@@ -122,7 +127,7 @@ def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[
         step = stable_step(settings.variant[0].build(case, point.at).chain())
         rows.append((point.at.rule, point.at.hinges / step, point.errors["mode 1"]))
         if point.at.hinges == settings.best.hinges:
-            yield Measured("stable step of RK4", step, setting=str(point.at))
+            yield Measured("stable step of RK4", step, varied=point.at.facts)
     columns = table(("rule", "hinges × steps per second", "error"), rows)
     yield Series(
         "price", "Price of the first mode", columns, "hinges × steps per second", "hinges × RK4 steps per second",

@@ -54,7 +54,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         states = random_states(chain, settings.samples, settings.seed)
         for quantity, (violation, worst) in IDENTITIES.items():
             found = worst([violation(chain, state) for state in states])
-            yield Measured(quantity, found, scene.name, setting=f"{settings.samples} random states")
+            yield Measured(quantity, found, scene.name, varied={"states": settings.samples})
 
 
 def _asymmetry(chain: Chain, s: State) -> float:

@@ -15,9 +15,12 @@ from flexlink.spec import Positive, Spec
 from flexlink.stability import stable_step
 from flexlink.tableaus import tableau
 from flexlink.trajectory import Trajectory
+from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
+from validation.facts import Facts
 from validation.store import Series, table
+
+TIMED = True
 
 
 class Settings(Spec, frozen=True):
@@ -57,15 +60,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for full in case.load_scenes():
         scene = with_run(full, duration=settings.duration, sample=settings.sample)
         coarse, exact = (simulate(with_run(scene, method="RK10", step=h)) for h in settings.reference)
-        setting = f"RK10 h={settings.reference[0]:g} and {settings.reference[1]:g} s"
-        yield Measured("reference", _distance(coarse, exact), scene.name, setting=setting)
+        facts: Facts = {"method": "RK10", "step": settings.reference[0], "to step": settings.reference[1]}
+        yield Measured("reference", _distance(coarse, exact), scene.name, varied=facts)
         points = []
         for method, steps in settings.steps.items():
             cost = _seconds_per_step(scene, method, min(steps))
-            yield Measured("cost per step", 1e6 * cost, scene.name, setting=method)
+            yield Measured("cost per step", 1e6 * cost, scene.name, varied={"method": method}, timed=True)
             for p in (_measure(scene, method, h, cost, exact) for h in steps):
-                yield Measured("error", p.error, scene.name, setting=f"{method} h={p.step:g} s")
-                yield Measured("energy drift", p.drift, scene.name, setting=f"{method} h={p.step:g} s")
+                yield Measured("error", p.error, scene.name, varied={"method": method, "step": p.step})
+                yield Measured("energy drift", p.drift, scene.name, varied={"method": method, "step": p.step})
                 points.append(p)
         yield _series(scene, points)
         for method in settings.stability:
@@ -99,7 +102,16 @@ def _series(scene: Scene, points: Sequence[Point]) -> Series:
     columns = table(LABELS, [dataclasses.astuple(p) for p in points])
     title = f"{scene.name}: error of the methods in {scene.run.duration:g} s"
     return Series(
-        f"{scene.name}.error", title, columns, "step [s]", "step [s]", "max |Δq| [rad]", "log", "log", group="method"
+        "comparison",
+        title,
+        columns,
+        "step [s]",
+        "step [s]",
+        "max |Δq| [rad]",
+        "log",
+        "log",
+        group="method",
+        scene=scene.name,
     )
 
 
@@ -112,7 +124,7 @@ def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
         middle = (low + high) / 2
         low, high = (middle, high) if _stable(scene, method, middle * predicted) else (low, middle)
     note = f"Predicted {predicted:.4g} s, measured {low * predicted:.4g} s."
-    return Measured("stable step", low, scene.name, setting=method, note=note)
+    return Measured("stable step", low, scene.name, varied={"method": method}, note=note)
 
 
 def _stable(scene: Scene, method: str, step: float) -> bool:

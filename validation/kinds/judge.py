@@ -36,8 +36,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             engine = engines.load(name, chain)
             for quantity in exact[0]:
                 errors = [_error(engine, chain, quantity, s, truth) for s, truth in zip(states, exact, strict=True)]
-                setting = f"{settings.samples} random states"
-                yield Measured(quantity, float(max(errors)), scene.name, name, setting)
+                yield Measured(quantity, float(max(errors)), scene.name, name, {"states": settings.samples})
 
 
 def _exact(oracle: PlanarChain, state: State) -> dict[str, Array]:

@@ -28,10 +28,11 @@ from flexlink.trajectory import Trajectory
 from validation.benchmarks.inputs import INPUTS
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference import look_up, numbers
+from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
+from validation.facts import Facts
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -63,17 +64,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     points = [Point(at, _errors(settings, run(at), exact)) for at in tried]
     yield from report(settings, points, case.about, {"tip": "m"})
     scene, ours = _scene(case, settings, settings.best), run(settings.best)
-    setting = f"{settings.best}, {scene.run.method} h={scene.run.step:.3g} s"
+    facts: Facts = {**settings.best.facts, **told(scene.run)}
     for measure, error in _errors(settings, ours, exact).items():
-        yield Measured(f"{measure} error", error, scene.name, setting=setting)
+        yield Measured(f"{measure} error", error, scene.name, varied=facts)
     half = fl.simulate(scene, step=scene.run.step / 2)
     change = float(np.abs(half.tip - ours.tip).max())
-    yield Measured(
-        "time integration error", change, scene.name, setting=setting, note=f"{scene.run.step:.3g} s halved."
-    )
+    yield Measured("time integration error", change, scene.name, varied=facts, note=f"{scene.run.step:.3g} s halved.")
     yield from _motion(case, settings, ours, run(settings.beside), exact)
     yield from _independent(case, settings, run)
-    yield from _parity(_scene(case, settings, settings.parity), str(settings.parity))
+    yield from _parity(_scene(case, settings, settings.parity), settings.parity)
 
 
 def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
@@ -117,19 +116,19 @@ def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajector
             if at.hinges in settings.rules.get(rule, ()):
                 ours = run(at).tip[:, :2]
                 distance = np.linalg.norm(ours - np.array(theirs["tip_xy"]), axis=1).max()
-                yield Measured("independent program", float(distance), case.scenes[0], setting=str(at))
+                yield Measured("independent program", float(distance), case.scenes[0], varied=at.facts)
 
 
-def _parity(scene: Scene, setting: str) -> Iterator[Measured]:
+def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
-    label = f"{setting}, {scene.run.method} h={scene.run.step:.3g} s"
+    facts: Facts = {**at.facts, **told(scene.run)}
     if scene.motion:
         free = msgspec.structs.replace(scene, motion=()).chain()
         value = max(_acceleration_errors(scene, ours, free))
-        yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", label)
+        yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", facts)
         return
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    yield Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", label)
+    yield Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), scene.name, "mujoco", facts)
 
 
 def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Iterator[float]:

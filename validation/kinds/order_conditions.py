@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from flexlink.spec import Spec
 from flexlink.tableaus import tableau
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.oracles.rooted_trees import residuals
 
 
@@ -21,7 +22,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     for name in settings.methods:
         method = tableau(name)
         found = [r for order in range(1, method.order + 1) for r in residuals(method, order)]
-        setting = f"{name}, order {method.order}"
-        yield Measured("residual", float(max(found)), setting=setting)
-        yield Measured("conditions", len(found), setting=setting)
-        yield Measured("residual one order above", float(max(residuals(method, method.order + 1))), setting=setting)
+        facts: Facts = {"method": name, "order": method.order}
+        yield Measured("residual", float(max(found)), varied=facts)
+        yield Measured("conditions", len(found), varied=facts)
+        yield Measured("residual one order above", float(max(residuals(method, method.order + 1))), varied=facts)

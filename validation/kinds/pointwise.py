@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from flexlink.compare import compare
 from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.facts import Facts
 
 
 class Settings(Spec, frozen=True):
@@ -22,4 +23,5 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     for scene in case.load_scenes():
         for row in compare(scene, settings.engines, settings.samples, settings.seed).rows:
             note = row.hint if row.hint else f"Largest at joint {row.joint!r}."
-            yield Measured(row.quantity, row.error, scene.name, row.engine, f"{settings.samples} states", note=note)
+            facts: Facts = {"states": settings.samples}
+            yield Measured(row.quantity, row.error, scene.name, row.engine, facts, note=note)

@@ -18,8 +18,9 @@ from flexlink.dynamics import SOLVERS
 from flexlink.scene import Scene
 from flexlink.simulate import simulate
 from flexlink.spec import Positive, Spec
+from validation.benchmarks.runs import panels, points_of, with_run
 from validation.case import Case, Measured
-from validation.kinds.motion import panels, points_of, with_run
+from validation.facts import Fact
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -46,9 +47,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
         ulps = 0.5 * math.sqrt(1 / (rate * settings.step))  # half an ulp in each step of one e-folding time
-        setting = f"{scene.run.method} h={scene.run.step:g} s"
-        yield Measured("growth rate", rate, scene.name, setting=setting)
-        yield Measured("horizon", float(ours.t[end - 1]), scene.name, setting=setting)
+        facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.step}
+        yield Measured("growth rate", rate, scene.name, varied=facts)
+        yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)
         curves = {"time [s]": ours.t, "native, one ulp or another solver": own}
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
@@ -56,13 +57,13 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             yield from panels(short, points_of(short, ours.chain, *begun), name)
             curves[name] = _running_max(q, ours.q)
             ratio = float((curves[name][within] / own[within]).max())
-            upto = f"{setting}, to {ours.t[end - 1]:g} s"
+            upto = facts | {"duration": float(ours.t[end - 1])}
             yield Measured("difference / rounding growth", ratio, scene.name, name, upto, scale=ulps)
             at_end = float(curves[name][short.run.samples - 1])
-            yield Measured("max |Δq|", at_end, scene.name, name, f"{setting}, {short.run.duration:g} s")
+            yield Measured("max |Δq|", at_end, scene.name, name, facts | {"duration": short.run.duration})
         title = f"{scene.name}: difference up to time t"
         yield Series(
-            f"{scene.name}.growth", title, curves, "time [s]", "time [s]", "max |Δq| up to t [rad]", y_scale="log"
+            "growth", title, curves, "time [s]", "time [s]", "max |Δq| up to t [rad]", y_scale="log", scene=scene.name
         )
 
 

@@ -7,9 +7,12 @@ from collections.abc import Iterator
 from flexlink import engines
 from flexlink.scene import Scene
 from flexlink.spec import Spec
+from validation.benchmarks.runs import told, with_run
 from validation.case import Case, Measured
-from validation.kinds.motion import with_run
+from validation.facts import Facts
 from validation.timing.stopwatch import Work, race
+
+TIMED = True
 
 
 class Settings(Spec, frozen=True):
@@ -23,17 +26,14 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Simulated seconds per second, and time of a step."""
     for scene in case.load_scenes():
-        label = f"{scene.run.method} h={scene.run.step:g} s"
-        works = {
-            ("native", f"{label}, {solver}"): _runs("native", with_run(scene, dynamics=solver))
-            for solver in settings.dynamics
-        }
-        works |= {(name, label): _runs(name, scene) for name in settings.engines}
-        for (name, setting), lap in race(works, settings.repeats, 0.0).items():
+        works = {("native", solver): _runs("native", with_run(scene, dynamics=solver)) for solver in settings.dynamics}
+        works |= {(name, ""): _runs(name, scene) for name in settings.engines}
+        for (name, solver), lap in race(works, settings.repeats, 0.0).items():
+            facts: Facts = told(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
-            yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, setting)
+            yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, facts, timed=True)
             step = 1e6 * lap.seconds * scene.run.step / scene.run.duration
-            yield Measured("time of a step", step, scene.name, name, setting)
+            yield Measured("time of a step", step, scene.name, name, facts, timed=True)
 
 
 def _runs(name: str, scene: Scene) -> Work:

@@ -11,9 +11,12 @@ import flexlink as fl
 from flexlink.scene import Scene
 from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.facts import Fact
 from validation.timing import steps
 from validation.timing.families import Family, of_steps, random_states
 from validation.timing.stopwatch import clock, race
+
+TIMED = True
 
 
 class Settings(Spec, frozen=True):
@@ -38,16 +41,19 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         }
         laps = race(works, settings.turns, settings.turn)
         per_member = {e: 1e6 * lap.seconds / (1 if e == "mujoco, mj_step" else len(members)) for e, lap in laps.items()}
-        setting = f"{name}, n = {scene.chain().n}, {len(members)} members"
+        facts: dict[str, Fact] = {"chain": name, "n": scene.chain().n, "members": len(members)}
         for engine, time in per_member.items():
-            yield Measured("time of a step per member", time, engine=engine, setting=setting)
+            yield Measured("time of a step per member", time, "", engine, facts, timed=True)
         ours = per_member.pop("native")
         best = min(per_member, key=per_member.__getitem__)
-        yield Measured("mujoco / native", per_member[best] / ours, engine=best, setting=setting)
+        yield Measured("mujoco / native", per_member[best] / ours, "", best, facts, timed=True)
         many = [of_steps(member, settings.steps) for member in members]
         whole = 1e6 * clock(lambda _, many=many: fl.simulate_many(many), 1) / len(many) / settings.steps  # type: ignore[misc]
-        yield Measured("time of a step per member, all included", whole, setting=f"{setting}, {settings.steps} steps")
-        yield _evaluation(scene, settings, setting)
+        steps_too = facts | {"steps": settings.steps}
+        yield Measured("time of a step per member, all included", whole, varied=steps_too, timed=True)
+        yield Measured(
+            "forward dynamics per member, public call", _evaluation(scene, settings), varied=facts, timed=True
+        )
 
 
 def _members(scene: Scene, count: int) -> list[Scene]:
@@ -60,8 +66,8 @@ def _members(scene: Scene, count: int) -> list[Scene]:
     return [msgspec.structs.replace(scene, initial=start) for start in starts]
 
 
-def _evaluation(scene: Scene, settings: Settings, setting: str) -> Measured:
-    """q̈ of all members by one public call."""
+def _evaluation(scene: Scene, settings: Settings) -> float:
+    """Time of q̈ of all members by one public call, per member [µs]."""
     chain = scene.chain()
     q, qd, tau, _ = random_states(chain, settings.members)
 
@@ -70,4 +76,4 @@ def _evaluation(scene: Scene, settings: Settings, setting: str) -> Measured:
             fl.forward_dynamics(chain, q, qd, tau)
 
     lap = race({"native": work}, settings.turns, settings.turn)["native"]
-    return Measured("forward dynamics per member, public call", 1e6 * lap.seconds / settings.members, setting=setting)
+    return 1e6 * lap.seconds / settings.members

@@ -10,15 +10,20 @@ import numpy as np
 from flexlink.chain import Chain
 from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.facts import Fact, Facts
 from validation.store import Series, table
 from validation.timing import contestants
 from validation.timing.contestants import FORWARD, RNE
 from validation.timing.families import Family, random_states
 from validation.timing.stopwatch import race
 
+OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
 PLAIN = "revolute joints, local"  # what `pin.aba` does by default with a chain read from a file
 LONG_JOBS = (FORWARD, RNE)  # the ones that are O(n), timed at any length
 FIRST_OF_FIT = 100  # n from which the exponent is fitted
+
+
+TIMED = True
 
 
 class Settings(Spec, frozen=True):
@@ -49,7 +54,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
                 yield from _rows(name, job, times, segments == family.segments[0])
                 own.setdefault(job, []).extend(times.values())
         for job, measured in own.items():
-            yield from exponents(f"{name} {job}", measured)
+            yield from exponents(name, job, measured)
             found.setdefault(job, []).extend((name, time) for time in measured)
     for job, entries in found.items():
         yield series(job, entries)
@@ -74,32 +79,33 @@ def _times(chain: Chain, segments: int, family: Family, settings: Settings) -> I
 
 
 def _rows(family: str, job: str, times: Mapping[str, Time], first: bool) -> Iterator[Measured]:
-    ours = times["native"]
     for name, time in times.items():
-        setting = f"n = {time.n}" + (f", {time.form}" if time.form else "")
-        if name not in ("native", "public"):
-            ratio = time.seconds / ours.seconds
-            yield Measured(f"{family} {job}: {name} / native", ratio, engine=name, setting=setting)
-    if first:
-        public = 1e6 * times["public"].seconds
-        yield Measured(f"{family} {job}: public call", public, engine="native", setting=f"n = {ours.n}")
+        facts: dict[str, Fact] = {"chain": family, "job": job, "n": time.n}
+        if name not in OURS:
+            facts |= {"form": time.form} if time.form else {}
+            for our in OURS:
+                ratio = time.seconds / times[our].seconds
+                yield Measured(f"{family} {job}: {name} / {our}", ratio, "", name, facts, timed=True)
+        elif first and name == "public":
+            yield Measured(f"{family} {job}: public call", 1e6 * time.seconds, varied=facts, timed=True)
 
 
-def exponents(label: str, times: list[Time]) -> Iterator[Measured]:
+def exponents(family: str, job: str, times: list[Time]) -> Iterator[Measured]:
     """p of cost ∝ n^p by least squares on logarithms, of every engine with two chains that are long enough."""
     for engine in dict.fromkeys(time.engine for time in times):
         long = [(t.n, t.seconds) for t in times if t.engine == engine and t.n >= FIRST_OF_FIT]
         if len(long) > 1:
             n, seconds = np.log(np.array(long).T)
             slope = float(np.polyfit(n, seconds, 1)[0])
-            setting = f"n = {long[0][0]} … {long[-1][0]}"
-            quantity = f"{label}: exponent" if engine == "native" else "exponent of others"
-            yield Measured(quantity, slope, label, engine, setting)
+            facts: Facts = {"chain": family, "job": job, "n": long[0][0], "to n": long[-1][0]}
+            quantity = f"{family} {job}: exponent" if engine == "native" else "exponent of others"
+            yield Measured(quantity, slope, "", engine, facts, timed=True)
 
 
 def series(job: str, entries: list[tuple[str, Time]]) -> Series:
-    """Cost against n, a curve a family and engine, called "T1 | native"."""
-    rows = [(f"{family} | {t.engine}", t.n, 1e6 * t.seconds) for family, t in entries]
-    columns = table(("curve", "n", "time [µs]"), rows)
+    """Cost against n: a panel a family, a curve an engine."""
+    rows = [(family, t.engine, t.n, 1e6 * t.seconds) for family, t in entries]
+    columns = table(("chain", "engine", "n", "time [µs]"), rows)
     labels = "n", "degrees of freedom n", "time [µs]"
-    return Series(f"cost.{job}", f"Cost of {job}", columns, *labels, x_scale="log", y_scale="log", group="curve")
+    title = f"Time of one {job}"
+    return Series("cost", title, columns, *labels, "log", "log", group="engine", panel="chain", part=job)

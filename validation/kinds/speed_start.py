@@ -29,6 +29,9 @@ print((long - short) * (1 if sys.platform == 'darwin' else 1024))
 """
 
 
+TIMED = True
+
+
 class Settings(Spec, frozen=True):
     """Repeats of what is warm, and the steps of a short and a long run with the same 101 samples."""
 
@@ -43,16 +46,19 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": folder}
             command = [sys.executable, "-m", "flexlink", "simulate", str(path)]
             seconds, said = _timed(command, environment)
-            yield Measured("cold start", seconds, scene.name)
+            yield Measured("cold start", seconds, scene.name, timed=True)
             yield Measured("cold start says that it compiles", float("compil" in said.lower()), scene.name)
             warm = min(_timed(command, environment)[0] for _ in range(settings.repeats))
-            yield Measured("warm start", warm, scene.name)
+            yield Measured("warm start", warm, scene.name, timed=True)
             importing = [sys.executable, "-c", "import flexlink"]
-            yield Measured("import", min(_timed(importing, environment)[0] for _ in range(settings.repeats)))
+            again = (_timed(importing, environment)[0] for _ in range(settings.repeats))
+            yield Measured("import", min(again), timed=True)
         short, long = settings.steps
         growth = _timed([sys.executable, "-c", GROWTH, str(path), str(short), str(long)], dict(os.environ))[1]
-        setting = f"{long} steps against {short}, 101 samples"
-        yield Measured("growth of memory", float(growth.split()[-1]) / 1e6, scene.name, setting=setting)
+        note = f"Against {short:,} steps; 101 samples both."
+        yield Measured(
+            "growth of memory", float(growth.split()[-1]) / 1e6, scene.name, varied={"steps": long}, note=note
+        )
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:

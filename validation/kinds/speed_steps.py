@@ -11,11 +11,14 @@ from collections.abc import Iterator
 from flexlink.simulate import simulate
 from flexlink.spec import Spec
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.kinds.speed_calls import Time, exponents, series
 from validation.store import Series
 from validation.timing import steps
 from validation.timing.families import Family, of_steps
 from validation.timing.stopwatch import race
+
+TIMED = True
 
 
 class Settings(Spec, frozen=True):
@@ -37,7 +40,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             found = _race(case, family, segments, settings)
             yield from _rows(name, found)
             times += found
-        yield from exponents(f"{name} RK4 step", times)
+        yield from exponents(name, "RK4 step", times)
         entries += [(name, each) for each in times]
     yield series("RK4 step", entries)
     for name, segments in settings.longest.items():
@@ -45,9 +48,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         start = time.perf_counter()
         end = simulate(scene)  # an error if it leaves the finite numbers
         seconds = time.perf_counter() - start
-        setting = f"{name}, n = {end.chain.n}"
-        yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), setting=setting)
-        yield Measured("run of the longest chain", seconds, setting=setting)
+        facts: Facts = {"chain": name, "n": end.chain.n}
+        yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), varied=facts)
+        yield Measured("run of the longest chain", seconds, varied=facts, timed=True)
 
 
 def _race(case: Case, family: Family, segments: int, settings: Settings) -> list[Time]:
@@ -66,4 +69,5 @@ def _rows(family: str, times: list[Time]) -> Iterator[Measured]:
     for each in times:
         if each is not ours:
             ratio = each.seconds / ours.seconds
-            yield Measured(f"{family}, n = {each.n}: {each.engine} / native", ratio, engine=each.engine)
+            facts: Facts = {"chain": family, "n": each.n}
+            yield Measured(f"{family}, n = {each.n}: {each.engine} / native", ratio, "", each.engine, facts, timed=True)

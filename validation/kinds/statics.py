@@ -17,6 +17,7 @@ from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -49,14 +50,15 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from report(settings, points, case.about)
     chain = Variant().build(case, settings.best).chain()
     engine = engines.load("mujoco", chain)
-    pairs, setting = [], str(settings.best)
+    pairs = []
     for load in loads:
+        facts: Facts = {"load": load.name, **settings.best.facts}
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
         pairs.append(Pair(load.name, float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
-        yield Measured("tip error", _error(settings, chain, load, q), load.name, setting=setting, note=note)
-        yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), load.name, "mujoco", setting)
+        yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
+        yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)
     yield published(pairs, f"{case.title} ({settings.best})")
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from flexlink import engines
 from flexlink.simulate import simulate
 from flexlink.spec import Spec
+from validation.benchmarks.runs import panels, points_of, told
 from validation.case import Case, Measured
-from validation.kinds.motion import panels, points_of
 from validation.store import Series
 
 
@@ -29,11 +29,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
             yield from panels(scene, points_of(scene, ours.chain, t, q, qd), name)
-            setting = f"{scene.run.method} h={scene.run.step:g} s, {scene.run.duration:g} s"
             differences[name] = np.abs(q - ours.q).max(axis=1)
-            yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, setting)
-            yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, setting)
+            yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, told(scene.run))
+            yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, told(scene.run))
         title = f"{scene.name}: difference from flexlink, same method and step"
         yield Series(
-            f"{scene.name}.difference", title, differences, "time [s]", "time [s]", "max |Δq| [rad]", y_scale="log"
+            "difference", title, differences, "time [s]", "time [s]", "max |Δq| [rad]", y_scale="log", scene=scene.name
         )

@@ -1,4 +1,4 @@
-"""What the kinds share about runs: a scene with other run settings, and the panels of figure 5 for any arm."""
+"""Runs of a scene: one with other run settings, what a run is told by, and the panels of figure 5 for any arm."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain import Chain
-from flexlink.scene import Scene
+from flexlink.scene import Run, Scene
 from flexlink.trajectory import Trajectory
+from validation.facts import Fact
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -24,6 +25,11 @@ def with_run(scene: Scene, **settings: Any) -> Scene:
     return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **settings))
 
 
+def told(run: Run) -> dict[str, Fact]:
+    """What a run is told by."""
+    return {"method": run.method, "step": run.step, "duration": run.duration}
+
+
 def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
@@ -31,9 +37,14 @@ def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
     links = [chain.coordinate(k).link for k in range(chain.n)]
 
-    def series(name: str, title: str, columns: dict[str, Any], y_label: str) -> Series:
-        full = ".".join(part for part in (scene.name, name, engine) if part)
-        return Series(full, title, time | columns, "time [s]", "time [s]", y_label)
+    axis = {names[k]: f"about {'xyz'[c.axis - 1]}" for k, c in enumerate(chain.coordinates) if c.axis}
+
+    def series(part: str, title: str, columns: dict[str, Any], y_label: str, what: str = "panel") -> Series:
+        legend = {name: axis[name] for name in columns if name in axis}
+        return Series(
+            what, title, time | columns, "time [s]", "time [s]", y_label, scene=scene.name, part=part, engine=engine,
+            legend=legend,
+        )  # fmt: skip
 
     active = {names[k]: degrees[names[k]] for k in chain.active}
     yield series("active", "Active joints", active, "angle [deg]")
@@ -49,7 +60,7 @@ def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     hand = dict(zip("xyz", run.tip.T, strict=True))
     yield series("hand", "Coordinates of the hand", hand, "coordinate in frame 0 [m]")
     energy = {name: np.asarray(getattr(run.energy, name)) for name in ("kinetic", "gravity", "elastic", "total")}
-    yield series("energy", "Energy", energy, "energy [J]")
+    yield series("", "Energy", energy, "energy [J]", what="energy")
 
 
 def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:

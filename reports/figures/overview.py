@@ -1,0 +1,50 @@
+"""Every check of correctness as a dot: how much of its limit it uses. The one figure of the first screen."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+
+from reports.picture import Picture
+from reports.results import Results, used
+from reports.sections import chapter_of_kinds, sections
+from reports.style import BLUE, INK, VERMILION, legend_above, panels, tidy_logs
+from reports.tables import rows_csv
+from validation.store import Row
+
+SECTION = "summary"
+TAKES: tuple[str, ...] = ()
+LEAST, MOST = 1e-4, 5.0  # of a limit; what uses less stands at the left edge, what uses more at the right
+SPREAD = 0.62  # of the height of a line: dots of one chapter above each other
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture: a line a chapter."""
+    rows = [row for row in results.rows if row.passed is not None and not row.timed]
+    chapters = chapter_of_kinds()
+    names = [section.short for section in sections() if any(chapters[row.kind] == section.id for row in rows)]
+    if not rows:
+        return
+    lines = {section.id: names.index(section.short) for section in sections() if section.short in names}
+    figure, (axes,) = panels(1, 0.75 + 0.36 * len(names))
+    for passed, colour, marker, label in ((True, BLUE, "o", "passes"), (False, VERMILION, "X", "fails")):
+        chosen = [row for row in rows if row.passed is passed]
+        if chosen:
+            x = [min(max(used(row) or 0.0, LEAST), MOST) for row in chosen]
+            y = [lines[chapters[row.kind]] + _offset(row) for row in chosen]
+            size = 2.6 if passed else 6.0
+            axes.plot(x, y, marker, color=colour, markersize=size, markeredgewidth=0, label=label, clip_on=False)
+    axes.axvline(1.0, color=INK, label="limit")
+    axes.set(xscale="log", xlim=(LEAST, MOST), yticks=range(len(names)), yticklabels=names)
+    axes.set(xlabel="share of its limit used [1]")
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    tidy_logs(axes)
+    legend_above(figure, axes, 3)
+    title = "All checks of correctness, and how much of its limit each uses"
+    words = "Left is better; right of the line fails."
+    yield Picture("overview", title, figure, words, rows_csv(rows, results.finished))
+
+
+def _offset(row: Row) -> float:
+    """Spreads the dots of a line over its height, each row always at its own place."""
+    return SPREAD * ((zlib.crc32(f"{row.case} {row.quantity} {row.where}".encode()) % 97) / 96 - 0.5)

@@ -1,0 +1,86 @@
+"""The reference run: what a machine at rest measured, checked in as small CSV files, beside which later runs stand."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+from pathlib import Path
+
+from flexlink.errors import FlexlinkError
+from flexlink.output import write_text
+from reports.results import Results
+from reports.tables import state, table_csv
+from reports.verdict import PASS, correct, measured
+from validation.store import Row
+from validation.verdict import correctness, crowd, speed
+
+FOLDER = Path(__file__).parent / "reference"
+HEADS = ("case", "quantity", "where", "value", "unit", "side", "limit", "state")
+ANEW = "make one with: python -m reports --reference"
+HOW = "run the whole study on a machine at rest: python -m validation --force"
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    """Values by (case, quantity, where), and on what they were measured; both empty without a reference run."""
+
+    values: dict[tuple[str, str, str], float]
+    machine: str
+
+    def value(self, row: Row) -> float | None:
+        """What the reference run has for a row."""
+        return self.values.get((row.case, row.quantity, row.where))
+
+
+def save(results: Results, folder: Path = FOLDER) -> Path:
+    """Make the reference run of a study: speed.csv, correctness.csv and machine.csv.
+
+    Raises
+    ------
+    FlexlinkError
+        The study is not whole, not right, or was timed on a busy machine; or the folder cannot be written.
+    """
+    verdict, fast = correct(results), speed(results.rows, results.finished)
+    if verdict.state != PASS:
+        raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
+    if fast.unmeasured:
+        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.said()}; {HOW}")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FlexlinkError(f"{folder}: cannot be made a folder: {error.strerror or error}") from None
+    timed = [row for row in results.rows if row.timed]
+    write_text(folder / "speed.csv", table_csv(HEADS, (_line(row, results) for row in timed)))
+    cases = [(case, correctness(rows)) for case, rows in results.cases.items()]
+    lines = ((case, found.judged, len(found.failed)) for case, found in cases)
+    write_text(folder / "correctness.csv", table_csv(("case", "checks", "failed"), lines))
+    quiet = [(case, crowd(done.conditions)) for case, done in results.finished.items() if done.conditions]
+    write_text(folder / "machine.csv", table_csv(("what", "value"), [("measured", measured(results)), *quiet]))
+    return folder
+
+
+def _line(row: Row, results: Results) -> tuple[object, ...]:
+    side = row.bound if row.tolerance is not None else ""
+    word = state(row, results.finished)
+    return row.case, row.quantity, row.where, row.value, row.unit, side, row.tolerance, word
+
+
+def read(folder: Path = FOLDER) -> Reference:
+    """The reference run that is checked in.
+
+    Raises
+    ------
+    FlexlinkError
+        Its files cannot be understood.
+    """
+    if not (folder / "speed.csv").is_file():
+        return Reference({}, "")
+    try:
+        with (folder / "speed.csv").open(encoding="utf-8", newline="") as file:
+            lines = [line for line in csv.DictReader(file) if line["value"]]
+        with (folder / "machine.csv").open(encoding="utf-8", newline="") as file:
+            machine = {row["what"]: row["value"] for row in csv.DictReader(file)}
+        values = {(line["case"], line["quantity"], line["where"]): float(line["value"]) for line in lines}
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FlexlinkError(f"{folder}: not a reference run ({error}); {ANEW}") from None
+    return Reference(values, machine.get("measured", ""))

@@ -1,0 +1,47 @@
+"""What a measurement may vary: for each name the head of its column, and how a sentence says a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+Fact = str | int | float
+Facts = Mapping[str, Fact]
+"""Name → value, in the order in which they are said."""
+
+WORDS: dict[str, tuple[str, str]] = {
+    "situation": ("situation", "{}"),
+    "chain": ("chain", "{}"),
+    "job": ("job", "{}"),
+    "load": ("load", "{}"),
+    "need": ("need", "{}"),
+    "rule": ("lumping rule", "{}"),
+    "measure": ("measure", "{}"),
+    "hinges": ("hinges a link", "{} hinges"),
+    "cells": ("segments", "{} segments"),
+    "method": ("method", "{}"),
+    "order": ("order", "order {}"),
+    "arithmetic": ("arithmetic", "{}"),
+    "step": ("step [s]", "h = {:.4g} s"),
+    "to step": ("to step [s]", "to {:.4g} s"),
+    "duration": ("duration [s]", "{:g} s"),
+    "solver": ("solver for q̈", "{}"),
+    "n": ("joints n", "n = {}"),
+    "to n": ("to n", "to {}"),
+    "form": ("form", "{}"),
+    "members": ("members", "{} members"),
+    "steps": ("steps", "{:,} steps"),
+    "states": ("states", "{} random states"),
+    "turns": ("turns", "{:g} turns"),
+    "damping ratio": ("damping ratio [1]", "damping ratio {:g}"),
+    "law": ("damping law", "{}"),
+}
+
+
+def head(name: str) -> str:
+    """Head of a column, unit included."""
+    return WORDS[name][0] if name in WORDS else name
+
+
+def said(facts: Facts) -> str:
+    """All facts in one line, "RK4, h = 0.0001 s"."""
+    return ", ".join(WORDS.get(name, ("", f"{name} {{}}"))[1].format(value) for name, value in facts.items())

@@ -1,0 +1,65 @@
+"""What else the machine does during a timed case: cores that others keep busy, and how evenly a fixed loop runs."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from validation.store import Conditions
+
+STAT = Path("/proc/stat")
+LAPS, WORK = 100, 10_000  # of the calibration loop: about 50 ms, more than a time slice of the scheduler
+
+
+class Watch:
+    """Watches the machine from its making until it is asked for the conditions."""
+
+    def __init__(self) -> None:
+        self._laps = _laps()
+        self._start = _read()
+
+    def conditions(self) -> Conditions:
+        """Load and spread since the making."""
+        start, end = self._start, _read()
+        load = None
+        if start.every is not None and end.every is not None:
+            others = (end.every - start.every) - (end.own - start.own)
+            load = round(max(0.0, others) / (end.wall - start.wall), 3)
+        laps = self._laps + _laps()
+        spread = sum(laps) / len(laps) / min(laps) - 1.0
+        return Conditions(load, round(spread, 3), os.cpu_count() or 1)
+
+
+class Clock(NamedTuple):
+    """Seconds: by the wall, of all processes on all cores, of this process and its children that ended."""
+
+    wall: float
+    every: float | None
+    own: float
+
+
+def _read() -> Clock:
+    times = os.times()
+    own = times.user + times.system + times.children_user + times.children_system
+    return Clock(time.perf_counter(), _busy_seconds(), own)
+
+
+def _busy_seconds() -> float | None:
+    """Core seconds in which any process ran, or the machine was taken away by its host; None where nobody counts."""
+    if not STAT.exists():
+        return None
+    user, nice, system, _idle, _wait, *interrupts = map(int, STAT.read_text().splitlines()[0].split()[1:9])
+    return float(user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
+
+
+def _laps() -> list[float]:
+    """Seconds of each lap of the calibration loop."""
+    found = []
+    for _ in range(LAPS):
+        start, total = time.perf_counter(), 0
+        for i in range(WORK):
+            total += i * i
+        found.append(time.perf_counter() - start)
+    return found
