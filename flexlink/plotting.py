@@ -64,12 +64,20 @@ def elastic_energy(panel: Axes, run: Trajectory) -> None:
     panel.set_ylabel("elastic\nenergy [J]")
 
 
+def imbalance(panel: Axes, run: Trajectory) -> None:
+    """What the discretisation has done to the energy."""
+    panel.plot(run.t, run.imbalance, label="E − E(0) − W", color="tab:red")
+    panel.set_ylabel("power\nbalance [J]")
+    panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+
+
 PANELS: tuple[tuple[Callable[[Axes, Trajectory], None], Callable[[Trajectory], bool]], ...] = (
     (active_joints, lambda run: len(run.chain.active) > 0),
     (passive_joints, lambda run: len(_hinges(run)) > 0),
     (tip, lambda run: True),
     (exchanged_energy, lambda run: True),
     (elastic_energy, lambda run: bool(run.chain.stiffness.any())),
+    (imbalance, lambda run: run.work is not None),
 )
 """What a picture of a run shows, from top to bottom, and of which runs."""
 

@@ -19,9 +19,9 @@ from scipy import linalg
 from flexlink.chain import Chain
 from flexlink.checks import given, vector, wrench_vector
 from flexlink.dynamics import bias_torque, forward_dynamics, inverse_dynamics
-from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness
 from flexlink.modal import damping_slope, first_order_matrix, regular_mass
 from flexlink.tableaus import Tableau, tableau
+from flexlink.tangent import gyroscopic_matrix, stiffness_matrix
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -125,11 +125,9 @@ def _state(
 def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
     block = np.ix_(state.free, state.free)
     M = regular_mass(chain, state.q, state.free)
-    K, C = np.diag(chain.stiffness + state.gains.kp), np.diag(damping_slope(chain) + state.gains.kd)
-    add_load_stiffness(chain.arrays, state.wrench, state.q, state.qd, K)
-    if state.qd.any():
-        add_gyroscopic(chain.arrays, state.q, state.qd, C)
-    K, C = K[block], C[block]
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench)[block] + np.diag(state.gains.kp[state.free])
+    brakes = np.diag(damping_slope(chain) + state.gains.kd)
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + brakes)[block]
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
         values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
         return values

@@ -1,13 +1,4 @@
-"""Slopes of the torques about a state: what modal analysis and Newton's method for statics need.
-
-No step size: along one angle every torque of a chain is a trigonometric polynomial of degree 2 at most, for which
-M. Riesz's interpolation formula is exact, and along the rates it is a quadratic, for which the central difference is.
-
-    f'(q) = Σ_k (−1)^(k+1) / (4 d sin²(x_k/2)) f(q + x_k),   x_k = (2k − 1) π / 2d,   k = 1 … 2d,   d = 2
-
-Degree 2: q_j turns all bodies beyond hinge j, so that M(q) = Σ JᵀmJ + Jᵀ R I Rᵀ J contains cos q_j and sin q_j at most
-twice; its derivatives (T_GC) do not raise the degree; T_G and Jᵀ w are of degree 1, with a follower wrench of degree 2.
-"""
+"""Slopes of the torques about a state: what modal analysis and Newton's method for statics need (`kernels.slopes`)."""
 
 from __future__ import annotations
 
@@ -21,13 +12,10 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.dynamics import bias_torque, frames
 from flexlink.errors import ArgumentError
+from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness, turned_with_tip
 from flexlink.spec import short
 
 Array = NDArray[np.float64]
-
-_SHIFTS = np.pi * np.array([1, 3, 5, 7]) / 4
-_WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(_SHIFTS / 2) ** 2)
-
 
 Locked = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """What does not move: see `unlocked`."""
@@ -122,8 +110,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
     components are in axes of the tip frame and it turns with the tip.
     """
     if follower:
-        R = frames(chain, q).rotations[-1]
-        wrench = np.concatenate([R @ wrench[:3], R @ wrench[3:]])
+        wrench = turned_with_tip(chain.arrays, wrench, q)
     return bias_torque(chain, q, qd, wrench)
 
 
@@ -133,11 +120,7 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
     Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
     """
     K = np.diag(chain.stiffness)
-    for j in range(chain.n):
-        for shift, weight in zip(_SHIFTS, _WEIGHTS, strict=True):
-            moved = q.copy()
-            moved[j] += shift
-            K[:, j] += weight * load_torque(chain, moved, qd, wrench, follower)
+    add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
     return K
 
 
@@ -178,10 +161,7 @@ def _load_size(chain: Chain, qd: Array, wrench: Array) -> Array:
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
     """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
     G = np.zeros((chain.n, chain.n))
-    if qd.any():
-        unit = np.abs(qd).max()  # same size as the rates: no cancellation
-        for j, e in enumerate(unit * np.eye(chain.n)):
-            G[:, j] = (bias_torque(chain, q, qd + e) - bias_torque(chain, q, qd - e)) / (2 * unit)
+    add_gyroscopic(chain.arrays, q, qd, G)
     return G
 
 

@@ -1,17 +1,27 @@
-"""Slopes of T_GC along every angle and every rate, exact without a step size (see `flexlink.tangent`)."""
+"""Slopes of T_GC along every angle and every rate, without a step size.
+
+Along one angle every torque of a chain is a trigonometric polynomial of degree 2 at most, for which M. Riesz's
+interpolation formula is exact, and along the rates it is a quadratic, for which the central difference is.
+
+    f'(q) = Σ_k (−1)^(k+1) / (4 d sin²(x_k/2)) f(q + x_k),   x_k = (2k − 1) π / 2d,   k = 1 … 2d,   d = 2
+
+Degree 2: q_j turns all bodies beyond hinge j, so that M(q) = Σ JᵀmJ + Jᵀ R I Rᵀ J contains cos q_j and sin q_j at most
+twice; its derivatives (T_GC) do not raise the degree; T_G and Jᵀ w are of degree 1, with a follower wrench of degree 2.
+"""
 
 import math
 
 import numpy as np
 
 from flexlink.kernels.compiler import kernel
+from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.rne import rne, rne_workspace
-from flexlink.kernels.vec3 import vector
+from flexlink.kernels.vec3 import apply, put, vector
 
 
 @kernel
-def add_load_stiffness(chain, wrench, q, qd, K):
-    """K += ∂T_GC/∂q (n, n), wrench (6,) dead, by M. Riesz's formula for trigonometric polynomials of degree 2."""
+def add_load_stiffness(chain, wrench, follower, q, qd, K):
+    """K += ∂T_GC/∂q (n, n) at constant rates; wrench (6,) in frame 0, or, a follower, in axes of the tip frame."""
     n = len(q)
     zero, torque, moved, work = np.zeros(n), np.empty(n), q.copy(), rne_workspace(chain)
     for j in range(n):
@@ -19,16 +29,31 @@ def add_load_stiffness(chain, wrench, q, qd, K):
             shift = (2 * m + 1) * math.pi / 4.0
             weight = (1.0 if m % 2 == 0 else -1.0) / (8.0 * math.sin(0.5 * shift) ** 2)
             moved[j] = q[j] + shift
-            rne(chain, vector(chain.gravity), wrench, moved, qd, zero, torque, work)
+            acting = turned_with_tip(chain, wrench, moved) if follower else wrench
+            rne(chain, vector(chain.gravity), acting, moved, qd, zero, torque, work)
             K[:, j] += weight * torque
         moved[j] = q[j]
 
 
 @kernel
+def turned_with_tip(chain, wrench, q):
+    """A wrench (6,) given in axes of the tip frame, in frame 0."""
+    bodies, n = len(chain.bodies), len(q)
+    rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
+    kinematics(chain, q, rotations, points, axes)
+    turned = np.empty(6)
+    put(turned[:3], apply(rotations[-1], vector(wrench)))
+    put(turned[3:], apply(rotations[-1], vector(wrench[3:])))
+    return turned
+
+
+@kernel
 def add_gyroscopic(chain, q, qd, G):
-    """G += ∂T_GC/∂q̇ (n, n): T_GC is quadratic in the rates, for which the central difference is exact."""
+    """G += ∂T_GC/∂q̇ (n, n); 0 at rest."""
     n = len(q)
     unit = np.max(np.abs(qd))  # same size as the rates: no cancellation
+    if unit == 0.0:
+        return
     zero, wrench, work = np.zeros(n), np.zeros(6), rne_workspace(chain)
     ahead, behind, moved = np.empty(n), np.empty(n), qd.copy()
     for j in range(n):
