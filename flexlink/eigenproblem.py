@@ -67,9 +67,9 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     modes = _conservative(M, L, stiffness)
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
-    if C.any():
-        return _first_order(modes, C, without_potential)
-    return _undamped(modes, without_potential)
+    found = _first_order(modes, C, without_potential) if C.any() else _undamped(modes, without_potential)
+    λ = np.where(np.abs(found.eigenvalues) <= found.rounding, 0.0, found.eigenvalues)
+    return found._replace(eigenvalues=λ)
 
 
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
