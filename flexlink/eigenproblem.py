@@ -23,6 +23,10 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 EPS = np.finfo(float).eps
 
+_DEFECT = 4
+"""The QR algorithm moves a simple eigenvalue of A by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2). A
+multiple one is moved as many times as far: two where a joint rests, four where two such meet."""
+
 
 class Solution(NamedTuple):
     """λ [1/s], slowest first, φ in columns, and how far rounding may have moved each λ [1/s]."""
@@ -63,9 +67,9 @@ def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
     modes = _conservative(M, L, stiffness)
     K = stiffness.K
     without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
-    if C.any():
-        return _first_order(modes, C, without_potential)
-    return _undamped(modes, without_potential)
+    found = _first_order(modes, C, without_potential) if C.any() else _undamped(modes, without_potential)
+    λ = np.where(np.abs(found.eigenvalues) <= found.rounding, 0.0, found.eigenvalues)
+    return found._replace(eigenvalues=λ)
 
 
 def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
@@ -108,15 +112,27 @@ def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Arr
 
 def _undamped(modes: _Modes, without_potential: Array) -> Solution:
     """λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
-    μ, shapes = modes.μ.astype(complex), modes.Φ
+    μ: Complex = modes.μ.astype(complex)
+    shapes: NDArray[np.inexact] = modes.Φ
+    moved = np.zeros(len(μ))
     if without_potential.any():
         fast = np.argsort(-np.abs(modes.μ), kind="stable")
         Φ = modes.Φ[:, fast]
-        μ, amplitudes = linalg.eig(np.diag(modes.μ[fast]) + Φ.T @ without_potential @ Φ)
+        μ, amplitudes, moved = _eigenvalues(np.diag(modes.μ[fast]) + Φ.T @ without_potential @ Φ)
         shapes = Φ @ amplitudes
     order = np.argsort(μ.real, kind="stable")
-    λ = np.sqrt(-μ[order])
-    return Solution(np.where(λ.imag < 0, -λ, λ), shapes[:, order], np.zeros(len(λ)))
+    λ, moved = np.sqrt(-μ[order]), moved[order]
+    size = np.maximum(np.abs(λ), np.sqrt(moved))
+    rounding = np.divide(moved, size, out=np.zeros(len(λ)), where=size > 0)  # 2 λ dλ = −dμ, and λ² = −dμ at μ = 0
+    return Solution(np.where(λ.imag < 0, -λ, λ), shapes[:, order], rounding)
+
+
+def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
+    """Eigenvalues and right eigenvectors of A, and how far rounding may have moved each."""
+    λ, left, right = linalg.eig(A, left=True)
+    overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+    size = _DEFECT * len(A) * EPS * np.linalg.norm(A, 2)
+    return λ, right, np.asarray(size / np.maximum(overlap, EPS))
 
 
 def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
@@ -138,10 +154,9 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
     A[x, y[:m]] = s
     if not np.isfinite(A).all():
         raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
-    λ, left, right = linalg.eig(A, left=True)
-    rounding = _rounding(A, left, right)
+    λ, right, rounding = _eigenvalues(A)
     if modes.falling == 0 and not without_potential.any() and _dissipative(C):
-        λ.real = np.minimum(λ.real, 0.0)  # energy ½ ȧ² + ½ μ a² ≥ 0 never grows
+        λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # energy ½ ȧ² + ½ μ a² ≥ 0 never grows
     order = np.argsort(np.abs(λ), kind="stable")
     steady = order[:resting][np.abs(λ[order[:resting]]) <= len(A) * EPS * np.linalg.norm(A, 2)]
     kept = np.setdiff1d(order[λ[order].imag >= 0], steady, assume_unique=True)
@@ -153,12 +168,6 @@ def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
         Φ @ np.hstack([np.eye(n)[:, m:], amplitudes]),
         np.concatenate([np.zeros(resting), rounding[kept]]),
     )
-
-
-def _rounding(A: Array, left: Complex, right: Complex) -> Array:
-    """First-order bound |w|ᵀ |δA| |v| / |wᴴ v| with |δA| ≤ N eps |A| (Golub & Van Loan, section 7.2.2)."""
-    size = np.einsum("ik,ij,jk->k", np.abs(left), np.abs(A), np.abs(right))
-    return np.asarray(len(A) * EPS * size / np.abs(np.einsum("ik,ik->k", left.conj(), right)))
 
 
 def _dissipative(C: Array) -> bool:

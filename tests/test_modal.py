@@ -482,6 +482,18 @@ def test_joints_along_gravity_rest(rng):
             assert (found.eigenvalues == 0).sum() == 2
 
 
+@pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.01, at_hz=5.0)])
+def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
+    """Nothing depends on its angle, but K has no potential: its double λ = 0 is found as such."""
+    chain = make_scene(flexible("a", "yz", damping=damping)).chain()
+    for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
+        found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, follower=True)
+        assert found.stable
+        assert found.frequencies[0] == found.damping_ratios[0] == 0
+        assert np.isfinite(found.frequencies).all()
+        assert found.rounding.max() < 1e-6 * found.frequencies.max()
+
+
 @pytest.mark.parametrize("viscous", [0.0, 1e-3])
 @pytest.mark.parametrize("g", [9.81, 1e-9])
 def test_what_falls_however_slowly_is_no_rest(g, viscous):
