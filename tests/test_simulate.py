@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import make_scene
@@ -187,3 +188,23 @@ def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(mode
     assert np.abs(torque[passive]).max() < 1e-9 * np.abs(torque).max()
     assert np.abs(q[passive]).max() > 1e-4
     np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))
+
+
+def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> None:
+    """In the trajectory, in the columns and in the archive; of an arm that is driven, bent and out of the plane."""
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
+    run = fl.simulate(msgspec.structs.replace(scene, drive=drive), step=1e-5, sample=1e-4, duration=2e-4)
+    chain, last = run.chain, run.columns
+    wanted = fl.energy(chain, run.q[-1], run.qd[-1])
+    archive = np.load(run.save(tmp_path / "run.npz"))
+    for name in ("kinetic", "gravity", "elastic"):
+        for found in (getattr(run.energy, name), last[f"{name} [J]"], archive[name]):
+            assert found[-1] == getattr(wanted, name)
+    assert len({*wanted}) == 3
+    np.testing.assert_array_equal(archive["tau"], run.tau)
+    for k in chain.active:
+        assert last[f"tau {chain.joint_name(int(k))} [N m]"][-1] == drive.torque[chain.coordinate(int(k)).link - 1]
+    assert [last[f"tip {axis} [m]"][-1] for axis in "xyz"] == fl.tip_position(chain, run.q[-1]).tolist()
+    for array in (run.t, run.q, run.qd, run.tau, run.tip, *run.energy):
+        assert not array.flags.writeable
