@@ -48,8 +48,9 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
 
 
-def test_mujoco_does_not_start_a_run_again_that_has_diverged() -> None:
+def test_mujoco_does_not_start_a_run_again_that_has_diverged(tmp_path, monkeypatch) -> None:
     mujoco = pytest.importorskip("mujoco")
+    monkeypatch.chdir(tmp_path)  # where MuJoCo leaves its log
     chain = make_scene(flexible("a")).chain()
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     data = mujoco.MjData(model)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import make_scene
@@ -217,3 +218,23 @@ def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> N
 def test_which_joints_are_driven_cannot_be_overwritten(paper: fl.Scene) -> None:
     with pytest.raises(ValueError, match="read-only"):
         paper.chain().active[0] = 3
+
+
+def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> None:
+    """In the trajectory, in the columns and in the archive; of an arm that is driven, bent and out of the plane."""
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
+    run = fl.simulate(msgspec.structs.replace(scene, drive=drive), step=1e-5, sample=1e-4, duration=2e-4)
+    chain, last = run.chain, run.columns
+    wanted = fl.energy(chain, run.q[-1], run.qd[-1])
+    archive = np.load(run.save(tmp_path / "run.npz"))
+    for name in ("kinetic", "gravity", "elastic"):
+        for found in (getattr(run.energy, name), last[f"{name} [J]"], archive[name]):
+            assert found[-1] == getattr(wanted, name)
+    assert len({*wanted}) == 3
+    np.testing.assert_array_equal(archive["tau"], run.tau)
+    for k in chain.active:
+        assert last[f"tau {chain.joint_name(int(k))} [N m]"][-1] == drive.torque[chain.coordinate(int(k)).link - 1]
+    assert [last[f"tip {axis} [m]"][-1] for axis in "xyz"] == fl.tip_position(chain, run.q[-1]).tolist()
+    for array in (run.t, run.q, run.qd, run.tau, run.tip, *run.energy):
+        assert not array.flags.writeable
