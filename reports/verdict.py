@@ -98,7 +98,8 @@ def measured(results: Results) -> str:
 def _when(results: Results) -> str:
     dates = sorted(datetime.datetime.fromisoformat(done.date) for done in results.finished.values() if done.date)
     if not dates:
-        return ""
+        begun = results.environment.get("date", "")
+        return f"begun {begun}" if begun else ""
     first, last = dates[0], dates[-1]
     if first.date() == last.date():
         return f"{first:%Y-%m-%d}, {first:%H:%M} to {last:%H:%M} UTC"
