@@ -14,7 +14,7 @@ from reports.verdict import PASS, correct, measured
 from validation.store import Row
 from validation.verdict import correctness, crowd, speed
 
-FOLDER = Path(__file__).parent / "reference"
+FOLDER = Path(__file__).parent / "reference_run"
 HEADS = ("case", "quantity", "where", "value", "unit", "side", "limit", "state")
 ANEW = "make one with: python -m reports --reference"
 HOW = "run the whole study on a machine at rest: python -m validation --force"

@@ -40,10 +40,10 @@ class Results:
 
     rows: tuple[Row, ...]
     environment: Mapping[str, Any]
-    finished: Mapping[str, Finished]
-    plan: Mapping[str, Planned]
-    missing: tuple[Missing, ...]
     store: Store
+    finished: Mapping[str, Finished] = dataclasses.field(default_factory=dict)
+    plan: Mapping[str, Planned] = dataclasses.field(default_factory=dict)
+    missing: tuple[Missing, ...] = ()
 
     @classmethod
     def read(cls, path: Path) -> Results:
@@ -70,7 +70,7 @@ class Results:
         place = {case: number for number, case in enumerate(plan)}
         rows = [row for row in stored if row.case in whole and row.key == whole[row.case].key]
         rows.sort(key=lambda row: place[row.case])
-        return cls(tuple(rows), store.environment(), whole, plan, tuple(missing), store)
+        return cls(tuple(rows), store.environment(), store, whole, plan, tuple(missing))
 
     @cached_property
     def cases(self) -> dict[str, tuple[Row, ...]]:

@@ -7,11 +7,11 @@ import dataclasses
 from reports.numbers import amount
 from reports.reference import Reference
 from reports.results import Results
-from reports.tables import limit, table_csv
+from reports.tables import TIMED, limit, table_csv
 from validation.store import Row
-from validation.verdict import BUSY, MET, MISSED, crowd, speed_state
+from validation.verdict import crowd, speed_state
 
-ORDER = (MISSED, BUSY, MET)
+ORDER = tuple(TIMED)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,6 +21,11 @@ class Line:
     row: Row
     state: str
     reference: float | None
+
+    @property
+    def word(self) -> str:
+        """The state in a word or two."""
+        return TIMED[self.state]
 
     @property
     def cells(self) -> dict[str, str]:

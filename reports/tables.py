@@ -11,10 +11,11 @@ from reports.numbers import amount
 from reports.results import used
 from validation.facts import head, said
 from validation.store import Finished, Row, Series
-from validation.verdict import BUSY, MET, speed_state
+from validation.verdict import BUSY, MET, MISSED, speed_state
 
 PASS, FAIL, INFO = "pass", "FAIL", "info"
-ORDER = (FAIL, "missed", "not measured", PASS, "met", INFO)  # of the lines
+TIMED = {MISSED: "missed", BUSY: "not measured", MET: "met"}  # what became of a limit of time, in a word or two
+ORDER = (FAIL, *TIMED.values(), PASS, INFO)  # of the lines
 CSV_FIELDS = tuple(f.name for f in dataclasses.fields(Row) if f.name not in ("key", "varied"))
 
 
@@ -64,7 +65,7 @@ def state(row: Row, finished: Mapping[str, Finished]) -> str:
     if row.passed is None:
         return INFO
     if row.timed:
-        return {MET: "met", BUSY: "not measured"}.get(speed_state(row, finished), "missed")
+        return TIMED[speed_state(row, finished)]
     return PASS if row.passed else FAIL
 
 

@@ -12,7 +12,7 @@ from reports.results import Results, used
 from reports.sections import Number, Wanted
 from reports.tables import FAIL, share, state
 from validation.store import Row
-from validation.verdict import Speed, correctness, speed
+from validation.verdict import correctness, speed
 
 PASS, INCOMPLETE = "PASS", "INCOMPLETE"
 NAMES = {"pin": "Pinocchio", "mujoco": "MuJoCo", "mpmath": "mpmath"}  # package → what was compared with
@@ -67,16 +67,10 @@ class CaseVerdict:
 def case_verdict(rows: Sequence[Row], results: Results) -> CaseVerdict:
     """The line of a case."""
     right, fast = correctness(rows), speed(rows, results.finished)
-    timed = any(fast[:3])
     judged = [row for row in rows if row.passed is not None and not row.timed]
     worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
     informing = sum(row.passed is None for row in rows)
-    return CaseVerdict(right.judged, len(right.failed), informing, _brief(fast) if timed else "", worst)
-
-
-def _brief(fast: Speed) -> str:
-    named = ((fast.met, "met"), (fast.missed, "missed"), (fast.unmeasured, "not measured"))
-    return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
+    return CaseVerdict(right.judged, len(right.failed), informing, fast.brief(), worst)
 
 
 def compared(results: Results) -> str:
@@ -104,7 +98,8 @@ def measured(results: Results) -> str:
 def _when(results: Results) -> str:
     dates = sorted(datetime.datetime.fromisoformat(done.date) for done in results.finished.values() if done.date)
     if not dates:
-        return ""
+        begun = results.environment.get("date", "")
+        return f"begun {begun}" if begun else ""
     first, last = dates[0], dates[-1]
     if first.date() == last.date():
         return f"{first:%Y-%m-%d}, {first:%H:%M} to {last:%H:%M} UTC"

@@ -134,11 +134,11 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
     for case in dict.fromkeys(row.case for row in rows):
         own = [row for row in rows if row.case == case]
         right = correctness(own)
-        failed, timed = len(right.failed), any(row.timed and row.passed is not None for row in own)
+        failed = len(right.failed)
         informing = sum(row.passed is None for row in own)
         colour = "red" if failed else "green"
-        said = escape(speed(own, {case: finished[case]}).said()) if timed else ""
-        table.add_row(case, str(right.judged - failed), f"[{colour}]{failed}[/]", str(informing), said)
+        fast = speed(own, finished).brief()
+        table.add_row(case, str(right.judged - failed), f"[{colour}]{failed}[/]", str(informing), fast)
     console.print(table)
     right = correctness(rows)
     for row in right.failed:

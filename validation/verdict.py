@@ -25,6 +25,11 @@ class Speed(NamedTuple):
     unmeasured: tuple[Row, ...]
     worst: Conditions | None  # on the busiest machine that something was timed on
 
+    def brief(self) -> str:
+        """The verdict in a few words, "3 met, 1 missed"; empty without a limit of time."""
+        named = ((self.met, "met"), (self.missed, "missed"), (self.unmeasured, "not measured"))
+        return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
+
     def said(self) -> str:
         """The verdict in a line."""
         parts = [f"{len(rows)} {word}" for rows, word in ((self.met, "met"), (self.missed, "missed")) if rows]

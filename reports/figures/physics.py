@@ -68,7 +68,7 @@ def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
 
 
 def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
-    for curve in curves(series, next(name for name in series.columns if name.startswith("error"))):
+    for curve in curves(series, "error"):
         colour, marker, line = LOOKS.get(curve.label, PLAIN)
         order = orders.get(curve.label)
         seen = np.isfinite(curve.y) & (curve.y > ROUNDING)

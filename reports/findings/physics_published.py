@@ -21,7 +21,7 @@ def find(results: Results) -> Iterator[Finding]:
         columns = (series.columns[name].tolist() for name in ("what", "published", "ours"))
         pairs = list(zip(*columns, strict=True))
         compared, cases = compared + len(pairs), cases + 1
-        name = case.removeprefix("physics_").replace("_", " ")
+        name = results.cases[case][0].title
         lines += [(f"{name}: {what}", *_line(theirs, ours)) for what, theirs, ours in pairs[:SHOWN]]
         if len(pairs) > SHOWN:
             worst = max(abs(ours / theirs - 1) for _, theirs, ours in pairs)
