@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.checks import callable_or_none, given
 from flexlink.errors import ArgumentError, InterruptedRunError, SceneError
-from flexlink.inputs import Losses
+from flexlink.inputs import Losses, input_arrays
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
@@ -25,7 +26,7 @@ from flexlink.watch import Watch, judge_step
 Array = NDArray[np.float64]
 Arrays = tuple[Array, Array, Array]
 """q, q̇ and W."""
-FIRST_PIECE, PIECE_SECONDS = 64, 0.02  # steps; CPU time after which Ctrl-C is answered and progress told
+BREATH = 0.02  # time between two looks at the samples, at signals and the terminal [s]
 
 
 def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
@@ -84,11 +85,10 @@ class SingleRun:
         watch, told = self.watch, progress or (lambda _: None)
         steps = (watch.run.samples - 1) * watch.run.steps_per_sample
         try:
-            told(0.0 if steps else 1.0)
-            for done in self.pieces:
+            for done in itertools.chain([0], self.pieces):
                 if not watch.look(done // watch.run.steps_per_sample + 1) or not np.isfinite(self.state[:2]).all():
                     break
-                told(done / steps)
+                told(done / steps if steps else 1.0)
                 if stop.asked:
                     break
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -110,28 +110,27 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     UnstableStepError
         As in `simulate`.
     """
-    run = scene.run
+    run, inputs = scene.run, input_arrays(scene, chain)
     try:
-        times, q, qd = run.times, *np.empty((2, run.samples, chain.n))
-        record = Record(scene, chain, times, q, qd)
+        record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
-    q[0], qd[0] = scene.initial_state(chain)
-    watch = Watch(run, record, judge_step(scene, chain, q[0], qd[0], record.inputs))
+    record.q[0], record.qd[0] = start = scene.initial_state(chain)
+    watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
     watch.look(1)
     return watch
 
 
 def pieces(watch: Watch, scratch: Any, losses: Losses, state: Arrays, samples: Arrays) -> Iterator[int]:
-    """Integrate in pieces of about 20 ms; yields the number of the last step whose state is finite, at first 0.
+    """Integrate in pieces of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
     `integrate`.
     """
     run, record = watch.run, watch.record
-    first, size, steps, every = 0, FIRST_PIECE, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
+    first, size, steps, every = 0, 1, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = record.chain.arrays, scratch, watch.tableau, record.inputs, losses, run.step
     yield int(integrate(*fixed, 0, 0, every, state, samples))
     while first < steps:
@@ -141,7 +140,7 @@ def pieces(watch: Watch, scratch: Any, losses: Losses, state: Arrays, samples: A
         if done < last:
             return
         first = last
-        size = max(1, int(size * min(2.0, PIECE_SECONDS / max(time.perf_counter() - started, 1e-9))))
+        size = max(1, int(size * min(2.0, BREATH / max(time.perf_counter() - started, 1e-9))))
 
 
 def override(scene: Scene, overrides: dict[str, Any]) -> Scene:

@@ -16,10 +16,10 @@ from flexlink.chain import Chain
 from flexlink.checks import given_path
 from flexlink.dynamics import Energy, solver_for
 from flexlink.errors import ArgumentError, MissingDependencyError
-from flexlink.inputs import input_arrays
+from flexlink.inputs import Inputs, input_arrays
 from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.output import write_whole
-from flexlink.scene import Scene
+from flexlink.scene import Run, Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -77,7 +77,7 @@ class Trajectory:
     @classmethod
     def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
         """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
-        record = Record(scene, chain, t, q.copy(), qd.copy())
+        record = Record(scene.run, chain, input_arrays(scene, chain), t, q.copy(), qd.copy())
         record.derive(0, len(t))
         return record.trajectory(len(t), balanced=False)
 
@@ -194,12 +194,12 @@ class Record:
         States (samples, n) and the integrated work (samples,), without that of the tip force, which has a potential.
     """
 
-    def __init__(self, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> None:
+    def __init__(self, run: Run, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
         self.chain, self.t, self.q, self.qd = chain, t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
-        self.inputs = input_arrays(scene, chain)
-        self.scratch = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+        self.inputs = inputs
+        self.scratch = solver_for(chain, run.dynamics).workspace(chain.arrays)
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""

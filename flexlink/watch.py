@@ -177,7 +177,7 @@ class Watch:
 
     def _doubts(self) -> Iterator[str]:
         """What makes a run doubtful that is not garbage."""
-        if self.good == 0:
+        if self.good < 2:
             return
         moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
         if self._tip_error > DOUBT * TIP_SHARE * moved:

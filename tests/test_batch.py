@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from conftest import flexible, make_scene, nasty_scene, random_state
+from msgspec.structs import replace
 
 import flexlink as fl
 
@@ -118,12 +119,13 @@ def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
 
 
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
-    wild = driven(initial=fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e200, 0.0)))  # its square is beyond float64
+    calm = replace(driven(), run=replace(driven().run, unstable="allow"))
+    wild = replace(calm, initial=fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0)))
     with pytest.raises(fl.DivergenceError) as caught:
-        fl.simulate_many([driven(), wild, driven()])
+        fl.simulate_many([calm, wild, calm])
     first, _, last = caught.value.runs
     for run in (first, last):
-        np.testing.assert_allclose(run.q, fl.simulate(driven()).q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(run.q, fl.simulate(calm).q, rtol=1e-12, atol=1e-12)
 
 
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:

@@ -60,9 +60,27 @@ def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_
 
 def test_a_diverging_run_keeps_its_samples_and_exits_2(paper: str, tmp_path: Path, capsys) -> None:
     out = tmp_path / "run.npz"
+    assert main(["simulate", paper, "--step", "1e-3", "--sample", "1e-3", "--insist", "--out", str(out)]) == 2
+    *warned, line = capsys.readouterr().err.splitlines()
+    assert f"samples kept in {out}" in line
+    assert all(warning.startswith("warning: ") for warning in warned)
+    kept = np.load(out)
+    assert len(kept["t"]) >= 2
+    assert "insisted on run.step = 0.001 s" in kept["warnings"][0]
+
+
+def test_a_step_that_is_too_large_is_refused_in_one_line(paper: str, tmp_path: Path, capsys) -> None:
+    out = tmp_path / "run.npz"
     assert main(["simulate", paper, "--step", "1e-3", "--out", str(out)]) == 2
-    assert "no longer finite" in error_line(capsys)
-    assert len(np.load(out)["t"]) >= 2
+    assert "the largest stable step of RK4" in error_line(capsys)
+    assert not out.exists()
+
+
+def test_the_summary_tells_the_power_balance_in_one_line(paper: str, capsys) -> None:
+    assert main(["simulate", paper, "--duration", "0.1"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("power balance")]
+    share = re.search(r"at most (\S+) J, (\S+) of the (\S+) J exchanged", line)
+    assert float(share[2]) == pytest.approx(float(share[1]) / float(share[3]), rel=0.1)
 
 
 def test_a_missing_output_folder_is_found_before_the_run(paper: str, tmp_path: Path, capsys) -> None:
@@ -112,17 +130,15 @@ def test_the_version_is_that_of_the_library(capsys) -> None:
 
 
 def test_no_run_is_timed_together_with_its_compiler(paper: str, capsys, monkeypatch) -> None:
-    """The first call stands for one that compiles: it takes long."""
-    real, calls = cli.simulate, []
+    """What gets ready stands for one that compiles: it takes long."""
+    real = cli.SingleRun
 
-    def slow_at_first(*arguments, **named):
-        calls.append(named)
-        if len(calls) == 1:
-            time.sleep(0.5)
-        return real(*arguments, **named)
+    def slowly(*arguments):
+        time.sleep(0.5)
+        return real(*arguments)
 
     fl.simulate(fl.load_scene(paper), duration=0.0)
-    monkeypatch.setattr(cli, "simulate", slow_at_first)
+    monkeypatch.setattr(cli, "SingleRun", slowly)
     assert main(["simulate", paper, "--duration", "0.01"]) == 0
     assert float(re.search(r"simulated in (\S+) s", capsys.readouterr().out)[1]) < 0.5
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 import flexlink as fl
 from flexlink.dynamics import MASS_METHODS, SOLVERS
+from flexlink.inputs import input_arrays
 from flexlink.interruption import Stop
 from flexlink.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.simulate import SingleRun
@@ -225,7 +226,8 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
     with pytest.raises(fl.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
-    record = Record(scene, scene.chain(), run.times, *np.zeros((2, run.samples, 2)))
+    chain = scene.chain()
+    record = Record(run, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
     with pytest.raises(fl.DivergenceError, match="no longer finite"):
         SingleRun(scene, Watch(run, record)).finish(Stop())
 
