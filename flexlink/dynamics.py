@@ -214,8 +214,7 @@ def forward_dynamics(
         chains = _of_one_layout(chain)
         solver = solver_for(chains[0], method)
         return _forward_dynamics_of_many(chains, solver, q, qd, tau, wrench_vector(tip_wrench))
-    n = chain.n
-    solver = solver_for(chain, method)
+    n, solver = chain.n, solver_for(chain, method)
     q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
     wrench = wrench_vector(tip_wrench)
     qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)

@@ -56,6 +56,7 @@ from flexlink.kernels.articulated_rows import (
     MOUNT,
     OWN_INERTIA,
     REACH,
+    SENSE,
     T_NET,
     TORQUE,
     ZETA,
@@ -83,7 +84,7 @@ def articulated(wrench, q, qd, tau, qdd, work):
     take_off_dry_friction(hinges, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
     f, n, power = outward(layout, axes, bodies, hinges, wrench, qd, trig[1], trig[2])
-    inward(layout, axes, given, bodies, hinges, n, f, qdd, trig[1])
+    inward(layout, given, bodies, hinges, n, f, qdd, trig[1])
     accelerate(gravity, layout, given, bodies, hinges, tau, qdd)
     return power
 
@@ -184,7 +185,7 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
 
 
 @inlined
-def inward(layout, axes, given, bodies, hinges, n, f, qdd, cosines):
+def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
     """What each body and all beyond it demand at its hinge point, from the n and f that the tip demands."""
     o = at(bodies, 0, MASS) * 0.0
     zero = (o, o, o)
@@ -194,7 +195,7 @@ def inward(layout, axes, given, bodies, hinges, n, f, qdd, cosines):
     for i in range(len(layout) - 1, -1, -1):
         way, k = layout[i, WAY], layout[i, FIRST]
         if way == TRIPLE:
-            c = at(cosines, k + 1) * (1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0)
+            c = at(cosines, k + 1) * at(hinges, k + 2, SENSE)
             if behind > PAIR:
                 M, n, f = take_out_triple(bodies, i, hinges, k, c, *take_on_body(bodies, i, M, n, f))
             else:

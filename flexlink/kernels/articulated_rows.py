@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.articulated_layout import ANEW, LAYOUT_SIZE, common_layout, layout_of
+from flexlink.kernels.articulated_layout import ANEW, FIRST, LAYOUT_SIZE, TRIPLE, WAY, common_layout, layout_of
 from flexlink.kernels.compiler import inlined, kernel
 from flexlink.kernels.joint_torques import COULOMB, JOINT, dry_joints, given_joints, put_joint
 from flexlink.kernels.lanes import LANES, put_vec_of, vec_of
@@ -21,8 +21,10 @@ H_D, FACTORS, ALPHA, BODY_SIZE = 55, 64, 67, 70
 # Where working axes may begin anew: the working axes before in these (columns), and whether they do (1 or 0).
 BEFORE, BEGINS = H_D, FACTORS
 # Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a triple
-# instead of J e and T: e₁* of `known_moment`, and e₁·e₃.
+# instead of J e: e₁* of `known_moment`; of its third hinge instead of T and 1 / D: e₁·e₃, and 1 or −1, the sense of the
+# axes, with which the cosine of the middle angle is e₁·e₂×e₃.
 ARMATURE, TORQUE, AXIS, JE, HE, T_NET, INVERSE, HINGE_SIZE = (JOINT + k for k in (0, 1, 2, 5, 8, 11, 12, 13))
+SENSE = INVERSE
 
 
 class ArticulatedWork(NamedTuple):
@@ -59,6 +61,8 @@ def articulated_workspace(bodies, hinges, gravity):
     for k in range(n):
         put_joint(joints, k, hinges[k])
         joints[k, ARMATURE], axes[k] = hinges[k].armature, hinges[k].axis
+    for k in layout[layout[:, WAY] == TRIPLE, FIRST]:
+        joints[k + 2, SENSE] = 1.0 if axes[k + 1] == (axes[k] + 1) % 3 else -1.0
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
     dry = dry_joints(joints[:, COULOMB])
     return ArticulatedWork(gravity.copy(), layout, axes, given_joints(hinges), rows, joints, dry, trig, trig)
