@@ -25,7 +25,7 @@ from reports.results import Results, used
 from reports.sections import chapter_of_kinds, contents, sections
 from reports.style import RC
 from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
-from validation.store import Row
+from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
 SUMMARY = "summary"  # where the one figure of the first screen belongs
@@ -113,7 +113,7 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
         speed=speed.lines(study, beside),
         conditions=speed.conditions(study),
         beside=beside,
-        environment=_flat(study.environment),
+        environment=_rows(study.environment),
         limitations=_limitations(),
         unobtained=[row for row in study.rows if row.value is None],
         given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
@@ -232,15 +232,11 @@ def _verdict_csv(results: Results) -> str:
     return table_csv(heads, [*lines, *missing])
 
 
-def _flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Nested settings as (dotted name, text)."""
-    flat: list[tuple[str, str]] = []
-    for name, value in tree.items():
-        if isinstance(value, dict):
-            flat += _flat(value, f"{prefix}{name}.")
-        else:
-            flat.append((prefix + name, ", ".join(map(str, value)) if isinstance(value, list) else str(value) or "–"))
-    return flat
+def _rows(environment: Environment) -> list[tuple[str, str]]:
+    """(name, text) of everything that is known."""
+    versions = environment.versions.items()
+    own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name != "versions")
+    return [(name, str(value) or "–") for name, value in (*own, *versions)]
 
 
 def _limitations() -> list[dict[str, str]]:

@@ -6,10 +6,9 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from flexlink.errors import FlexlinkError
-from validation.store import Finished, Planned, Row, Series, Store
+from validation.store import Environment, Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"
 NEVER, STOPPED, OLDER = "not measured", "stopped in the middle", "measured with other sources or versions"
@@ -39,7 +38,7 @@ class Results:
     """
 
     rows: tuple[Row, ...]
-    environment: Mapping[str, Any]
+    environment: Environment
     store: Store
     finished: Mapping[str, Finished] = dataclasses.field(default_factory=dict)
     plan: Mapping[str, Planned] = dataclasses.field(default_factory=dict)

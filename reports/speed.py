@@ -44,7 +44,8 @@ def lines(results: Results, beside: Reference) -> list[Line]:
 
 def conditions(results: Results) -> list[tuple[str, str, str]]:
     """(case, end of its run, what the machine did besides) of everything that was timed."""
-    return [(case, done.date, crowd(done.conditions)) for case, done in results.finished.items() if done.conditions]
+    timed = ((case, done.date, done.conditions) for case, done in results.finished.items())
+    return [(case, f"{date:%Y-%m-%d %H:%M} UTC", crowd(found)) for case, date, found in timed if found]
 
 
 def csv_text(results: Results, beside: Reference) -> str:

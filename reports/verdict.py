@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import datetime
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
@@ -75,7 +74,7 @@ def case_verdict(rows: Sequence[Row], results: Results) -> CaseVerdict:
 
 def compared(results: Results) -> str:
     """What was compared with what, in a sentence."""
-    versions = results.environment.get("versions", {})
+    versions = results.environment.versions
     ours = f"flexlink {versions.get('flexlink', '')}".strip()
     engines = [f"{NAMES[name]} {versions[name]}" for name in ("pin", "mujoco") if versions.get(name)]
     exact = [f"50-digit arithmetic (mpmath {versions['mpmath']})"] if versions.get("mpmath") else []
@@ -86,24 +85,22 @@ def compared(results: Results) -> str:
 def measured(results: Results) -> str:
     """When, on which machine, with what."""
     environment = results.environment
-    machines = dict.fromkeys(done.machine for done in results.finished.values())
-    python = f"Python {environment['python']}" if "python" in environment else ""
-    commit = f"commit {environment['commit']}" if environment.get("commit") else ""
-    libraries = [f"{n} {environment.get('versions', {}).get(n, '')}" for n in ("numpy", "numba")]
-    cores = plural(environment["cores"], "core") if "cores" in environment else ""
-    parts = [_when(results), "; ".join(machines), cores, environment.get("system", ""), python, *libraries, commit]
-    return " · ".join(part for part in parts if part.strip())
+    machines = "; ".join(dict.fromkeys(done.machine for done in results.finished.values())) or environment.processor
+    cores = plural(environment.cores, "core") if environment.cores else ""
+    named = {"Python": environment.python} | {n: environment.versions.get(n, "") for n in ("numpy", "numba")}
+    libraries = [f"{name} {version}" for name, version in named.items() if version]
+    commit = f"commit {environment.commit}" if environment.commit else ""
+    parts = [_when(results), machines, cores, environment.system, *libraries, commit]
+    return " · ".join(part for part in parts if part)
 
 
 def _when(results: Results) -> str:
-    dates = sorted(datetime.datetime.fromisoformat(done.date) for done in results.finished.values() if done.date)
+    dates = [done.date for done in results.finished.values()]
     if not dates:
-        begun = results.environment.get("date", "")
-        return f"begun {begun}" if begun else ""
-    first, last = dates[0], dates[-1]
-    if first.date() == last.date():
-        return f"{first:%Y-%m-%d}, {first:%H:%M} to {last:%H:%M} UTC"
-    return f"{first:%Y-%m-%d %H:%M} to {last:%Y-%m-%d %H:%M} UTC"
+        return f"begun {results.environment.date:%Y-%m-%d %H:%M} UTC" if results.environment.date else ""
+    first, last = min(dates), max(dates)
+    end = f"{last:%H:%M}" if first.date() == last.date() else f"{last:%Y-%m-%d %H:%M}"
+    return f"{first:%Y-%m-%d, %H:%M} to {end} UTC"
 
 
 def correct(results: Results) -> Verdict:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import re
 from pathlib import Path
 
 import pytest
 
 from reports.build import build
-from validation.store import Conditions, Finished, Planned, Row, Store
+from validation.store import Conditions, Environment, Finished, Planned, Row, Store
 
 REASON = "Rounding: n additions of numbers <= 1 & a margin of ten"
 
@@ -26,9 +27,9 @@ def row(case: str = "terms", value: float | None = 1e-15, tolerance: float | Non
 
 
 QUIET, BUSY = Conditions(0.02, 0.05, cores=2), Conditions(1.8, 0.9, cores=2)
-DATE = "2026-07-01T10:30:00+00:00"
-ENVIRONMENT = {"date": DATE, "commit": "0123456789ab", "python": "3.11.7", "cores": 2, "system": "Linux x86_64",
-               "versions": {"flexlink": "0.1.0", "pin": "4.1.0", "mujoco": "4.0.0", "numpy": "2.4"}}  # fmt: skip
+DATE = datetime.datetime(2026, 7, 1, 10, 30, tzinfo=datetime.UTC)
+VERSIONS = {"flexlink": "0.1.0", "pin": "4.1.0", "mujoco": "4.0.0", "numpy": "2.4"}
+ENVIRONMENT = Environment(DATE, "0123456789ab", "3.11.7", VERSIONS, "A processor", 2, "Linux x86_64")
 
 
 def stored(path: Path, *rows: Row, conditions: Conditions | None = None, planned: tuple[str, ...] = ()) -> Path:

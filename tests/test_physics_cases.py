@@ -27,7 +27,7 @@ from validation.case import BENCHMARKS, load_cases
 from validation.facts import said
 from validation.kinds import KINDS
 from validation.oracles import bending_chain, hencky
-from validation.store import Row, Series, Store
+from validation.store import Environment, Row, Series, Store
 
 CASES = {case.name: case for case in load_cases("physics_*")}
 SCENES = sorted(path.stem for path in BENCHMARKS.glob("*.toml"))
@@ -221,7 +221,7 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
         row("stable step of RK4", 3e-3, rule="gauss", hinges=10),
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),
     )
-    (finding,) = physics_choice.find(Results(stored, {}, Store(tmp_path)))
+    (finding,) = physics_choice.find(Results(stored, Environment(), Store(tmp_path)))
     text = " ".join(finding.sentences)
     assert "gauss meets 2 of the 2 needs it was tried on, with at most 6 hinges" in text
     assert re.search(r"own layout is enough.*free joint, mode 1 within 1 % \(4\)", text)
@@ -231,7 +231,7 @@ def test_the_choice_of_rules_is_computed_from_the_rows(tmp_path):
 
 
 def test_without_physics_in_the_study_the_report_says_nothing_of_rules(tmp_path):
-    assert not list(physics_choice.find(Results((), {}, Store(tmp_path))))
+    assert not list(physics_choice.find(Results((), Environment(), Store(tmp_path))))
 
 
 def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):
@@ -240,6 +240,6 @@ def test_steps_of_other_cases_are_not_prices_of_rules(tmp_path):
         row("stable step of RK4", 5e-4, rule="legendre", hinges=10),
         row("stable step", 1.5, method="RK10"),
     )
-    (finding,) = physics_price.find(Results(stored, {}, Store(tmp_path)))
+    (finding,) = physics_price.find(Results(stored, Environment(), Store(tmp_path)))
     assert [line[0] for line in finding.lines] == ["gauss", "legendre"]
     assert "legendre takes 6 times as many" in finding.sentences[0]

@@ -79,6 +79,7 @@ def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None
     assert "T_GC" in failing
     assert "Mass matrix against" not in failing
     assert failing.count("<tr class") == 1
+    assert 'href="#case-broken"' in failing
 
 
 def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:

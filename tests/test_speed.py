@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import itertools
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.runner import judge
-from validation.store import Finished, Planned, Store
+from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
 from validation.timing.families import Family, of_steps
 from validation.timing.families import random_states as states_of
@@ -211,9 +212,9 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
     for row in speed_calls.exponents("T1", "forward dynamics", [each for _, each in entries]):
         store.append(judge(case, row, 0.0, "key"))
-    store.note_environment({})
+    store.note_environment(Environment())
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})
-    store.finish("speed_calls", Finished("key", "", "", None))
+    store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))
     results = Results.read(tmp_path)
     [picture] = speed_cost.draw(results)
     assert [axes.get_title(loc="left") for axes in picture.figure.axes] == ["T1: ours ∝ $n^{1}$"]

@@ -1,5 +1,6 @@
 """The study: cases are checked data, the store loses nothing, a rerun skips what is there, a failed check is seen."""
 
+import datetime
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +17,7 @@ from validation.case import Measured, load_case, load_cases
 from validation.facts import head, said
 from validation.kinds import KINDS
 from validation.runner import judge
-from validation.store import Conditions, Finished, Planned, Row, Series, Store
+from validation.store import Conditions, Environment, Finished, Planned, Row, Series, Store
 from validation.timing import machine
 
 ROOT = Path(__file__).parent.parent
@@ -114,7 +115,7 @@ def test_a_limit_that_is_kept_gives_exit_code_0_and_a_finished_case(study):
     assert (code, row.case, row.quantity, row.passed) == (0, "small", "residual", True)
     assert {case: done.key for case, done in store.finished().items()} == {"small": row.key}
     assert {case: planned.key for case, planned in store.plan().items()} == {"small": row.key}
-    assert store.environment()["versions"]["numpy"] == np.__version__
+    assert store.environment().versions["numpy"] == np.__version__
 
 
 def test_a_check_that_fails_gives_exit_code_1_and_is_named(study, capsys):
@@ -296,11 +297,11 @@ def stored_everything(folder):
     """A store with one finished case and a series."""
     store = Store(folder)
     store.prepare(["small"])
-    store.note_environment({"python": "3.11"})
+    store.note_environment(Environment(python="3.11"))
     store.note_plan({"small": Planned("k", "kind", "title")})
     store.add_series("small", Series("a", "Title", {"x": np.arange(3.0), "y": np.ones(3)}, "x", "x", "y"))
     store.append(row("small"))
-    store.finish("small", Finished("k", "2026-01-01T00:00:00+00:00", "machine", None))
+    store.finish("small", Finished("k", datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC), "machine", None))
     return store
 
 

@@ -19,7 +19,7 @@ from flexlink.errors import SceneError
 from flexlink.spec import decode
 from validation.case import Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED
-from validation.store import Finished, Planned, Row, Series, Store, finite
+from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
@@ -164,21 +164,21 @@ def versions() -> dict[str, str]:
     return found
 
 
-def environment() -> dict[str, Any]:
+def environment() -> Environment:
     """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
-    return {
-        "date": _date(),
-        "commit": _commit(),
-        "python": platform.python_version(),
-        "versions": versions(),
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "system": f"{platform.system()} {platform.machine()}",
-    }
+    return Environment(
+        date=_date(),
+        commit=_commit(),
+        python=platform.python_version(),
+        versions=versions(),
+        processor=_processor(),
+        cores=os.cpu_count() or 0,
+        system=f"{platform.system()} {platform.machine()}",
+    )
 
 
-def _date() -> str:
-    return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+def _date() -> datetime.datetime:
+    return datetime.datetime.now(datetime.UTC).replace(microsecond=0)
 
 
 def _processor() -> str:

@@ -13,6 +13,7 @@ belong to the study only if its key is the one in `plan.json`.
 from __future__ import annotations
 
 import dataclasses
+import datetime
 import json
 import math
 import os
@@ -111,11 +112,24 @@ class Conditions:
 
 
 @dataclasses.dataclass(frozen=True)
+class Environment:
+    """On what a study was run; what is not known is empty."""
+
+    date: datetime.datetime | None = None  # of its start
+    commit: str = ""  # with "+" if the sources were changed since
+    python: str = ""
+    versions: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    processor: str = ""
+    cores: int = 0
+    system: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
 class Finished:
     """A complete run of a case."""
 
     key: str
-    date: str  # of its end, UTC
+    date: datetime.datetime  # of its end
     machine: str
     conditions: Conditions | None  # None: nothing was timed
 
@@ -171,20 +185,20 @@ class Store:
         files = sorted((self.path / "series").glob(f"{case}.*.npz"))
         return {series.name: series for series in (_whole(file, _series) for file in files)}
 
-    def environment(self) -> dict[str, Any]:
-        """Versions, processor, system, commit and date of the run; empty if none was stored."""
-        return self._table("environment.json", Any)
+    def environment(self) -> Environment:
+        """On what the last run was made."""
+        return self._decoded("environment.json", Environment)
 
     def plan(self) -> dict[str, Planned]:
         """Case → what its results must belong to; all cases of the study as the last run knew them."""
-        return self._table("plan.json", Planned)
+        return self._decoded("plan.json", dict[str, Planned])
 
     def finished(self) -> dict[str, Finished]:
         """Case → its last complete run."""
-        return self._table("finished.json", Finished)
+        return self._decoded("finished.json", dict[str, Finished])
 
-    def _table(self, name: str, kind: Any) -> dict[str, Any]:
-        """A JSON object, empty without the file.
+    def _decoded(self, name: str, kind: type[T]) -> T:
+        """A JSON file, an empty one without the file.
 
         Raises
         ------
@@ -192,9 +206,7 @@ class Store:
             It is torn, or not of this version.
         """
         file = self.path / name
-        if not file.exists():
-            return {}
-        return _whole(file, lambda path: msgspec.json.decode(path.read_bytes(), type=dict[str, kind]))
+        return _whole(file, lambda path: msgspec.json.decode(path.read_bytes(), type=kind)) if file.exists() else kind()
 
     def prepare(self, known: Collection[str]) -> None:
         """Make the folder, and forget cases that are not `known` any more.
@@ -211,7 +223,7 @@ class Store:
         for case in {row.case for row in self.rows()} - set(known):
             self.forget(case)
 
-    def note_environment(self, environment: Mapping[str, Any]) -> None:
+    def note_environment(self, environment: Environment) -> None:
         """Store on what the rows to come are measured."""
         self._write("environment.json", environment)
 
@@ -259,7 +271,7 @@ class Store:
         """Note that every row and series of `case` is stored."""
         self._write("finished.json", self.finished() | {case: finished})
 
-    def _write(self, name: str, value: Mapping[str, Any]) -> None:
+    def _write(self, name: str, value: Environment | Mapping[str, Planned | Finished]) -> None:
         write_text(self.path / name, msgspec.json.format(msgspec.json.encode(value), indent=1).decode() + "\n")
 
 
