@@ -13,7 +13,6 @@ from flexlink.chain import Chain
 from flexlink.checks import all_given, integer
 from flexlink.dynamics import lanes_workspace, solver_for
 from flexlink.errors import DivergenceError, InterruptedRunError
-from flexlink.inputs import losses_side_by_side
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.lanes import LANES
 from flexlink.scene import Scene
@@ -125,10 +124,10 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
     samples = q, qd, np.zeros((run.samples, LANES))
     for lane, member in enumerate(eight):
         q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
-    state = q[0].copy(), qd[0].copy(), np.zeros((chain.n + 1, LANES))
+    state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
     work = lanes_workspace(solver, chains)
     rows = 1
-    for done in pieces(block[0].watch, work, losses_side_by_side(chains), state, samples):
+    for done in pieces(block[0].watch, work, state, samples):
         rows = done // run.steps_per_sample + 1
         if stop.asked:
             break

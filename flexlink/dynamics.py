@@ -172,8 +172,8 @@ def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
     """
     q = vector("q", q, given("chain", chain, Chain).n)
     M = np.zeros((chain.n, chain.n))
-    choice("method", method, MASS_METHODS)(chain.arrays, q, M)
-    if not is_finite(M.reshape(-1)):
+    trace = choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
     return M
 

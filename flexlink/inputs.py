@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -44,33 +43,9 @@ class Inputs(NamedTuple):
     wrench: Array  # (6,) [N, N m]
 
 
-class Losses(NamedTuple):
-    """T_FR = damping q̇ + coulomb tanh(q̇ / coulomb_width), of one chain (n,) or of eight side by side (n, 8)."""
-
-    damping: Array  # [N m s/rad]
-    coulomb: Array  # [N m]
-    coulomb_width: Array  # [rad/s]
-    dry: Indices  # joints with Coulomb friction
-
-
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
     """All that acts on a run of this scene from outside; errors as in `drive_arrays` and `motion_arrays`."""
     return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench)
-
-
-def losses(chain: Chain) -> Losses:
-    """Friction of a chain."""
-    return _losses(chain.hinges)
-
-
-def losses_side_by_side(chains: Sequence[Chain]) -> Losses:
-    """Friction of eight chains of one layout."""
-    return _losses(np.stack([chain.hinges for chain in chains], axis=-1))
-
-
-def _losses(hinges: NDArray[np.void]) -> Losses:
-    damping, coulomb, width = (np.ascontiguousarray(hinges[name]) for name in ("damping", "coulomb", "coulomb_width"))
-    return Losses(damping, coulomb, width, np.flatnonzero(coulomb.reshape(len(hinges), -1).any(axis=1)))
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:

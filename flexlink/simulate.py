@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from flexlink.chain import Chain
 from flexlink.checks import callable_or_none, given
 from flexlink.errors import ArgumentError, InterruptedRunError, SceneError
-from flexlink.inputs import Losses, input_arrays
+from flexlink.inputs import input_arrays
 from flexlink.interruption import Stop, deferred
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Run, Scene
@@ -75,9 +75,9 @@ class SingleRun:
     def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
         self.watch = prepare(scene, scene.chain()) if watch is None else watch
         record = self.watch.record
-        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n + 1)
+        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         samples = record.q, record.qd, record.works
-        self.pieces = pieces(self.watch, record.scratch, self.watch.losses, self.state, samples)
+        self.pieces = pieces(self.watch, record.scratch, self.state, samples)
         next(self.pieces)  # compiles, while no signal is deferred
 
     def finish(self, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
@@ -123,7 +123,7 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     return watch
 
 
-def pieces(watch: Watch, scratch: Any, losses: Losses, state: Arrays, samples: Arrays) -> Iterator[int]:
+def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
     """Integrate in pieces of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
@@ -131,7 +131,7 @@ def pieces(watch: Watch, scratch: Any, losses: Losses, state: Arrays, samples: A
     """
     run, record = watch.run, watch.record
     first, size, steps, every = 0, 1, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = record.chain.arrays, scratch, watch.tableau, record.inputs, losses, run.step
+    fixed = record.chain.arrays, scratch, watch.tableau, record.inputs, run.step
     yield int(integrate(*fixed, 0, 0, every, state, samples))
     while first < steps:
         started, last = time.perf_counter(), min(first + size, steps)

@@ -11,7 +11,7 @@ from flexlink import balance
 from flexlink.chain import Chain
 from flexlink.dynamics import mass_matrix
 from flexlink.errors import DivergenceError, UnstableStepError
-from flexlink.inputs import Inputs, losses
+from flexlink.inputs import Inputs
 from flexlink.kernels.samples import tip_errors
 from flexlink.scene import Run, Scene
 from flexlink.stability import Gains, fastest_eigenvalues, stable_step_of
@@ -89,7 +89,7 @@ class Watch:
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
         self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
-        self.tableau, self.losses = tableau(run.method).arrays, losses(chain)
+        self.tableau = tableau(run.method).arrays
         self._told: set[str] = set()
 
     def look(self, stop: int) -> bool:
@@ -169,7 +169,7 @@ class Watch:
         probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
         errors = np.empty(len(probed))
         tip_errors(
-            record.chain.arrays, record.scratch, self.tableau, record.inputs, self.losses, self.run.step,
+            record.chain.arrays, record.scratch, self.tableau, record.inputs, self.run.step,
             probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < 10 * EPS * balance.reach(record.chain)] = 0.0  # rounding

@@ -69,7 +69,7 @@ from flexlink.kernels.articulated_rows import (
     put_axes_of,
 )
 from flexlink.kernels.compiler import inlined, recursion
-from flexlink.kernels.joint_torques import smooth_torque, take_off_dry_friction
+from flexlink.kernels.joint_torques import smooth_torques, take_off_dry_friction
 from flexlink.kernels.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_apply, sym_turn
@@ -80,21 +80,24 @@ from flexlink.kernels.vec3 import add, add_scaled, combine2, cross, dot, pick, p
 def articulated(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     gravity, layout, axes, given, bodies, hinges, dry, flat, trig = work
-    prepare(q, qd, tau, hinges, trig[0])
-    take_off_dry_friction(hinges, dry, qd, TORQUE)
+    power = prepare(q, qd, tau, hinges, trig[0])
+    lost = take_off_dry_friction(hinges, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
-    f, n, power = outward(layout, axes, bodies, hinges, wrench, qd, trig[1], trig[2])
+    f, n, turning = outward(layout, axes, bodies, hinges, wrench, qd, trig[1], trig[2])
     inward(layout, given, bodies, hinges, n, f, qdd, trig[1])
-    accelerate(gravity, layout, given, bodies, hinges, tau, qdd)
-    return power
+    return turning + accelerate(gravity, layout, given, bodies, hinges, qd, tau, qdd, power) - lost
 
 
 @inlined
 def prepare(q, qd, tau, hinges, angles):
-    """Angles in their place, and the torques that are left for the motion."""
+    """Angles in their place, torques that are left for the motion; returns the power of drive and viscous friction."""
+    power = zero_of(q)
     for k in range(len(q)):
         put_at(angles, at(q, k), k)
-        put_at(hinges, smooth_torque(hinges, k, at(q, k), at(qd, k), at(tau, k)), k, TORQUE)
+        working, torque = smooth_torques(hinges, k, at(q, k), at(qd, k), at(tau, k))
+        put_at(hinges, torque, k, TORQUE)
+        power += working * at(qd, k)
+    return power
 
 
 @inlined
@@ -246,15 +249,18 @@ def take_on_motion(hinges, k, acceleration, J, H, n, f):
 
 
 @inlined
-def torque_taken(hinges, k, tau, acceleration, α, a):
-    """Drive torque of a hinge whose q̈ is given: e·(J α + H a + n) + A q̈, and spring and friction on top."""
+def torque_lacking(hinges, k, acceleration, α, a):
+    """What a hinge whose q̈ is given takes, e·(J α + H a + n) + A q̈, beyond what drive, spring and friction give it."""
     moment = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a) + at(hinges, k, T_NET)
-    return moment + at(hinges, k, ARMATURE) * acceleration + (tau - at(hinges, k, TORQUE))
+    return moment + at(hinges, k, ARMATURE) * acceleration - at(hinges, k, TORQUE)
 
 
 @inlined
-def accelerate(gravity, layout, given, bodies, hinges, tau, qdd):
-    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take."""
+def accelerate(gravity, layout, given, bodies, hinges, qd, tau, qdd, power):
+    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
+
+    Returns the power with that of these torques.
+    """
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
     for i in range(len(layout)):
@@ -281,8 +287,11 @@ def accelerate(gravity, layout, given, bodies, hinges, tau, qdd):
                     put_at(qdd, at(hinges, k, INVERSE) * (at(hinges, k, T_NET) - demand), k)
                 α = add_scaled(α, at(qdd, k), vec_of(hinges, k, AXIS))
                 if given[k]:
-                    put_at(tau, torque_taken(hinges, k, at(tau, k), at(qdd, k), α, a), k)
+                    more = torque_lacking(hinges, k, at(qdd, k), α, a)
+                    put_at(tau, at(tau, k) + more, k)
+                    power += at(qd, k) * more
         a = add(add(a, cross(α, vec_of(bodies, i, R))), vec_of(bodies, i, B))
+    return power
 
 
 @inlined

@@ -68,10 +68,11 @@ def dense(chain, wrench, q, qd, tau, qdd, work):
     else:
         solve_cholesky(M, qdd, probe)
     take_torques(chain, wrench, q, qd, qdd, tau, bias, rne_work)
-    ω = ZERO
+    ω, power = ZERO, 0.0
     for k in range(len(qd)):
         ω = add_scaled(ω, qd[k], vector(composite_work[2][k]))
-    return dot(ω, (wrench[3], wrench[4], wrench[5]))
+        power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
+    return power + dot(ω, (wrench[3], wrench[4], wrench[5]))
 
 
 @recursion
@@ -87,11 +88,14 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
 
 
 def forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
-    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns the power of its moment, m·ω [W].
+    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns a power [W].
 
     Hybrid dynamics: at prescribed hinges `qdd` is given and stays, and the drive torque that it takes is written to
     `tau` (Featherstone 2008, section 9.2). With scratch of eight chains side by side (`lanes`) the arrays are of shape
-    (n, 8). (A force on the tip has a potential, −f·p; a moment has none, so that its work must be integrated.)
+    (n, 8).
+
+    The power is q̇·(T_EX − T_FR) + m·ω: that of all that has no potential, as springs, gravity and a force on the tip
+    have. Its integral is the work by which the energy changes.
     """
 
 

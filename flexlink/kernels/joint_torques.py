@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
-from flexlink.kernels.lanes import at, put_at, tanh
+from flexlink.kernels.lanes import at, put_at, tanh, zero_of
 
 
 @recursion
@@ -24,7 +24,7 @@ def friction(hinge, rate):
 
 
 STIFFNESS, REST, DAMPING, COULOMB, WIDTH = range(5)
-JOINT = 5  # numbers of a joint at the head of a row, as `smooth_torque` and `take_off_dry_friction` read them
+JOINT = 5  # numbers of a joint at the head of a row, as `smooth_torques` and `take_off_dry_friction` read them
 
 
 @kernel
@@ -56,15 +56,22 @@ def given_joints(hinges):
 
 
 @inlined
-def smooth_torque(rows, k, angle, rate, torque):
-    """T_EX − k (θ − θ₀) − d q̇ of joint `k`, or of eight side by side."""
-    return torque - at(rows, k, STIFFNESS) * (angle - at(rows, k, REST)) - at(rows, k, DAMPING) * rate
+def smooth_torques(rows, k, angle, rate, torque):
+    """T_EX − d q̇ of joint `k`, or of eight side by side, whose power is work; and with the spring, − k (θ − θ₀)."""
+    working = torque - at(rows, k, DAMPING) * rate
+    return working, working - at(rows, k, STIFFNESS) * (angle - at(rows, k, REST))
 
 
 @recursion
 def take_off_dry_friction(rows, dry, qd, net):
-    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly."""
+    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly.
+
+    Returns the power that it takes [W].
+    """
+    power = zero_of(qd)
     for i in range(len(dry)):
         k = dry[i]
         torque = at(rows, k, COULOMB) * tanh(at(qd, k) / at(rows, k, WIDTH))
         put_at(rows, at(rows, k, net) - torque, k, net)
+        power += at(qd, k) * torque
+    return power

@@ -4,11 +4,13 @@ columns     every column is a full inverse dynamics with one unit acceleration, 
 lower       the same, but outward from the moving joint only: the part of the column on and below the diagonal
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
+
+All write M (n, n) and return its trace.
 """
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.sym3 import (
@@ -39,6 +41,15 @@ from flexlink.kernels.vec3 import (
 )
 
 
+@inlined
+def trace(M):
+    """Σ M_kk, finite if M is: |M_jk|² ≤ M_jj M_kk."""
+    total = 0.0
+    for k in range(len(M)):
+        total += M[k, k]
+    return total
+
+
 @kernel
 def mass_columns(chain, q, M):
     """M by n inverse dynamics (Walker-Orin method 1)."""
@@ -50,6 +61,7 @@ def mass_columns(chain, q, M):
         rne(chain, ZERO, wrench, q, rest, unit_acceleration, column, work)
         M[:, k] = column
         unit_acceleration[k] = 0.0
+    return trace(M)
 
 
 @kernel
@@ -90,6 +102,7 @@ def mass_lower(chain, q, M):
                     f, n = apply(b.rotation, f), apply(b.rotation, n)
                 n = add(n, cross(vector(b.translation), f))
             M[j, j] += hinges[j].armature
+    return trace(M)
 
 
 @kernel
@@ -127,6 +140,7 @@ def mass_upper(chain, q, M):
         r = vector(b.translation)
         J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
         h = add(h, scale(m, r))
+    return trace(M)
 
 
 @kernel
@@ -140,6 +154,7 @@ def composite_workspace(chain):
 def mass_composite(chain, q, M):
     """M by composite bodies in inertial axes."""
     composite(chain, q, M, composite_workspace(chain))
+    return trace(M)
 
 
 @recursion

@@ -25,7 +25,7 @@ from flexlink.kernels.joint_torques import (
     dry_joints,
     given_joints,
     put_joint,
-    smooth_torque,
+    smooth_torques,
     take_off_dry_friction,
 )
 from flexlink.kernels.lanes import LANES, at, put_at, vec, zero_of
@@ -144,26 +144,31 @@ def in_plane(base, a):
 def planar(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
     base, links, given, dry, flat, trig = work
-    ω = outward(q, qd, tau, links, trig[0])
-    take_off_dry_friction(links, dry, qd, TORQUE)
+    ω, power = outward(q, qd, tau, links, trig[0])
+    lost = take_off_dry_friction(links, dry, qd, TORQUE)
     cos_sin_all(flat[0], flat[1], flat[2])
     inward(base, wrench, given, qdd, links, trig[1], trig[2])
-    accelerate(base, given, links, tau, qdd)
-    return ω * dot(vec(base, NORMAL), vec(wrench, 3))
+    turning = ω * dot(vec(base, NORMAL), vec(wrench, 3))
+    return turning + accelerate(base, given, links, qd, tau, qdd, power) - lost
 
 
 @inlined
 def outward(q, qd, tau, links, angles):
-    """Absolute angles and rates, and the torques that are left for the motion; returns the rate of the tip."""
-    φ = ω = zero_of(q)
+    """Absolute angles and rates, and the torques that are left for the motion.
+
+    Returns the rate of the tip, and the power of drive and viscous friction.
+    """
+    φ = ω = power = zero_of(q)
     for k in range(len(q)):
         σ = at(links, k, SIGN)
         φ += σ * at(q, k)
         ω += σ * at(qd, k)
         put_at(angles, φ, k)
         put_at(links, ω * ω, k, RATE2)
-        put_at(links, smooth_torque(links, k, at(q, k), at(qd, k), at(tau, k)), k, TORQUE)
-    return ω
+        working, torque = smooth_torques(links, k, at(q, k), at(qd, k), at(tau, k))
+        put_at(links, torque, k, TORQUE)
+        power += working * at(qd, k)
+    return ω, power
 
 
 @inlined
@@ -217,8 +222,11 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
 
 
 @inlined
-def accelerate(base, given, links, tau, qdd):
-    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take."""
+def accelerate(base, given, links, qd, tau, qdd, power):
+    """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
+
+    Returns the power with that of these torques.
+    """
     ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
     before = zero_of(qdd)
     for k in range(len(qdd)):
@@ -227,10 +235,12 @@ def accelerate(base, given, links, tau, qdd):
         if given[k]:
             α = before + at(links, k, SIGN) * at(qdd, k)
             moment = at(links, k, SIGN) * (at(links, k, ALPHA) + at(links, k, BETA) * α + pull)
-            held = moment + at(links, k, ARMATURE) * at(qdd, k)
-            put_at(tau, held + (at(tau, k) - at(links, k, TORQUE)), k)  # spring and friction come on top
+            more = moment + at(links, k, ARMATURE) * at(qdd, k) - at(links, k, TORQUE)  # than all else gives it
+            put_at(tau, at(tau, k) + more, k)
+            power += at(qd, k) * more
         else:
             α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - pull
             put_at(qdd, at(links, k, SIGN) * (α - before), k)
         ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
         before = α
+    return power

@@ -3,9 +3,9 @@
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 
-The work of drives, prescribed motions, friction and the wrench's moment is integrated with the same method:
+The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, is integrated with the same method:
 
-W_k ← W_k + h Σ b_i L_ik (T_EX − T_FR)_ik
+W ← W + h Σ b_i P_i
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.kernels.lanes import at, put_at, tanh, zero_of
+from flexlink.kernels.lanes import at, put_at
 
 
 @kernel
-def integrate(chain, work, tableau, inputs, losses, h, first, last, every, state, samples):
-    """Advance the state q, q̇ (n,) and W (n + 1,) in place from step number `first` to `last`, with scratch of a solver.
+def integrate(chain, work, tableau, inputs, h, first, last, every, state, samples):
+    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
 
-    Every `every`-th state since step 0 goes to its row of `samples`: q, q̇ (rows, n) and the sum of W (rows,). Returns
+    Every `every`-th state since step 0 goes to its row of `samples`: q, q̇ (rows, n) and W (rows,). Returns
     the number of the last step whose q and q̇ are finite; if that is not `last`, the state is the first that is not.
     With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
     numbers stops all.
@@ -32,19 +32,19 @@ def integrate(chain, work, tableau, inputs, losses, h, first, last, every, state
     K, L = stages[0], stages[1]
     q_stage, tau = np.empty_like(q), np.zeros_like(q)
     for number in range(first, last):
-        step(chain, work, tableau, inputs, losses, h, number, state, q_stage, tau, K, L)
+        step(chain, work, tableau, inputs, h, number, state, q_stage, tau, K, L)
         if not (is_finite(q) and is_finite(qd)):
             return number
         if (number + 1) % every == 0:
             row = (number + 1) // every
             qs[row], qds[row] = q, qd
-            put_at(works, total(done), row)
+            put_at(works, at(done, 0), row)
     return last
 
 
 @recursion
-def step(chain, work, tableau, inputs, losses, h, number, state, q_stage, tau, K, L):
-    """Advance q, q̇ (n,) and W (n + 1,) from t = number · h by h."""
+def step(chain, work, tableau, inputs, h, number, state, q_stage, tau, K, L):
+    """Advance q, q̇ (n,) and W (1,) from t = number · h by h."""
     A, b, c = tableau
     q, qd, done = state
     for i in range(len(c)):
@@ -58,8 +58,7 @@ def step(chain, work, tableau, inputs, losses, h, number, state, q_stage, tau, K
         follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
         drive_torque(inputs.drive, t, q_stage, q_dot, tau)
         power = forward_dynamics(chain, inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
-        if b[i] != 0.0:
-            add_work(b[i] * h, losses, q_dot, tau, power, done)
+        put_at(done, at(done, 0) + b[i] * h * power, 0)
     for i in range(len(c)):
         add_stage(b[i] * h, L, K, i, q, qd)
     follow(inputs.motion, (number + 1) * h, q, qd, K[0])
@@ -72,27 +71,3 @@ def add_stage(weight, L, K, i, q, qd):
         for k in range(len(q)):
             put_at(q, at(q, k) + weight * at(L, i, k), k)
             put_at(qd, at(qd, k) + weight * at(K, i, k), k)
-
-
-@inlined
-def add_work(weight, losses, qd, tau, power, done):
-    """W += weight q̇ (T_EX − T_FR), joint by joint, and in the last place weight times the power of the moment."""
-    n = len(qd)
-    for k in range(n):
-        rate = at(qd, k)
-        put_at(done, at(done, k) + weight * (rate * (at(tau, k) - at(losses.damping, k) * rate)), k)
-    for i in range(len(losses.dry)):
-        k = losses.dry[i]
-        rate = at(qd, k)
-        loss = rate * at(losses.coulomb, k) * tanh(rate / at(losses.coulomb_width, k))
-        put_at(done, at(done, k) - weight * loss, k)
-    put_at(done, at(done, n) + weight * power, n)
-
-
-@inlined
-def total(values):
-    """Sum of a vector (n,), or of eight side by side."""
-    result = zero_of(values)
-    for k in range(len(values)):
-        result += at(values, k)
-    return result

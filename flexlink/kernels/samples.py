@@ -38,18 +38,18 @@ def drive_torques(chain, work, inputs, ts, qs, qds, taus):
 
 
 @kernel
-def tip_errors(chain, work, tableau, inputs, losses, h, numbers, qs, qds, errors):
+def tip_errors(chain, work, tableau, inputs, h, numbers, qs, qds, errors):
     """How far apart [m] one step of h and two of h/2 put the tip, from each state (rows, n) at step number (rows,)."""
     bodies, n = len(chain.bodies), len(chain.hinges)
     rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
-    stages, scratch, ends, done = np.empty((2, len(tableau[2]), n)), np.zeros((2, n)), np.empty((2, 3)), np.zeros(n + 1)
+    stages, scratch, ends, done = np.empty((2, len(tableau[2]), n)), np.zeros((2, n)), np.empty((2, 3)), np.zeros(1)
     for row in range(len(numbers)):
         for parts in range(1, 3):
             state = qs[row].copy(), qds[row].copy(), done
             for part in range(parts):
                 number = parts * numbers[row] + part
                 step(
-                    chain, work, tableau, inputs, losses, h / parts, number, state,
+                    chain, work, tableau, inputs, h / parts, number, state,
                     scratch[0], scratch[1], stages[0], stages[1],
                 )  # fmt: skip
             kinematics(chain, state[0], rotations, points, axes)

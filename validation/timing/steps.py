@@ -17,7 +17,7 @@ from flexlink.dynamics import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.errors import FlexlinkError
-from flexlink.inputs import input_arrays, losses, losses_side_by_side
+from flexlink.inputs import input_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.scene import Scene
@@ -31,12 +31,12 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = scene.chain(), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = chain.arrays, work, tableau("RK4").arrays, input_arrays(scene, chain), losses(chain), h
+    fixed = chain.arrays, work, tableau("RK4").arrays, input_arrays(scene, chain), h
     start = scene.initial_state(chain)
     samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
     def take(steps: int) -> None:
-        state = start[0].copy(), start[1].copy(), np.zeros(chain.n + 1)
+        state = start[0].copy(), start[1].copy(), np.zeros(1)
         _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
@@ -47,15 +47,14 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = scene.chain(), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    inputs, lost = input_arrays(scene, chain), losses_side_by_side([chain] * LANES)
-    fixed = chain.arrays, work, tableau("RK4").arrays, inputs, lost, h
+    fixed = chain.arrays, work, tableau("RK4").arrays, input_arrays(scene, chain), h
     starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
 
     def take(steps: int) -> None:
         for q, qd in blocks:
-            state = q.copy(), qd.copy(), np.zeros((chain.n + 1, LANES))
+            state = q.copy(), qd.copy(), np.zeros((1, LANES))
             _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
