@@ -26,7 +26,7 @@ from flexlink.watch import Watch, judge_step
 Array = NDArray[np.float64]
 Arrays = tuple[Array, Array, Array]
 """q, q̇ and W."""
-BREATH = 0.02  # time between two looks at the samples, at signals and the terminal [s]
+BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
 
 
 def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:

@@ -32,8 +32,9 @@ DOUBT = 0.1
 """Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
 energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
 
-PROBED = 64
-"""Steps for one whose own error is looked at, by two of half the size: it costs three in so many, 5 %."""
+FEWEST, APART = 64, 128
+"""How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
+one in so many, which costs three in 128, 2 %."""
 
 
 def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:
@@ -162,10 +163,10 @@ class Watch:
             self.good, self.fault = most, f"{bent}, too far for matched twist: M is indefinite; use more segments"
 
     def _probe_steps(self, rows: slice) -> None:
-        """Add up the errors of the steps themselves, of one step in about 64."""
+        """Add up the errors of the steps themselves, of a few that stand for all."""
         record, per_sample = self.record, self.run.steps_per_sample
-        steps_apart = max(1, min(PROBED, (self.run.samples - 1) * per_sample // PROBED))
-        every = max(1, steps_apart // per_sample)  # samples
+        steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
+        every = max(1, -(-steps_apart // per_sample))  # samples
         probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
         errors = np.empty(len(probed))
         tip_errors(
