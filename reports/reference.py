@@ -11,25 +11,33 @@ from flexlink.output import write_text
 from reports.results import Results
 from reports.tables import state, table_csv
 from reports.verdict import PASS, correct, measured
+from validation.facts import said
 from validation.store import Row
 from validation.verdict import correctness, crowd, speed
 
 FOLDER = Path(__file__).parent / "reference_run"
-HEADS = ("case", "quantity", "where", "value", "unit", "side", "limit", "state")
+HEADS = ("case", "quantity", "setting", "engine", "form", "value", "unit", "side", "limit", "state")
+FOUND = "form"  # the fact that is found rather than set: which of its forms an engine is fastest in
 ANEW = "make one with: python -m reports --reference"
 HOW = "run the whole study on a machine at rest: python -m validation --force"
 
 
 @dataclasses.dataclass(frozen=True)
 class Reference:
-    """Values by (case, quantity, where), and on what they were measured; both empty without a reference run."""
+    """Values of limits of time by what `_asked` says, and on what they were measured; empty without a reference run."""
 
     values: dict[tuple[str, str, str], float]
     machine: str
 
     def value(self, row: Row) -> float | None:
         """What the reference run has for a row."""
-        return self.values.get((row.case, row.quantity, row.where))
+        return self.values.get(_asked(row))
+
+
+def _asked(row: Row) -> tuple[str, str, str]:
+    """(case, quantity, setting): what was asked, whichever engine or form of it came out as the fastest."""
+    set_ = said({name: value for name, value in row.varied.items() if name != FOUND})
+    return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 
 
 def save(results: Results, folder: Path = FOLDER) -> Path:
@@ -62,7 +70,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
 def _line(row: Row, results: Results) -> tuple[object, ...]:
     side = row.bound if row.tolerance is not None else ""
     word = state(row, results.finished)
-    return row.case, row.quantity, row.where, row.value, row.unit, side, row.tolerance, word
+    return *_asked(row), row.engine, row.varied.get(FOUND), row.value, row.unit, side, row.tolerance, word
 
 
 def read(folder: Path = FOLDER) -> Reference:
@@ -77,10 +85,10 @@ def read(folder: Path = FOLDER) -> Reference:
         return Reference({}, "")
     try:
         with (folder / "speed.csv").open(encoding="utf-8", newline="") as file:
-            lines = [line for line in csv.DictReader(file) if line["value"]]
+            lines = [line for line in csv.DictReader(file) if line["value"] and line["limit"]]
         with (folder / "machine.csv").open(encoding="utf-8", newline="") as file:
             machine = {row["what"]: row["value"] for row in csv.DictReader(file)}
-        values = {(line["case"], line["quantity"], line["where"]): float(line["value"]) for line in lines}
+        values = {(line["case"], line["quantity"], line["setting"]): float(line["value"]) for line in lines}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FlexlinkError(f"{folder}: not a reference run ({error}); {ANEW}") from None
     return Reference(values, machine.get("measured", ""))

@@ -409,6 +409,11 @@ def test_the_watch_counts_what_others_run_and_not_the_work_that_is_timed(monkeyp
     assert (found.load, found.spread) == (1.5, 0.5)
 
 
+def test_a_single_hiccup_does_not_make_a_machine_busy(monkeypatch):
+    monkeypatch.setattr(machine, "_laps", lambda: [1.0] * 99 + [100.0])
+    assert machine.Watch().conditions().spread == 0.0
+
+
 def test_a_watch_on_this_machine_finds_something_sensible():
     found = machine.Watch().conditions()
     assert found.load is None or 0.0 <= found.load <= found.cores + 1.0

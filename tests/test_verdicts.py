@@ -87,11 +87,14 @@ def test_on_a_busy_machine_the_page_says_so_instead_of_met_or_missed(tmp_path: P
 
 
 def test_the_speed_table_stands_beside_the_reference_run(tmp_path: Path) -> None:
-    save(Results.read(stored(tmp_path / "quiet", row(), timed(0.75), conditions=QUIET)), tmp_path / "reference")
-    results = stored(tmp_path / "results", row(), timed(0.5), conditions=QUIET)
+    before = timed(0.75, engine="pinocchio, fastest", varied={"n": 10, "form": "local"})
+    save(Results.read(stored(tmp_path / "quiet", row(), before, conditions=QUIET)), tmp_path / "reference")
+    now = timed(0.5, engine="mujoco", varied={"n": 10, "form": "world"})
+    results = stored(tmp_path / "results", row(), now, timed(0.5, varied={"n": 20}), conditions=QUIET)
     page = build(results, tmp_path / "report", tmp_path / "reference").read_text(encoding="utf-8")
     assert "Reference run: 2026-07-01, 10:30 to 10:30 UTC · A processor" in page
     assert re.search(r'data-head="reference run" class="num">0.75\N{NO-BREAK SPACE}µs<', page)
+    assert page.count('data-head="reference run" class="num">–<') == 1, "what the reference run did not ask"
 
 
 @pytest.mark.parametrize(("conditions", "value", "planned", "why"), [

@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
 REPORT = HERE.parent / "reports" / "latest"
 
 EXAMPLES = """examples:
-  python -m validation                      everything that is not stored yet, then the report
+  python -m validation                      what is not stored yet or was timed on a busy machine, then the report
   python -m validation speed                every case called speed or speed_…, or of such a kind
   python -m validation pointwise 'traj*'    some cases, by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
