@@ -21,7 +21,7 @@ def run(models) -> fl.Trajectory:
 def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
     figure = plotting.plot_trajectory(run)
     FigureCanvasAgg(figure).draw()
-    assert len(figure.axes) == 5
+    assert len(figure.axes) == 6
     for panel in figure.axes:
         legend = panel.get_legend().get_window_extent()
         assert not legend.overlaps(panel.get_window_extent())
@@ -31,7 +31,7 @@ def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
 def test_every_energy_takes_a_good_part_of_its_panel(run: fl.Trajectory) -> None:
     """But the total, which is to stand still: with gravity's arbitrary zero all of them were flat."""
     figure = plotting.plot_trajectory(run)
-    for panel in figure.axes[-2:]:
+    for panel in figure.axes[-3:]:
         low, high = panel.get_ylim()
         for line in panel.lines:
             if line.get_label() != "total":
@@ -45,7 +45,7 @@ def test_panels_without_content_are_left_out() -> None:
         [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes]
         for scene in (rigid, locked)
     ]
-    assert [len(found) for found in labels] == [3, 4]
+    assert [len(found) for found in labels] == [4, 5]
     assert not any("passive" in label or "elastic" in label for label in labels[0])
     assert not any("active" in label and "passive" not in label for label in labels[1])
 
