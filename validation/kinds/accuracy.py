@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Annotated
 
+import msgspec
 import numpy as np
 from mpmath import mp
 from msgspec.structs import replace
@@ -34,11 +36,14 @@ class Arms(Family, frozen=True):
         Angles of passive hinges are up to this [rad], their rates in proportion.
     from_lock
         Every second hinge group of three axes is so many radians from gimbal lock.
+    times
+        So many times the case's number of states: of short chains, where chance decides which is the worst of a few.
     """
 
     loads: tuple[float, ...] = ()
     bend: float = np.pi
     from_lock: tuple[float, ...] = ()
+    times: Annotated[int, msgspec.Meta(ge=1)] = 1
 
     def chains(self, case: Case, segments: int) -> list[Chain]:
         """The arm with so many segments a link, with each of the loads."""
@@ -50,7 +55,7 @@ class Arms(Family, frozen=True):
         """Random states; of arms near gimbal lock so many at every distance from it."""
         share = np.full(chain.n, self.bend / np.pi)
         share[chain.active] = 1.0
-        states = [s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, samples, seed)]
+        states = [s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, self.times * samples, seed)]
         return [_near_lock(chain, s, distance) for distance in self.from_lock for s in states] or states
 
 
