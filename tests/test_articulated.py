@@ -181,7 +181,8 @@ def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
     for flex in ("yz", "xyz"):
         assert ways(flexible("a", flex, 3), armature=0.1) == [ALONG, HINGES, HINGES, TIP]
         assert ways(flexible("a", flex, 3), prescribed=1) == [HINGES, HINGES, HINGES, TIP]
-        assert ways(flexible("a", flex, 3), axis=1)[1:3] == [HINGES, HINGES]
+        for axis in (0, 1, 2):  # all about one axis
+            assert ways(flexible("a", flex, 3), axis=axis)[1:3] == [HINGES, HINGES]
 
 
 def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
@@ -206,6 +207,19 @@ def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -
         hinges = chain.hinges.copy()
         hinges["armature"][k] = 0.1
         assert chain.same_layout(dataclasses.replace(chain, hinges=hinges)) is alike
+
+
+def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.random.Generator) -> None:
+    """Of chains made by hand, whose last body need not be a mere frame."""
+    light = make_scene(flexible("a", "xyz", 3, mount=SKEW)).chain()
+    bodies = light.bodies.copy()
+    bodies[-1]["mass"] = 0.5
+    heavy = dataclasses.replace(light, bodies=bodies)
+    q, qd, tau = rng.uniform(-1, 1, (3, 2, light.n))
+    for pair in ((light, heavy), (heavy, light)):
+        for chain, row, *state in zip(pair, forward_dynamics(pair, q, qd, tau), q, qd, tau, strict=True):
+            lu = forward_dynamics(chain, *state, "lu")
+            assert rounding.acceleration_error(chain, *state, (row, lu)).max() <= 1
 
 
 def exact(chain: Chain, *state: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import msgspec
@@ -15,7 +16,7 @@ from flexlink import stability
 from flexlink.inputs import input_arrays
 from flexlink.interruption import Stop
 from flexlink.simulate import SingleRun, prepare
-from flexlink.stability import eigenvalues, stability_polynomial
+from flexlink.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
 from flexlink.tableaus import tableau
 from flexlink.watch import gains_of
 
@@ -115,6 +116,40 @@ def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_da
     λ = stability.fastest_eigenvalues(chain, q)
     assert -λ.real.min() == pytest.approx(brakes.max(), rel=1e-3, abs=1e-12)
     assert λ.imag.max() == pytest.approx(np.sqrt(squares.max()), rel=1e-3)
+
+
+LONG = {  # what acts on a chain, and what it acts through
+    "gravity": {"gravity": (0.0, 1e6, 0.0)},
+    "a pull": {"tip_wrench": np.array([1e6, 0, 0, 0, 0, 0])},
+    "stiff servos": {"gains": 1e8},
+    "a prescribed joint": {"prescribed": 1},
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(what: str, monkeypatch) -> None:
+    acts = dict(LONG[what])
+    gravity, prescribed = acts.pop("gravity", (0.0, 0.0, 0.0)), acts.pop("prescribed", 0)
+    links = flexible("a", "yz", 5), flexible("b", "z", 3, joint=fl.Joint(armature=1e-6))
+    chain = make_scene(*links, gravity=gravity).chain()
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][chain.active[1]] = prescribed
+    if prescribed:
+        hinges["stiffness"][chain.active[1]] = 1e9  # which counts for nothing
+    chain, q = dataclasses.replace(chain, hinges=hinges), np.linspace(0.1, 0.2, chain.n)
+    if "gains" in acts:
+        kp, kd = np.zeros((2, chain.n))
+        kp[chain.active] = acts["gains"]
+        acts["gains"] = Gains(kp, kd)
+    every = np.abs(eigenvalues(chain, q, **acts)).max()
+    monkeypatch.setattr(stability, "DENSE", 0)
+    assert np.abs(fastest_eigenvalues(chain, q, **acts)).max() == pytest.approx(every, rel=1e-3)
+
+
+def test_a_slow_swing_bounds_the_step_of_rk2_beside_a_fast_brake() -> None:
+    """λ = −100 alone would allow 2/100; ±10i allow 0.0532/10."""
+    λ = np.array([-100.0, 10j, -10j])
+    assert stable_step_of(λ, "RK2") == pytest.approx(IMAGINARY_LIMIT["RK2"] / 10, rel=1e-7)
 
 
 def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:
