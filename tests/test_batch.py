@@ -146,7 +146,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
 
 def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
-    stop, batch, scenes = Stop(), sys.modules["flexlink.batch"], members("yz", 9)
+    stop, batch, scenes = Stop(), sys.modules["flexlink.batch"], members("yz", 10)
     pieces = batch.pieces
 
     def interrupted(*arguments):
@@ -164,4 +164,12 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
         rows = len(run.t)
         assert 3 <= rows < 11
         np.testing.assert_allclose(run.q, fl.simulate(scene).q[:rows], rtol=1e-12, atol=1e-12)
-    assert len(caught.value.runs[8].t) == 1  # it had not begun
+    assert [len(run.t) for run in caught.value.runs[8:]] == [1, 1]  # they had not begun
+
+
+def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    coarse = fl.Run(step=0.35, sample=0.35, duration=35.0)
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)), run=coarse)
+    with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
+        fl.simulate_many([scene, scene])
