@@ -129,6 +129,16 @@ def test_matched_rotors_leave_the_mass_matrix_of_a_tapered_link_positive_definit
     assert min(np.linalg.eigvalsh(fl.mass_matrix(chain, q)).min() for q in bent) > 0
 
 
+def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp_path: Path) -> None:
+    """Rotors −0.29 and −0.2025, with 0.45 behind hinge 2 and 0.35 more behind hinge 1: A r / (A + r) = −0.368 of it."""
+    rule = tmp_path / "halves.toml"
+    rule.write_text(
+        'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.55]\nweights = [0.5, 0.5]\n'
+    )
+    with pytest.raises(fl.SceneError, match="at hinge 1 outweighs"):
+        cone_bar(1.0, 2, str(rule))
+
+
 def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: Path) -> None:
     rule = tmp_path / "heavy.toml"  # the light last hinge would take 1/0.1 of what is left out beyond it
     rule.write_text(

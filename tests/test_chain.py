@@ -110,7 +110,7 @@ def test_stiffness_is_rigidity_over_weight_times_length() -> None:
     shear = 70e9 / (2 * 1.33)
     expected = np.array([shear * p.torsion, 70e9 * p.i_y, 70e9 * p.i_z]) / (1.25 / 4)
     np.testing.assert_allclose(chain.stiffness[1:4], expected, rtol=1e-14)
-    assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12)  # height along y resists bending about z
+    assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12, rel=1e-14, abs=0)  # height along y resists bending about z
 
 
 def test_locking_a_joint_equals_a_fixed_rotation() -> None:
@@ -126,6 +126,14 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
     soft = Material(young=1e-320, density=1.0)
     scene = make_scene(flexible("a"))
     scene.arm.materials["aluminium"] = soft
+    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
+        scene.chain()
+
+
+def test_a_single_axis_too_soft_for_float64_is_refused_too() -> None:
+    scene = make_scene(flexible("a", "xyz"))
+    scene.arm.sections["square"] = Section(shape="general", area=1.0, i_y=1.0, i_z=1.0, torsion=5e-324)
+    scene.arm.materials["aluminium"] = Material(young=1.0, density=1.0)
     with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
         scene.chain()
 

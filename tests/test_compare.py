@@ -182,6 +182,18 @@ def test_numbers_that_are_not_finite_never_pass(chain):
     assert f"at joint '{chain.joint_name(2)}' the engine returns numbers that are not finite" in comparison.diagnosis
 
 
+@pytest.mark.parametrize("number", [0, 7, 19])
+def test_one_state_of_many_that_is_not_finite_does_not_pass(number, chain):
+    engine, asked = load("native", chain), []
+
+    def friction_torque(qd):
+        asked.append(qd)
+        return (np.nan if len(asked) == number + 1 else 1.0) * fl.friction_torque(chain, qd)
+
+    engine.friction_torque = friction_torque
+    assert failing(against(chain, engine)) == {"T_FR"}
+
+
 def test_the_table_reads_alike_in_every_row(chain):
     table = str(against(chain, load("native", chain)))
     first, head, *rows = table.splitlines()
