@@ -23,6 +23,7 @@ from flexlink import (
     forward_dynamics,
     friction_torque,
     inverse_dynamics,
+    mass_matrix,
     rounding,
     simulate,
 )
@@ -91,20 +92,31 @@ def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Generator) -> None:
+    """They stay, the others are those of LU, and so are the torques that they take.
+
+    With prescribed hinges p and free ones f, M_ff Δq̈_f and Δτ_p − M_pf Δq̈_f are what rounding explains.
+    """
     chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
     hinges = chain.hinges.copy()
     hinges["prescribed"] = rng.uniform(size=chain.n) < 0.4
+    hinges["prescribed"][0] = 1  # which has a rotor, and friction
     chain = dataclasses.replace(chain, hinges=hinges)
-    q, qd = random_state(chain, rng)
-    tau, given = rng.normal(size=chain.n), rng.normal(size=chain.n)
+    p, f = (np.flatnonzero(hinges["prescribed"] == value) for value in (1, 0))
+    q, qd, tau, given = rng.uniform(-0.5, 0.5, (4, chain.n))
+    wrench = rng.normal(size=6)
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
-    results = [given.copy() for _ in solvers]
-    for solver, qdd in zip(solvers, results, strict=True):
-        solve(chain.arrays, np.zeros(6), q, qd, tau, qdd, solver.workspace(chain.arrays))
-    allowed = rounding.of_acceleration(chain, q, qd, tau, results[0])
-    for qdd in results:
-        np.testing.assert_array_equal(qdd[hinges["prescribed"] == 1], given[hinges["prescribed"] == 1])
-        np.testing.assert_allclose(qdd, results[0], rtol=0, atol=allowed)
+    taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
+    for solver, torque, qdd in zip(solvers, taus, results, strict=True):
+        solve(chain.arrays, wrench, q, qd, torque, qdd, solver.workspace(chain.arrays))
+    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
+    carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
+    for torque, qdd in zip(taus, results, strict=True):
+        np.testing.assert_array_equal(qdd[p], given[p])
+        np.testing.assert_array_equal(torque[f], tau[f])
+        assert np.abs(M[np.ix_(f, f)] @ (qdd - results[0])[f]).max() <= explained
+        assert (np.abs(torque - taus[0])[p] <= carried * explained).all()
+        residual = inverse_dynamics(chain, q, qd, qdd, wrench) + elastic_torque(chain, q) + friction_torque(chain, qd)
+        assert (np.abs(residual - torque)[p] <= carried * explained).all()
 
 
 @kernel
