@@ -19,6 +19,7 @@ from flexlink import (
     Link,
     Mount,
     Payload,
+    bias_torque,
     elastic_torque,
     forward_dynamics,
     friction_torque,
@@ -121,7 +122,22 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
 @kernel
 def solve(chain, wrench, q, qd, tau, qdd, work):
-    forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+    return forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str, rng: np.random.Generator) -> None:
+    chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
+    q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
+    wrench = rng.normal(size=6)
+    moment = np.concatenate([np.zeros(3), wrench[3:]])
+    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, moment))
+    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, moment)
+    assert abs(power) > 1e6 * explained
+    for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
+        work = solver.workspace(chain.arrays)
+        found = solve(chain.arrays, wrench, q, qd, tau.copy(), np.zeros(chain.n), work)
+        assert abs(found - power) <= explained
 
 
 LANE_ARMS = {
