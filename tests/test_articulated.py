@@ -19,10 +19,12 @@ from flexlink import (
     Link,
     Mount,
     Payload,
+    bias_torque,
     elastic_torque,
     forward_dynamics,
     friction_torque,
     inverse_dynamics,
+    mass_matrix,
     rounding,
     simulate,
 )
@@ -91,25 +93,51 @@ def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Generator) -> None:
+    """They stay, the others are those of LU, and so are the torques that they take.
+
+    With prescribed hinges p and free ones f, M_ff Δq̈_f and Δτ_p − M_pf Δq̈_f are what rounding explains.
+    """
     chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
     hinges = chain.hinges.copy()
     hinges["prescribed"] = rng.uniform(size=chain.n) < 0.4
+    hinges["prescribed"][0] = 1  # which has a rotor, and friction
     chain = dataclasses.replace(chain, hinges=hinges)
-    q, qd = random_state(chain, rng)
-    tau, given = rng.normal(size=chain.n), rng.normal(size=chain.n)
+    p, f = (np.flatnonzero(hinges["prescribed"] == value) for value in (1, 0))
+    q, qd, tau, given = rng.uniform(-0.5, 0.5, (4, chain.n))
+    wrench = rng.normal(size=6)
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
-    results = [given.copy() for _ in solvers]
-    for solver, qdd in zip(solvers, results, strict=True):
-        solve(chain.arrays, np.zeros(6), q, qd, tau, qdd, solver.workspace(chain.arrays))
-    allowed = rounding.of_acceleration(chain, q, qd, tau, results[0])
-    for qdd in results:
-        np.testing.assert_array_equal(qdd[hinges["prescribed"] == 1], given[hinges["prescribed"] == 1])
-        np.testing.assert_allclose(qdd, results[0], rtol=0, atol=allowed)
+    taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
+    for solver, torque, qdd in zip(solvers, taus, results, strict=True):
+        solve(chain.arrays, wrench, q, qd, torque, qdd, solver.workspace(chain.arrays))
+    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
+    carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
+    for torque, qdd in zip(taus, results, strict=True):
+        np.testing.assert_array_equal(qdd[p], given[p])
+        np.testing.assert_array_equal(torque[f], tau[f])
+        assert np.abs(M[np.ix_(f, f)] @ (qdd - results[0])[f]).max() <= explained
+        assert (np.abs(torque - taus[0])[p] <= carried * explained).all()
+        residual = inverse_dynamics(chain, q, qd, qdd, wrench) + elastic_torque(chain, q) + friction_torque(chain, qd)
+        assert (np.abs(residual - torque)[p] <= carried * explained).all()
 
 
 @kernel
 def solve(chain, wrench, q, qd, tau, qdd, work):
-    forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+    return forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str, rng: np.random.Generator) -> None:
+    chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
+    q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
+    wrench = rng.normal(size=6)
+    moment = np.concatenate([np.zeros(3), wrench[3:]])
+    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, moment))
+    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, moment)
+    assert abs(power) > 1e6 * explained
+    for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
+        work = solver.workspace(chain.arrays)
+        found = solve(chain.arrays, wrench, q, qd, tau.copy(), np.zeros(chain.n), work)
+        assert abs(found - power) <= explained
 
 
 LANE_ARMS = {
@@ -181,7 +209,8 @@ def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
     for flex in ("yz", "xyz"):
         assert ways(flexible("a", flex, 3), armature=0.1) == [ALONG, HINGES, HINGES, TIP]
         assert ways(flexible("a", flex, 3), prescribed=1) == [HINGES, HINGES, HINGES, TIP]
-        assert ways(flexible("a", flex, 3), axis=1)[1:3] == [HINGES, HINGES]
+        for axis in (0, 1, 2):  # all about one axis
+            assert ways(flexible("a", flex, 3), axis=axis)[1:3] == [HINGES, HINGES]
 
 
 def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
@@ -206,6 +235,19 @@ def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -
         hinges = chain.hinges.copy()
         hinges["armature"][k] = 0.1
         assert chain.same_layout(dataclasses.replace(chain, hinges=hinges)) is alike
+
+
+def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.random.Generator) -> None:
+    """Of chains made by hand, whose last body need not be a mere frame."""
+    light = make_scene(flexible("a", "xyz", 3, mount=SKEW)).chain()
+    bodies = light.bodies.copy()
+    bodies[-1]["mass"] = 0.5
+    heavy = dataclasses.replace(light, bodies=bodies)
+    q, qd, tau = rng.uniform(-1, 1, (3, 2, light.n))
+    for pair in ((light, heavy), (heavy, light)):
+        for chain, row, *state in zip(pair, forward_dynamics(pair, q, qd, tau), q, qd, tau, strict=True):
+            lu = forward_dynamics(chain, *state, "lu")
+            assert rounding.acceleration_error(chain, *state, (row, lu)).max() <= 1
 
 
 def exact(chain: Chain, *state: np.ndarray) -> np.ndarray:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
+import signal
+import sys
+
 import msgspec
 import numpy as np
 import pytest
@@ -9,6 +13,7 @@ from conftest import flexible, make_scene, nasty_scene, random_state
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.interruption import Stop
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -53,7 +58,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
     scenes = members(flex, 11)
     for scene, many in zip(scenes, fl.simulate_many(scenes, threads), strict=True):
         one = fl.simulate(scene)
-        for name in ("t", "q", "qd", "tau", "tip"):
+        for name in ("t", "q", "qd", "tau", "tip", "work"):
             np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
 
 
@@ -137,3 +142,34 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     runs = caught.value.runs
     assert [len(run.t) for run in runs] == [11, len(caught.value.trajectory.t), 11]
     np.testing.assert_array_equal(runs[2].q, fl.simulate(good).q)
+
+
+def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
+    """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
+    stop, batch, scenes = Stop(), sys.modules["flexlink.batch"], members("yz", 10)
+    pieces = batch.pieces
+
+    def interrupted(*arguments):
+        for done in pieces(*arguments):
+            if done >= 100:
+                stop.signal = signal.SIGINT
+            yield done
+
+    monkeypatch.setattr(batch, "pieces", interrupted)
+    monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
+    with pytest.raises(fl.InterruptedRunError) as caught:
+        fl.simulate_many(scenes)
+    assert len(caught.value.runs) == len(scenes)
+    for scene, run in zip(scenes[:8], caught.value.runs, strict=False):
+        rows = len(run.t)
+        assert 3 <= rows < 11
+        np.testing.assert_allclose(run.q, fl.simulate(scene).q[:rows], rtol=1e-12, atol=1e-12)
+    assert [len(run.t) for run in caught.value.runs[8:]] == [1, 1]  # they had not begun
+
+
+def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    coarse = fl.Run(step=0.35, sample=0.35, duration=35.0)
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)), run=coarse)
+    with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
+        fl.simulate_many([scene, scene])

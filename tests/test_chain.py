@@ -99,7 +99,7 @@ def test_mass_of_the_chain_is_the_mass_of_the_arm() -> None:
     scene = nasty_scene()
     lengths = [link.length for link in scene.arm.links]
     expected = sum(lengths) * ALUMINIUM.density * SQUARE.properties.area + scene.arm.tip.mass
-    assert scene.chain().bodies["mass"].sum() == pytest.approx(expected, rel=1e-14)
+    assert scene.chain().bodies["mass"].sum() == pytest.approx(expected, rel=1e-14, abs=0)
 
 
 def test_stiffness_is_rigidity_over_weight_times_length() -> None:
@@ -110,7 +110,7 @@ def test_stiffness_is_rigidity_over_weight_times_length() -> None:
     shear = 70e9 / (2 * 1.33)
     expected = np.array([shear * p.torsion, 70e9 * p.i_y, 70e9 * p.i_z]) / (1.25 / 4)
     np.testing.assert_allclose(chain.stiffness[1:4], expected, rtol=1e-14)
-    assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12)  # height along y resists bending about z
+    assert p.i_z == pytest.approx(0.02 * 0.03**3 / 12, rel=1e-14, abs=0)  # height along y resists bending about z
 
 
 def test_locking_a_joint_equals_a_fixed_rotation() -> None:
@@ -126,6 +126,14 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
     soft = Material(young=1e-320, density=1.0)
     scene = make_scene(flexible("a"))
     scene.arm.materials["aluminium"] = soft
+    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
+        scene.chain()
+
+
+def test_a_single_axis_too_soft_for_float64_is_refused_too() -> None:
+    scene = make_scene(flexible("a", "xyz"))
+    scene.arm.sections["square"] = Section(shape="general", area=1.0, i_y=1.0, i_z=1.0, torsion=5e-324)
+    scene.arm.materials["aluminium"] = Material(young=1.0, density=1.0)
     with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
         scene.chain()
 
@@ -234,7 +242,7 @@ def test_a_segment_of_a_prism_has_the_moments_of_a_prism() -> None:
     slender = line * p.area * l**2 / 12
     wanted = line * np.array([p.i_y + p.i_z, p.i_y, p.i_z]) + [0, slender, slender]
     assert body["mass"] == pytest.approx(line * p.area, rel=1e-14, abs=0)
-    assert body["center"].tolist() == pytest.approx([l / 2, 0, 0], rel=1e-14)
+    assert body["center"].tolist() == pytest.approx([l / 2, 0, 0], rel=1e-14, abs=0)
     np.testing.assert_allclose(body["inertia"], np.diag(wanted), rtol=1e-13, atol=0)
 
 
@@ -246,7 +254,7 @@ def test_slices_of_a_taper_and_of_a_prism_add_up_to_the_whole() -> None:
         sections={"square": SQUARE, "small": Section(shape="rectangle", height=0.02, width=0.02)},
     )
     wanted = ALUMINIUM.density * 1.25 * (0.04**2 + 0.04 * 0.02 + 0.02**2) / 3
-    assert lump(arm, (0, 0, 0)).bodies["mass"].sum() == pytest.approx(wanted, rel=1e-14)
+    assert lump(arm, (0, 0, 0)).bodies["mass"].sum() == pytest.approx(wanted, rel=1e-14, abs=0)
 
 
 def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexlink as fl
+from flexlink import rounding
 from flexlink.cli import main
 from flexlink.compare import MOST_SAMPLES, QUANTITIES, Comparison, compare, compare_engines
 from flexlink.engines import load
@@ -93,6 +94,25 @@ def test_balanced_states_show_it_in_the_accelerations_and_at_the_right_joint(cha
         assert np.delete(error, k, axis=1).max() <= 1
 
 
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_of_every_quantity_half_of_what_rounding_explains_passes_and_twice_does_not(name, chain):
+    s, rest, native = random_states(chain, 1)[0], np.zeros(chain.n), load("native", chain)
+    value = QUANTITIES[name].evaluate(native, s)
+    explained = {
+        "M": lambda: rounding.of_mass_matrix(chain, s.q),
+        "T_G": lambda: rounding.of_bias_torque(chain, s.q, rest),
+        "T_GC": lambda: rounding.of_bias_torque(chain, s.q, s.qd),
+        "T_GC with tip wrench": lambda: rounding.of_bias_torque(chain, s.q, s.qd, s.wrench),
+        "T_FL": lambda: rounding.of_elastic_torque(chain, s.q),
+        "T_FR": lambda: rounding.of_friction_torque(chain, s.qd),
+        "q̈": lambda: np.linalg.solve(
+            fl.mass_matrix(chain, s.q), rounding.of_residual(chain, *s[:3], value, s.wrench) * np.eye(chain.n)[0]
+        ),
+    }[name]()
+    half, twice = (QUANTITIES[name].error(chain, s, value + part * explained, value).max() for part in (0.5, 2.0))
+    assert half <= 1 < twice
+
+
 def test_accelerations_without_the_tip_wrench_show(chain):
     engine, native = load("native", chain), load("native", chain)
     engine.forward_dynamics = lambda q, qd, tau, wrench: native.forward_dynamics(q, qd, tau)
@@ -160,6 +180,18 @@ def test_numbers_that_are_not_finite_never_pass(chain):
     comparison = against(chain, engine)
     assert failing(comparison) == {"T_FR"}
     assert f"at joint '{chain.joint_name(2)}' the engine returns numbers that are not finite" in comparison.diagnosis
+
+
+@pytest.mark.parametrize("number", [0, 7, 19])
+def test_one_state_of_many_that_is_not_finite_does_not_pass(number, chain):
+    engine, asked = load("native", chain), []
+
+    def friction_torque(qd):
+        asked.append(qd)
+        return (np.nan if len(asked) == number + 1 else 1.0) * fl.friction_torque(chain, qd)
+
+    engine.friction_torque = friction_torque
+    assert failing(against(chain, engine)) == {"T_FR"}
 
 
 def test_the_table_reads_alike_in_every_row(chain):

@@ -25,6 +25,7 @@ from flexlink import (
     lump,
     modes,
     stable_step,
+    tip_position,
     to_mjcf,
 )  # fmt: skip
 from flexlink.engines import load
@@ -127,6 +128,21 @@ def test_mujoco_reads_back_every_axis_and_placement(chain: Chain) -> None:
     assert_allclose(engine.data.xanchor, anchors, rtol=0, atol=turn * reach)
     assert_allclose(engine.data.site_xpos[0], points[-1], rtol=0, atol=turn * reach)
     assert_allclose(engine.data.site_xmat[0].reshape(3, 3), rotations[-1], rtol=0, atol=turn)
+
+
+def test_mujoco_places_an_arm_behind_massless_turns_where_it_stands() -> None:
+    """Where the arm stands as a whole shows neither in M nor in torques."""
+    turns = [
+        Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
+        for k in range(3)
+    ]
+    chain = make_scene(*turns, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))).chain()
+    engine, posture = MujocoEngine(chain), np.zeros(chain.n)
+    engine.mass_matrix(posture)  # places all bodies
+    reach = np.linalg.norm(chain.bodies["translation"], axis=1).sum()
+    assert_allclose(
+        engine.data.site_xpos[0], tip_position(chain, posture), rtol=0, atol=len(chain.bodies) * QUATERNION * reach
+    )
 
 
 def test_mujoco_places_bodies_behind_bodies_with_mass_exactly(chain: Chain) -> None:

@@ -64,6 +64,14 @@ def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: 
         signal.raise_signal(number)
 
 
+def test_of_two_signals_the_first_is_answered() -> None:
+    with pytest.raises(fl.ArgumentError, match="results"), deferred() as stop:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGTERM)
+        assert stop.signal == signal.SIGINT
+        raise fl.ArgumentError("results")
+
+
 @pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
 def test_signals_that_a_program_answers_itself_are_left_to_it(own: object) -> None:
     signal.signal(signal.SIGINT, own)

@@ -89,7 +89,7 @@ def test_a_rigid_arm_has_one_static_posture(passive: str) -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square", mount=UPRIGHT)
     scene = make_scene(link, initial=fl.Initial(joint_deg=(30.0,), passive=passive))
     q, _ = scene.initial_state(scene.chain())
-    assert q == pytest.approx([np.radians(30.0)], rel=1e-15)
+    assert q == pytest.approx([np.radians(30.0)], rel=1e-15, abs=0)
 
 
 def test_info_prints_notes_beside_its_result(tmp_path: Path, capsys) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import stat
+import tempfile
 from pathlib import Path
 
 import pytest
 
 import flexlink as fl
-from flexlink.output import write_text, write_whole
+from flexlink.output import write_or_keep, write_text, write_whole
 
 
 @pytest.fixture
@@ -76,3 +77,10 @@ def test_the_old_file_is_whole_until_the_new_one_is(tmp_path: Path) -> None:
         write_whole(target, half)
     assert target.read_text(encoding="utf-8") == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["result"]
+
+
+def test_a_result_that_its_file_cannot_take_is_kept_elsewhere(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with pytest.raises(fl.OutputError, match=r"No such file.*the result is kept in .*-result\.txt"):
+        write_or_keep(tmp_path / "missing" / "result.txt", lambda place: place.write_text("found", encoding="utf-8"))
+    assert [path.read_text(encoding="utf-8") for path in tmp_path.iterdir()] == ["found"]

@@ -21,7 +21,7 @@ def paper(models) -> fl.Scene:
 
 def test_a_trajectory_has_every_sample_and_the_initial_state(paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.05)
-    assert run.t.tolist() == [pytest.approx(0.005 * k, rel=1e-15) for k in range(11)]
+    assert run.t.tolist() == [pytest.approx(0.005 * k, rel=1e-15, abs=0) for k in range(11)]
     assert run.q.shape == run.qd.shape == (11, 10)
     assert run.tip.shape == (11, 3)
     np.testing.assert_array_equal(run.q[0], paper.initial_state(run.chain)[0])
@@ -72,7 +72,7 @@ def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
     assert run.qd[:, 0] == pytest.approx([0.0, 0.75, 1.5, 2.375, 3.5], rel=1e-12)
-    assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15)
+    assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15, abs=0)
 
 
 DRIVES = {  # of three links, the first one locked; what the other two get at t = 0.5 s
@@ -107,7 +107,7 @@ def test_constant_torque_and_wrench_act_together() -> None:
         fl.Link(name="a"), tip=fl.Payload(mass=1.0, inertia=(1.0, 1.0, 4.0)), gravity=(0, 0, 0),
         drive=fl.Drive(kind="constant", torque=(3.0,)), wrench=fl.Wrench(moment=(0.0, 0.0, -1.0)),
     )  # fmt: skip
-    assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13)
+    assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13, abs=0)
 
 
 def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> None:

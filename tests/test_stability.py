@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import msgspec
@@ -15,7 +16,7 @@ from flexlink import stability
 from flexlink.inputs import input_arrays
 from flexlink.interruption import Stop
 from flexlink.simulate import SingleRun, prepare
-from flexlink.stability import eigenvalues, stability_polynomial
+from flexlink.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
 from flexlink.tableaus import tableau
 from flexlink.watch import gains_of
 
@@ -40,17 +41,33 @@ def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, lim
     assert fl.stable_step(scene.chain(), method) == pytest.approx(limit / 4.0, rel=1e-5)
 
 
-def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(tmp_path) -> None:
-    """R(z) = T_5(1 + z/25), by k_i = f(y + h a_i k_i−1) and y + h k_5: of 5 stages none goes further (Markov)."""
+@pytest.fixture
+def chebyshev(tmp_path) -> str:
+    """R(z) = T_5(1 + z/25), by k_i = f(y + h a_i k_i−1) and y + h k_5."""
     x = np.polynomial.Polynomial([1, 1 / 25])
     r = (16 * x**5 - 20 * x**3 + 5 * x).coef
     a = ["0", *(f"{r[k] / r[k - 1]:.17f}" for k in range(5, 1, -1))]
     A = [["0"] * (i - 1) + [a[i]] if i else [] for i in range(5)]
     method = {"about": "Chebyshev", "source": "-", "order": 1, "A": A, "b": ["0", "0", "0", "0", "1"], "c": a}
     (tmp_path / "chebyshev.toml").write_bytes(msgspec.toml.encode(method))
+    return str(tmp_path / "chebyshev.toml")
+
+
+def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(chebyshev: str) -> None:
+    """Of 5 stages none goes further (Markov)."""
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
-    assert fl.stable_step(scene.chain(), str(tmp_path / "chebyshev.toml")) == pytest.approx(50 / 4.0, rel=1e-5)
+    assert fl.stable_step(scene.chain(), chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("slant", [0.01, 0.03, 0.1])
+def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshev: str) -> None:
+    """Beside the real axis R is a little above 1 around each extremum of T_5, and below 1 between them."""
+    λ = np.array([-1.0 + slant * 1j, -1.0 - slant * 1j])
+    h, r = stable_step_of(λ, chebyshev), stability_polynomial(tableau(chebyshev))
+    inside = np.linspace(0, h, 10_001)[:, None] * λ
+    assert np.abs(np.polynomial.polynomial.polyval(inside, r)).max() <= 1 + 1.01e-6
+    assert 4 < h < 5  # the first extremum: 25 (1 − cos 36°) = 4.8
 
 
 @pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
@@ -115,6 +132,42 @@ def test_estimates_for_long_chains_hold_the_largest_stiffness_and_the_largest_da
     λ = stability.fastest_eigenvalues(chain, q)
     assert -λ.real.min() == pytest.approx(brakes.max(), rel=1e-3, abs=1e-12)
     assert λ.imag.max() == pytest.approx(np.sqrt(squares.max()), rel=1e-3)
+
+
+LONG = {  # what acts on a chain, and what it acts through
+    "gravity": {"gravity": (0.0, 1e6, 0.0)},
+    "gravity that stiffens nothing": {"gravity": (0.0, 1e7, 0.0), "bend": 0.0},
+    "a pull": {"tip_wrench": np.array([1e6, 0, 0, 0, 0, 0])},
+    "stiff servos": {"gains": 1e8},
+    "a prescribed joint": {"prescribed": 1},
+}
+
+
+@pytest.mark.parametrize("what", LONG)
+def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(what: str, monkeypatch) -> None:
+    acts = dict(LONG[what])
+    gravity, prescribed = acts.pop("gravity", (0.0, 0.0, 0.0)), acts.pop("prescribed", 0)
+    bend = acts.pop("bend", 0.1)
+    links = flexible("a", "yz", 5), flexible("b", "z", 3, joint=fl.Joint(armature=1e-6))
+    chain = make_scene(*links, gravity=gravity).chain()
+    hinges = chain.hinges.copy()
+    hinges["prescribed"][chain.active[1]] = prescribed
+    if prescribed:
+        hinges["stiffness"][chain.active[1]] = 1e9  # which counts for nothing
+    chain, q = dataclasses.replace(chain, hinges=hinges), np.linspace(bend, 2 * bend, chain.n)
+    if "gains" in acts:
+        kp, kd = np.zeros((2, chain.n))
+        kp[chain.active] = acts["gains"]
+        acts["gains"] = Gains(kp, kd)
+    every = np.abs(eigenvalues(chain, q, **acts)).max()
+    monkeypatch.setattr(stability, "DENSE", 0)
+    assert np.abs(fastest_eigenvalues(chain, q, **acts)).max() == pytest.approx(every, rel=1e-3)
+
+
+def test_a_slow_swing_bounds_the_step_of_rk2_beside_a_fast_brake() -> None:
+    """λ = −100 alone would allow 2/100; ±10i allow 0.0532/10."""
+    λ = np.array([-100.0, 10j, -10j])
+    assert stable_step_of(λ, "RK2") == pytest.approx(IMAGINARY_LIMIT["RK2"] / 10, rel=1e-7)
 
 
 def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:

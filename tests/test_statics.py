@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from beams import cantilever, order, princeton_beam, reference, thin_arm, thin_link
@@ -264,3 +266,27 @@ def test_joints_without_a_spring_take_no_part_in_buckling():
 
 def test_a_load_that_stiffens_buckles_nothing():
     assert len(buckling_loads(make_scene(flexible("a"), gravity=(9.81, 0.0, 0.0)).chain())) == 0
+
+
+# --- the path itself -------------------------------------------------------------------------------------------------
+
+
+def test_without_a_load_springs_let_go_in_proportion_from_any_posture_to_any_rest_angles():
+    """F = k (q − θ₀) − (1 − s) k (q₀ − θ₀): the path is straight."""
+    chain = cantilever("midpoint", 4)
+    hinges = chain.hinges.copy()
+    hinges["rest"] = rest = np.array([0.1, -0.2, 0.3, 0.2])
+    q0 = np.array([0.5, 0.4, -0.3, 0.2])
+    path = solve_static(dataclasses.replace(chain, hinges=hinges), q0).path
+    s = path[:, :1]
+    assert len(path) > 2
+    np.testing.assert_allclose(path[:, 1:], rest + (1 - s) * (q0 - rest), rtol=0, atol=1e-14)
+
+
+def test_the_residual_is_what_is_left_at_the_end_of_the_path():
+    """A coarse tolerance leaves more than rounding."""
+    chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
+    found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
+    left = np.abs(bias_torque(chain, found.q, np.zeros(chain.n), wrench) + elastic_torque(chain, found.q)).max()
+    assert left > 1e-9
+    assert found.residual == pytest.approx(left, rel=1e-6, abs=0)

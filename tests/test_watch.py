@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import pickle
+import re
+import sys
 
 import numpy as np
 import pytest
@@ -12,7 +14,11 @@ from msgspec.structs import replace
 from random_scenes import verdict
 
 import flexlink as fl
+from flexlink import balance
 from flexlink.dynamics import SOLVERS
+from flexlink.inputs import input_arrays
+from flexlink.trajectory import Record
+from flexlink.watch import Watch
 
 
 @pytest.fixture
@@ -190,6 +196,80 @@ def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
     run = fl.simulate(replace(scene, arm=replace(scene.arm, materials=rubber)))
     assert np.degrees(np.abs(run.q).max()) > 84
     assert any("hinge 'a.1.y' is bent by" in warning for warning in run.warnings)
+
+
+def looked_at(scene: fl.Scene, q: np.ndarray) -> Watch:
+    """The watch of a run whose only sample is a posture, at rest."""
+    chain, run = scene.chain(), replace(scene.run, duration=0.0)
+    states = np.array([q]), np.zeros((1, chain.n))
+    watch = Watch(run, Record(run, chain, input_arrays(scene, chain), np.zeros(1), *states))
+    watch.look(1)
+    return watch
+
+
+def test_a_hinge_bent_beyond_84_degrees_is_named_and_none_bent_less() -> None:
+    scene = make_scene(flexible("a", "xyz", 3))
+    for k in (2, 6):
+        q = np.zeros(7)
+        q[k] = np.radians(83.0)
+        assert not looked_at(scene, q).warnings
+        q[k] = -np.radians(85.0)
+        (warning,) = looked_at(scene, q).warnings
+        assert f"hinge {scene.chain().joint_name(k)!r} is bent by -85.0°" in warning
+
+
+def test_a_posture_whose_m_is_indefinite_is_a_fault() -> None:
+    scene = make_scene(flexible("a", "xyz", 9, lumping="gauss_matched"))
+    chain = scene.chain()
+    q = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
+    assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] < 0
+    assert "too far for matched twist: M is indefinite" in looked_at(scene, q).fault
+    assert not looked_at(scene, 0.1 * q).fault
+
+
+# -- doubt -------------------------------------------------------------------------------------------------------------
+
+
+def swung(step: float) -> fl.Trajectory:
+    """A rod let go 10° from its upright position."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
+    return fl.simulate(scene, step=step, sample=step, duration=34.0)
+
+
+def told_errors(run: fl.Trajectory) -> float:
+    """What the errors of the steps add up to, as a doubtful run tells it."""
+    (found,) = re.findall(r"errors add up to (\S+) m", " ".join(run.warnings))
+    return float(found)
+
+
+def test_a_run_is_doubted_for_the_errors_of_its_steps_and_for_its_energy_and_a_sound_one_is_not() -> None:
+    assert not swung(0.005).warnings
+    told = " ".join(swung(0.17).warnings)
+    assert "doubtful: the steps' own errors add up to" in told
+    assert "doubtful: the energy is out of balance by" in told
+
+
+def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> None:
+    few = told_errors(swung(0.17))
+    monkeypatch.setattr(sys.modules["flexlink.watch"], "PROBED", 1)  # every step
+    assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
+
+
+# -- what the balance is made of ---------------------------------------------------------------------------------------
+
+
+def test_the_energy_exchanged_is_the_sum_of_what_each_part_has_gained_or_lost() -> None:
+    energy, start, work = np.array([[1.0], [-2.0], [3.0]]), np.array([0.5, 1.0, 1.0]), np.array([-4.0])
+    assert balance.turned_over(energy, work, start) == pytest.approx([1.0 + 3.0 + 2.0 + 4.0])
+    assert balance.imbalance(energy, work, start) == pytest.approx([2.0 - 2.5 + 4.0])
+
+
+def test_no_mass_gets_farther_than_the_reach() -> None:
+    links = flexible("a", "rigid", 1), flexible("b", "rigid", 1)
+    chain = make_scene(*links, tip=fl.Payload(mass=1.0)).chain()
+    stretched = sum(link.length for link in links)
+    assert stretched <= balance.reach(chain) < 2 * stretched
 
 
 # -- random scenes -----------------------------------------------------------------------------------------------------

@@ -167,6 +167,8 @@ def verdict(answer: Answer) -> tuple[str, str]:
         return SURVIVED, ""
     if code == 1 and failed and "numba.core.errors" not in line:
         return KILLED, line.partition(" - ")[0]
+    if stopped := re.search(r"^!+ (?!Interrupted: )(.*?) !+$", output, re.MULTILINE):  # a run that was "interrupted"
+        return KILLED, stopped[1]
     return BROKEN, line or " ".join(output.splitlines()[-1:])
 
 
