@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -55,15 +56,16 @@ def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]
         Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
     """
     scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
-    with deferred() as stop, ThreadPoolExecutor(threads) as pool:
-        blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
-        outcomes = [outcome for block in blocks for outcome in block]
-    runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in outcomes]
-    for kind in (InterruptedRunError, DivergenceError):
-        for outcome in outcomes:
-            if isinstance(outcome, kind):
-                outcome.runs = runs
-                raise outcome
+    with deferred() as stop:
+        with ThreadPoolExecutor(threads) as pool:
+            blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
+            outcomes = [outcome for block in blocks for outcome in block]
+        runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in outcomes]
+        for kind in (InterruptedRunError, DivergenceError):
+            for outcome in outcomes:
+                if isinstance(outcome, kind):
+                    outcome.runs = runs
+                    raise outcome
     return runs
 
 
@@ -134,15 +136,16 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
     if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
         return [member.run(stop) for member in block]
     return [
-        _outcome(member.watch, *(array[:rows, ..., lane] for array in samples)) for lane, member in enumerate(block)
+        _outcome(member.watch, stop, *(array[:rows, ..., lane] for array in samples))
+        for lane, member in enumerate(block)
     ]
 
 
-def _outcome(watch: Watch, q: Array, qd: Array, works: Array) -> Outcome:
+def _outcome(watch: Watch, stop: Stop, q: Array, qd: Array, works: Array) -> Outcome:
     """What became of a member, whose first samples are given."""
     record, rows = watch.record, len(works)
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
     if not watch.look(rows):
         return watch.diverged()
     run = watch.trajectory()
-    return run if rows == len(record.t) else InterruptedRunError(run)
+    return run if rows == len(record.t) else InterruptedRunError(run, stop.signal or signal.SIGINT)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import signal
 import sys
+import threading
 
 import msgspec
 import numpy as np
@@ -173,3 +174,23 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)), run=coarse)
     with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
         fl.simulate_many([scene, scene])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
+    """All runs come back, each as far as it went; those that had not started hold their initial sample."""
+    paper = replace(fl.load_scene(models / "paper_fig5.toml"), run=fl.Run(duration=50.0))
+    starts = [replace(paper, initial=fl.Initial(joint_deg=(0.0, float(angle), 0.0))) for angle in range(-90, -72)]
+    fl.simulate_many([replace(start, run=fl.Run(duration=0.01)) for start in starts])  # compiles
+    timer = threading.Timer(0.5, signal.raise_signal, [number])
+    timer.start()
+    with pytest.raises(fl.InterruptedRunError) as caught:
+        fl.simulate_many(starts)
+    assert caught.value.signal == number
+    runs = caught.value.runs
+    assert len(runs) == len(starts)
+    assert len(runs[0].t) > 1
+    assert len(runs[-1].t) < 10_001
+    for start, run in zip(starts, runs, strict=True):
+        assert np.isfinite(run.q).all()
+        np.testing.assert_array_equal(run.q[0], start.initial_state(run.chain)[0])
