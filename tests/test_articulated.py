@@ -221,6 +221,34 @@ def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
     assert [chain.joint_name(chain.bodies["first"][i]) for i in begin] == ["a", "d"]
 
 
+def test_pairs_of_hinges_in_either_order_carry_bodies_with_products_of_inertia(rng: np.random.Generator) -> None:
+    chain = make_scene(flexible("a", "yz", 5, mount=SKEW, lumping="gauss")).chain()
+    assert {tuple(chain.hinges["axis"][b["first"] : b["stop"]]) for b in chain.bodies} >= {(1, 2), (2, 1)}
+    bodies = chain.bodies.copy()
+    B = rng.normal(size=(len(bodies), 3, 3))
+    bodies["inertia"][:-1] += (0.1 * B @ B.transpose(0, 2, 1))[:-1]
+    assert_as_lu(dataclasses.replace(chain, bodies=bodies), rng)
+
+
+def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.random.Generator) -> None:
+    """Two axes, three, two again: what the outermost pair passes must not reach the innermost."""
+    held = Joint(locked=True)
+    a, b, c = (
+        flexible(name, flex, 3, mount=SKEW, joint=held) for name, flex in zip("abc", ("yz", "xyz", "yz"), strict=True)
+    )
+    chain = make_scene(a, b, c).chain()
+    assert layout_of(chain.bodies, chain.hinges)[:, WAY].tolist() == [
+        PAIR,
+        PAIR,
+        TRIPLE,
+        TRIPLE,
+        PAIR,
+        PAIR,
+        TIP,
+    ]
+    assert_as_lu(chain, rng)
+
+
 @pytest.mark.parametrize("axes", [(0, 1, 0), (2, 0, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
 def test_groups_of_three_hinges_in_any_order_of_axes(axes: tuple[int, ...], rng: np.random.Generator) -> None:
     chain = make_scene(flexible("a", "xyz", 5, mount=SKEW)).chain()

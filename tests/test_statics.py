@@ -26,6 +26,7 @@ from flexlink import (
     solve_static,
     tip_position,
 )
+from flexlink.statics import LARGEST_ARC
 
 # --- the elastica ----------------------------------------------------------------------------------------------------
 
@@ -147,6 +148,14 @@ def test_the_path_turns_back_where_the_column_snaps_over():
     assert right.stable
     assert tip_position(chain, right.q)[1] < -0.5
     assert (np.diff(right.path[:, 0]) < 0).any()
+
+
+def test_a_step_that_would_jump_to_another_branch_is_taken_smaller():
+    """Followed there, the path would never reach the full load."""
+    chain, wrench = cantilever("midpoint", 7), [-15.078, -56.753, 0, 0, 0, 10.457]
+    found = solve_static(chain, tip_wrench=wrench)
+    assert found.residual < 1e-9
+    assert np.linalg.norm(np.diff(found.path, axis=0), axis=1).max() <= 2 * LARGEST_ARC
 
 
 def test_load_beyond_a_limit_point_without_another_side_is_refused():
