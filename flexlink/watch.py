@@ -154,13 +154,21 @@ class Watch:
         if not passive.size:
             return
         bends = np.abs(record.q[rows][:, passive])
-        row, column = np.unravel_index(int(np.argmax(bends)), bends.shape)
-        k, most = int(passive[column]), rows.start + int(row)
-        bent = f"hinge {record.chain.joint_name(k)!r} is bent by {np.degrees(record.q[most, k]):.1f}°"
-        if bends[row, column] > FAR:
-            self._warn("bend", most, f"{bent}: beyond 84° a chain says little of the beam; use more segments")
-        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[most]))[0] <= 0:
-            self.good, self.fault = most, f"{bent}, too far for matched twist: M is indefinite; use more segments"
+        most = bends.max(axis=1)
+        if (most > FAR).any():
+            row = int(np.argmax(most > FAR))
+            text = f"{self._bent(rows.start + row, bends[row])}: beyond 84° a chain says little of the beam"
+            self._warn("bend", rows.start + row, f"{text}; use more segments")
+        row = int(np.argmax(most))
+        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
+            self.good = rows.start + row
+            bent = self._bent(self.good, bends[row])
+            self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+
+    def _bent(self, row: int, bends: Array) -> str:
+        """Words for the hinge that is bent most in a sample."""
+        k = int(self.passive[np.argmax(bends)])
+        return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def _probe_steps(self, rows: slice) -> None:
         """Add up the errors of the steps themselves, of a few that stand for all."""
