@@ -32,7 +32,7 @@ from flexlink.kernels import forward
 from flexlink.kernels.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
 from flexlink.kernels.articulated_rows import articulated_lanes_workspace
 from flexlink.kernels.compiler import kernel
-from flexlink.kernels.lanes import LANES
+from flexlink.kernels.lanes import LANES, put_at
 from flexlink.kernels.planar import planar_lanes_workspace
 from flexlink.kernels.sincos import LIMIT, cos_sin_all
 from flexlink.rounding import EPS
@@ -108,7 +108,7 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
     taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
     for solver, torque, qdd in zip(solvers, taus, results, strict=True):
-        solve(chain.arrays, wrench, q, qd, torque, qdd, solver.workspace(chain.arrays))
+        solve(chain.arrays, wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
     M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
     carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
     for torque, qdd in zip(taus, results, strict=True):
@@ -121,8 +121,8 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
 
 @kernel
-def solve(chain, wrench, q, qd, tau, qdd, work):
-    return forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+def solve(chain, wrench, q, qd, tau, qdd, work, power):
+    put_at(power, forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work), 0)
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
@@ -136,8 +136,8 @@ def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str
     assert abs(power) > 1e6 * explained
     for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
         work = solver.workspace(chain.arrays)
-        found = solve(chain.arrays, wrench, q, qd, tau.copy(), np.zeros(chain.n), work)
-        assert abs(found - power) <= explained
+        solve(chain.arrays, wrench, q, qd, tau.copy(), np.zeros(chain.n), work, found := np.empty(1))
+        assert abs(found[0] - power) <= explained
 
 
 LANE_ARMS = {
@@ -162,7 +162,7 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
         work = planar_lanes_workspace(bodies, hinges, gravity)
     else:
         work = articulated_lanes_workspace(bodies, hinges, gravity)
-    solve(chains[0].arrays, wrench, q, qd, tau, qdd, work)
+    solve(chains[0].arrays, wrench, q, qd, tau, qdd, work, np.empty((1, LANES)))
     for lane, chain in enumerate(chains):
         state = (np.ascontiguousarray(array[:, lane]) for array in (q, qd, tau))
         np.testing.assert_array_equal(qdd[:, lane], forward_dynamics(chain, *state, tip_wrench=wrench))
