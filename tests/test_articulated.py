@@ -100,7 +100,7 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
     results = [given.copy() for _ in solvers]
     for solver, qdd in zip(solvers, results, strict=True):
-        solve(chain.arrays, np.zeros(6), q, qd, tau, qdd, solver.workspace(chain.arrays))
+        solve(np.zeros(6), q, qd, tau, qdd, solver.workspace(chain.arrays))
     allowed = rounding.of_acceleration(chain, q, qd, tau, results[0])
     for qdd in results:
         np.testing.assert_array_equal(qdd[hinges["prescribed"] == 1], given[hinges["prescribed"] == 1])
@@ -108,8 +108,8 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
 
 @kernel
-def solve(chain, wrench, q, qd, tau, qdd, work):
-    forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work)
+def solve(wrench, q, qd, tau, qdd, work):
+    forward.forward_dynamics(wrench, q, qd, tau, qdd, work)
 
 
 LANE_ARMS = {
@@ -134,7 +134,7 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
         work = planar_lanes_workspace(bodies, hinges, gravity)
     else:
         work = articulated_lanes_workspace(bodies, hinges, gravity)
-    solve(chains[0].arrays, wrench, q, qd, tau, qdd, work)
+    solve(wrench, q, qd, tau, qdd, work)
     for lane, chain in enumerate(chains):
         state = (np.ascontiguousarray(array[:, lane]) for array in (q, qd, tau))
         np.testing.assert_array_equal(qdd[:, lane], forward_dynamics(chain, *state, tip_wrench=wrench))
