@@ -8,7 +8,7 @@ import mpmath
 import msgspec
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene, random_state
+from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -260,6 +260,7 @@ LINKS = st.builds(
 )
 
 
+@compiled
 @given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_any_arm(specs: list[tuple], seed: int) -> None:
@@ -307,6 +308,7 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
         assert_as_lu(chain, rng)
 
 
+@compiled
 def test_a_stretched_arm_stays_straight() -> None:
     """Hanging at rest, springs slack: every acceleration is zero, without a rounding residue of 10,000 bodies."""
     chain = make_scene(flexible("a", "xyz", 3334), gravity=(9.81, 0.0, 0.0)).chain()
@@ -315,6 +317,7 @@ def test_a_stretched_arm_stays_straight() -> None:
     np.testing.assert_array_equal(forward_dynamics(chain, zero, zero, zero), zero)
 
 
+@compiled
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
     """n = 10,000: inverse dynamics of q̈ gives back the torques, to one rounding of |M| |q̈| ≤ m L² Σ |q̈|."""
@@ -326,6 +329,7 @@ def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Gene
     assert np.abs(residual).max() <= EPS * inertia * np.abs(qdd).sum()
 
 
+@compiled
 def test_simulation_by_articulated_bodies_is_the_one_by_lu() -> None:
     scene = nasty_scene()
     runs = [simulate(scene, duration=0.05, sample=0.05, dynamics=method) for method in ("articulated", "lu")]
