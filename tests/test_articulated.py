@@ -163,6 +163,21 @@ def test_arms_whose_mounts_turn_and_do_not_turn_go_side_by_side(
         np.testing.assert_array_equal(row, forward_dynamics(chain, *state))
 
 
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_tips_with_and_without_mass_go_side_by_side(flex: str, rng: np.random.Generator) -> None:
+    """Taken on as a body for the sake of one of them, the frame of the tip leaves the others' numbers alone."""
+    links = flexible("a", flex, 3, mount=SKEW), flexible("b", "z", 2, mount=Mount(rpy_deg=(50.0, 0.0, 0.0)))
+    bare = make_scene(*links).chain()
+    bodies = bare.bodies.copy()
+    bodies["mass"][-1] = 2.0
+    heavy = dataclasses.replace(bare, bodies=bodies)
+    chains = [bare, heavy, bare]
+    assert [layout_of(chain.bodies, chain.hinges)[-1, WAY] for chain in chains] == [TIP, HINGES, TIP]
+    q, qd, tau = rng.uniform(-3, 3, (3, len(chains), bare.n))
+    for chain, row, *state in zip(chains, forward_dynamics(chains, q, qd, tau), q, qd, tau, strict=True):
+        np.testing.assert_array_equal(row, forward_dynamics(chain, *state))
+
+
 def ways(*links: Link, **fields: object) -> list[int]:
     chain = make_scene(*links).chain()
     hinges = chain.hinges.copy()
