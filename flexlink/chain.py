@@ -51,6 +51,10 @@ HINGE = np.dtype(
 )
 
 
+# Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
+BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
+
+
 class ChainArrays(NamedTuple):
     """What the kernels see of a chain."""
 

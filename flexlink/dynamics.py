@@ -260,8 +260,8 @@ def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, wrench: Array
     size = b if len(chains) == 1 else LANES  # states that one scratch serves
     parts = [slice(start, start + size) for start in range(0, b, size)]
     works = (lanes_workspace(solver, chains[part]) for part in parts)
-    many, arrays = forward.accelerations_of_many, chains[0].arrays
-    qdd = [many(arrays, work, wrench, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
+    many = forward.accelerations_of_many
+    qdd = [many(work, wrench, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
     return np.concatenate(qdd)
 
 

@@ -131,7 +131,7 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
     """
     run, record = watch.run, watch.record
     first, size, steps, every = 0, 1, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = record.chain.arrays, scratch, watch.tableau, record.inputs, run.step
+    fixed = scratch, watch.tableau, record.inputs, run.step
     yield int(integrate(*fixed, 0, 0, every, state, samples))
     while first < steps:
         started, last = time.perf_counter(), min(first + size, steps)

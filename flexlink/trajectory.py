@@ -206,7 +206,7 @@ class Record:
         rows = slice(first, stop)
         t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
         tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
-        drive_torques(self.chain.arrays, self.scratch, self.inputs, t, q, qd, self.tau[rows])
+        drive_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""

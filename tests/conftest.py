@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)
 SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
+compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
 
 
 def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) -> Link:

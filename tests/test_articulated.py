@@ -8,7 +8,7 @@ import mpmath
 import msgspec
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene, random_state
+from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -108,7 +108,7 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
     taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
     for solver, torque, qdd in zip(solvers, taus, results, strict=True):
-        solve(chain.arrays, wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
+        solve(wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
     M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
     carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
     for torque, qdd in zip(taus, results, strict=True):
@@ -121,8 +121,8 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
 
 @kernel
-def solve(chain, wrench, q, qd, tau, qdd, work, power):
-    put_at(power, forward.forward_dynamics(chain, wrench, q, qd, tau, qdd, work), 0)
+def solve(wrench, q, qd, tau, qdd, work, power):
+    put_at(power, forward.forward_dynamics(wrench, q, qd, tau, qdd, work), 0)
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
@@ -136,7 +136,7 @@ def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str
     assert abs(power) > 1e6 * explained
     for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
         work = solver.workspace(chain.arrays)
-        solve(chain.arrays, wrench, q, qd, tau.copy(), np.zeros(chain.n), work, found := np.empty(1))
+        solve(wrench, q, qd, tau.copy(), np.zeros(chain.n), work, found := np.empty(1))
         assert abs(found[0] - power) <= explained
 
 
@@ -162,7 +162,7 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
         work = planar_lanes_workspace(bodies, hinges, gravity)
     else:
         work = articulated_lanes_workspace(bodies, hinges, gravity)
-    solve(chains[0].arrays, wrench, q, qd, tau, qdd, work, np.empty((1, LANES)))
+    solve(wrench, q, qd, tau, qdd, work, np.empty((1, LANES)))
     for lane, chain in enumerate(chains):
         state = (np.ascontiguousarray(array[:, lane]) for array in (q, qd, tau))
         np.testing.assert_array_equal(qdd[:, lane], forward_dynamics(chain, *state, tip_wrench=wrench))
@@ -187,6 +187,21 @@ def test_arms_whose_mounts_turn_and_do_not_turn_go_side_by_side(
     chains = [make_scene(*links, msgspec.structs.replace(last, mount=mount)).chain() for mount in mounts]
     assert len({tuple(chain.bodies["turned"]) for chain in chains}) == 2
     q, qd, tau = rng.uniform(-3, 3, (3, LANES, chains[0].n))
+    for chain, row, *state in zip(chains, forward_dynamics(chains, q, qd, tau), q, qd, tau, strict=True):
+        np.testing.assert_array_equal(row, forward_dynamics(chain, *state))
+
+
+@pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
+def test_tips_with_and_without_mass_go_side_by_side(flex: str, rng: np.random.Generator) -> None:
+    """Taken on as a body for the sake of one of them, the frame of the tip leaves the others' numbers alone."""
+    links = flexible("a", flex, 3, mount=SKEW), flexible("b", "z", 2, mount=Mount(rpy_deg=(50.0, 0.0, 0.0)))
+    bare = make_scene(*links).chain()
+    bodies = bare.bodies.copy()
+    bodies["mass"][-1] = 2.0
+    heavy = dataclasses.replace(bare, bodies=bodies)
+    chains = [bare, heavy, bare]
+    assert [layout_of(chain.bodies, chain.hinges)[-1, WAY] for chain in chains] == [TIP, HINGES, TIP]
+    q, qd, tau = rng.uniform(-3, 3, (3, len(chains), bare.n))
     for chain, row, *state in zip(chains, forward_dynamics(chains, q, qd, tau), q, qd, tau, strict=True):
         np.testing.assert_array_equal(row, forward_dynamics(chain, *state))
 
@@ -330,6 +345,7 @@ LINKS = st.builds(
 )
 
 
+@compiled
 @given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_any_arm(specs: list[tuple], seed: int) -> None:
@@ -377,6 +393,7 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
         assert_as_lu(chain, rng)
 
 
+@compiled
 def test_a_stretched_arm_stays_straight() -> None:
     """Hanging at rest, springs slack: every acceleration is zero, without a rounding residue of 10,000 bodies."""
     chain = make_scene(flexible("a", "xyz", 3334), gravity=(9.81, 0.0, 0.0)).chain()
@@ -385,6 +402,7 @@ def test_a_stretched_arm_stays_straight() -> None:
     np.testing.assert_array_equal(forward_dynamics(chain, zero, zero, zero), zero)
 
 
+@compiled
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
     """n = 10,000: inverse dynamics of q̈ gives back the torques, to one rounding of |M| |q̈| ≤ m L² Σ |q̈|."""
@@ -396,6 +414,7 @@ def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Gene
     assert np.abs(residual).max() <= EPS * inertia * np.abs(qdd).sum()
 
 
+@compiled
 def test_simulation_by_articulated_bodies_is_the_one_by_lu() -> None:
     scene = nasty_scene()
     runs = [simulate(scene, duration=0.05, sample=0.05, dynamics=method) for method in ("articulated", "lu")]

@@ -10,7 +10,7 @@ import threading
 import msgspec
 import numpy as np
 import pytest
-from conftest import flexible, make_scene, nasty_scene, random_state
+from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from msgspec.structs import replace
 
 import flexlink as fl
@@ -53,6 +53,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
     ]
 
 
+@compiled
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 @pytest.mark.parametrize("threads", [1, 2])
 def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
@@ -63,6 +64,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
             np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
 
 
+@compiled
 def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.Run(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [msgspec.structs.replace(s, run=settings) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]

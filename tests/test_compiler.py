@@ -8,8 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from conftest import compiled
 
 from flexlink.kernels import compiler
+
+pytestmark = compiled
 
 
 def fresh() -> Callable[[float], float]:

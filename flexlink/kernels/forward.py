@@ -14,19 +14,20 @@ from flexlink.kernels.articulated_rows import ArticulatedWork, articulated_lanes
 from flexlink.kernels.compiler import INLINED, kernel, recursion
 from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.lanes import LANES
-from flexlink.kernels.mass import composite, composite_workspace
+from flexlink.kernels.mass import CompositeWork, composite, composite_workspace
 from flexlink.kernels.planar import PlanarWork, planar, planar_lanes_workspace, planar_workspace
-from flexlink.kernels.rne import rne, rne_workspace
+from flexlink.kernels.rne import RneWork, rne, rne_workspace
 from flexlink.kernels.solve import solve_cholesky, solve_lu
 from flexlink.kernels.vec3 import ZERO, add_scaled, dot, vector
 
 
 class DenseWork(NamedTuple):
-    """Scratch of `dense`."""
+    """Scratch of `dense`, with its chain."""
 
+    chain: Any
     by_lu: Any
-    rne_work: Any
-    composite_work: Any
+    rne: RneWork
+    composite: CompositeWork
     M: Any
     known: Any
     bias: Any
@@ -38,6 +39,7 @@ def dense_workspace(chain, by_lu):
     """Scratch of `dense`, by LU or by Cholesky."""
     n = len(chain.hinges)
     return DenseWork(
+        chain,
         by_lu,
         rne_workspace(chain),
         composite_workspace(chain),
@@ -49,9 +51,9 @@ def dense_workspace(chain, by_lu):
 
 
 @recursion
-def dense(chain, wrench, q, qd, tau, qdd, work):
+def dense(wrench, q, qd, tau, qdd, work):
     """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
-    by_lu, rne_work, composite_work, M, known, bias, probe = work
+    chain, by_lu, rne_work, composite_work, M, known, bias, probe = work
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
     rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, rne_work)
@@ -70,7 +72,7 @@ def dense(chain, wrench, q, qd, tau, qdd, work):
     take_torques(chain, wrench, q, qd, qdd, tau, bias, rne_work)
     ω, power = ZERO, 0.0
     for k in range(len(qd)):
-        ω = add_scaled(ω, qd[k], vector(composite_work[2][k]))
+        ω = add_scaled(ω, qd[k], vector(composite_work.axes[k]))
         power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
     return power + dot(ω, (wrench[3], wrench[4], wrench[5]))
 
@@ -87,25 +89,28 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
             tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
 
 
-def forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
+ALGORITHMS = {PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense}  # by the scratch they work on
+
+
+def forward_dynamics(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns a power [W].
 
+    The scratch holds what is constant of the chain, or of eight chains side by side (`lanes`): the arrays are then of
+    shape (n, 8).
+
     Hybrid dynamics: at prescribed hinges `qdd` is given and stays, and the drive torque that it takes is written to
-    `tau` (Featherstone 2008, section 9.2). With scratch of eight chains side by side (`lanes`) the arrays are of shape
-    (n, 8).
+    `tau` (Featherstone 2008, section 9.2).
 
     The power is q̇·(T_EX − T_FR) + m·ω: that of all that has no potential, as springs, gravity and a force on the tip
     have. Its integral is the work by which the energy changes.
     """
+    return ALGORITHMS[type(work)](wrench, q, qd, tau, qdd, work)
 
 
 @overload(forward_dynamics, jit_options=INLINED)
-def _forward_dynamics(chain, wrench, q, qd, tau, qdd, work):
-    if work.instance_class is PlanarWork:
-        return lambda chain, wrench, q, qd, tau, qdd, work: planar(wrench, q, qd, tau, qdd, work)
-    if work.instance_class is ArticulatedWork:
-        return lambda chain, wrench, q, qd, tau, qdd, work: articulated(wrench, q, qd, tau, qdd, work)
-    return lambda chain, wrench, q, qd, tau, qdd, work: dense(chain, wrench, q, qd, tau, qdd, work)  # noqa: PLW0108
+def _forward_dynamics(wrench, q, qd, tau, qdd, work):
+    algorithm = ALGORITHMS[work.instance_class]
+    return lambda wrench, q, qd, tau, qdd, work: algorithm(wrench, q, qd, tau, qdd, work)  # noqa: PLW0108
 
 
 class Solver(NamedTuple):
@@ -153,20 +158,20 @@ def _articulated(chain, wrench, q, qd, tau):
 @kernel
 def _lu(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    dense(chain, wrench, q, qd, tau.copy(), qdd, _lu_work(chain))
+    dense(wrench, q, qd, tau.copy(), qdd, _lu_work(chain))
     return qdd
 
 
 @kernel
 def _cholesky(chain, wrench, q, qd, tau):
     qdd = np.zeros(len(q))
-    dense(chain, wrench, q, qd, tau.copy(), qdd, _cholesky_work(chain))
+    dense(wrench, q, qd, tau.copy(), qdd, _cholesky_work(chain))
     return qdd
 
 
 @kernel
-def accelerations_of_many(chain, work, wrench, q, qd, tau):
-    """q̈ of many states (b, n) of one chain, eight side by side; the last state fills up the last eight."""
+def accelerations_of_many(work, wrench, q, qd, tau):
+    """q̈ of many states (b, n) of a scratch's chains, eight side by side; the last state fills up the last eight."""
     b, n = q.shape
     qdd = np.zeros((b, n))
     state = np.zeros((4, n, LANES))
@@ -175,7 +180,7 @@ def accelerations_of_many(chain, work, wrench, q, qd, tau):
             i = min(start + lane, b - 1)
             for k in range(n):
                 state[0, k, lane], state[1, k, lane], state[2, k, lane] = q[i, k], qd[i, k], tau[i, k]
-        forward_dynamics(chain, wrench, state[0], state[1], state[2], state[3], work)
+        forward_dynamics(wrench, state[0], state[1], state[2], state[3], work)
         for i in range(start, min(start + LANES, b)):
             for k in range(n):
                 qdd[i, k] = state[3, k, i - start]

@@ -3,6 +3,8 @@
 `Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It knows
 + − × ÷ and negation; tuples of it are 3-vectors as ever. A kernel reads and writes its arrays by `at` and `put_at`: of
 an array of shape (m,) or (m, p) they mean a float, of one of shape (m, 8) or (m, p, 8) eight numbers.
+
+With NUMBA_DISABLE_JIT=1 the functions run as they stand here, and eight numbers are an array, `Eight`.
 """
 
 import math
@@ -10,15 +12,26 @@ import operator
 
 import numpy as np
 from llvmlite import ir
-from numba.core import types
-from numba.core.imputils import lower_builtin, lower_cast
-from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba import types
 from numba.extending import intrinsic, models, overload, register_model
 
 from flexlink.kernels.compiler import INLINED, inlined
 
 LANES = 8
 VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+class Eight(np.ndarray):
+    """Eight numbers where no kernel is compiled; as with a float, `x += y` changes no other name of x."""
+
+    def __iadd__(self, other):  # type: ignore[misc]
+        return self + other
+
+    def __isub__(self, other):  # type: ignore[misc]
+        return self - other
+
+    def __imul__(self, other):  # type: ignore[misc]
+        return self * other
 
 
 class LanesType(types.Type):
@@ -39,17 +52,31 @@ class LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-def _binary(symbol, instruction):
-    @infer_global(symbol)
-    class Typing(AbstractTemplate):
-        def generic(self, args, kws):
-            if len(args) == 2 and lanes in args and all(a == lanes or isinstance(a, types.Number) for a in args):
-                return signature(lanes, lanes, lanes)
-            return None
+def _splat(context, builder, kind, value):
+    """Machine code of lanes from lanes, or of eight equal ones from a number."""
+    if kind == lanes:
+        return value
+    x = context.cast(builder, value, kind, types.float64)
+    undefined = ir.Constant(VECTOR, ir.Undefined)
+    first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))
+    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, undefined, everywhere)
 
-    @lower_builtin(symbol, lanes, lanes)
-    def lower(context, builder, sig, args):
-        return getattr(builder, instruction)(*args, flags=("contract",))
+
+def _binary(symbol, instruction):
+    @intrinsic
+    def combined(typing, x, y):
+        def generate(context, builder, sig, args):
+            x, y = (_splat(context, builder, *each) for each in zip(sig.args, args, strict=True))
+            return getattr(builder, instruction)(x, y, flags=("contract",))
+
+        return lanes(x, y), generate
+
+    @overload(symbol, jit_options=INLINED)
+    def implement(x, y):
+        if lanes in {x, y} and all(each == lanes or isinstance(each, types.Number) for each in (x, y)):
+            return lambda x, y: combined(x, y)  # noqa: PLW0108
+        return None
 
 
 for _symbol, _instruction in (
@@ -59,29 +86,14 @@ for _symbol, _instruction in (
     _binary(_symbol, _instruction)
 
 
-@infer_global(operator.neg)
-class NegativeTyping(AbstractTemplate):
-    """−x of lanes is lanes."""
-
-    def generic(self, args, kws):
-        """Signature of −x."""
-        return signature(lanes, lanes) if args == (lanes,) else None
+@intrinsic
+def _negative(typing, x):
+    return lanes(x), lambda context, builder, sig, args: builder.fneg(args[0])
 
 
-@lower_builtin(operator.neg, lanes)
-def lower_negative(context, builder, sig, args):
-    """Machine code of −x."""
-    return builder.fneg(args[0])
-
-
-@lower_cast(types.Number, lanes)
-def lower_splat(context, builder, from_type, to_type, value):
-    """Machine code of eight equal lanes from one number."""
-    x = context.cast(builder, value, from_type, types.float64)
-    undefined = ir.Constant(VECTOR, ir.Undefined)
-    first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))
-    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return builder.shuffle_vector(first, undefined, everywhere)
+@overload(operator.neg, jit_options=INLINED)
+def _neg(x):
+    return (lambda x: _negative(x)) if x == lanes else None  # noqa: PLW0108
 
 
 def _row(context, builder, array_type, array, index):
@@ -112,7 +124,8 @@ def _store(typing, array, index, value):
 
 def at(array, *index):
     """Number of an array of shape (m,) or (m, p); of one with a last axis of eight, the eight numbers as lanes."""
-    return array[index]
+    found = array[index]
+    return found.copy().view(Eight) if found.ndim else found
 
 
 def put_at(array, value, *index):
@@ -122,7 +135,7 @@ def put_at(array, value, *index):
 
 def zero_of(array):
     """Zero of the kind that `at(array, k)` reads."""
-    return 0.0 if array.ndim == 1 else np.zeros(LANES)
+    return 0.0 if array.ndim == 1 else np.zeros(LANES).view(Eight)
 
 
 @overload(at, jit_options=INLINED)
@@ -194,7 +207,7 @@ def _all_zero(x):
 
 def tanh(x):
     """Hyperbolic tangent of a float or of lanes."""
-    return np.tanh(x)
+    return np.array([math.tanh(one) for one in x]).view(Eight) if np.ndim(x) else math.tanh(x)
 
 
 def scalar_tanh(x):

@@ -8,6 +8,8 @@ composite   the same bodies in inertial axes: a row needs only the joints' axes 
 All write M (n, n) and return its trace.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
@@ -143,11 +145,20 @@ def mass_upper(chain, q, M):
     return trace(M)
 
 
+class CompositeWork(NamedTuple):
+    """Scratch of `composite`."""
+
+    rotations: Any  # of the bodies
+    points: Any
+    axes: Any  # of the hinges
+    pivots: Any
+
+
 @kernel
 def composite_workspace(chain):
-    """Scratch of `composite`: rotations and points of the bodies, axes and points of the hinges."""
+    """Scratch of `composite` for a chain."""
     m, n = len(chain.bodies), len(chain.hinges)
-    return np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)), np.empty((n, 3))
+    return CompositeWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)), np.empty((n, 3)))
 
 
 @kernel

@@ -111,11 +111,11 @@ def planar_lanes_workspace(bodies, hinges, gravity):
     for lane in range(LANES):
         one = planar_workspace(bodies[lane], hinges[lane], gravity[lane])
         for j in range(12):
-            base[j, lane] = one[0][j]
+            base[j, lane] = one.base[j]
         for k in range(n):
             coulomb[k] += hinges[lane, k].coulomb
             for j in range(SIZE):
-                links[k, j, lane] = one[1][k, j]
+                links[k, j, lane] = one.links[k, j]
     trig_lanes = trig.reshape(3, n, LANES)
     return PlanarWork(base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
 

@@ -7,6 +7,8 @@
 Gravity is an upward acceleration −g of the base; the tip wrench is carried outward to the tip frame.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from flexlink.kernels.compiler import kernel, recursion
@@ -25,10 +27,17 @@ from flexlink.kernels.vec3 import (
 )
 
 
+class RneWork(NamedTuple):
+    """Scratch of `rne`."""
+
+    turns: Any  # cosine and sine of every hinge
+    loads: Any  # force and moment of every body
+
+
 @kernel
 def rne_workspace(chain):
-    """Scratch of `rne`: cosine and sine of every hinge, force and moment of every body."""
-    return np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 2, 3))
+    """Scratch of `rne` for a chain."""
+    return RneWork(np.empty((len(chain.hinges), 2)), np.empty((len(chain.bodies), 2, 3)))
 
 
 @kernel

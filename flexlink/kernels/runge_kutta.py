@@ -18,7 +18,7 @@ from flexlink.kernels.lanes import at, put_at
 
 
 @kernel
-def integrate(chain, work, tableau, inputs, h, first, last, every, state, samples):
+def integrate(work, tableau, inputs, h, first, last, every, state, samples):
     """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
 
     Every `every`-th state since step 0 goes to its row of `samples`: q, q̇ (rows, n) and W (rows,). Returns
@@ -32,7 +32,7 @@ def integrate(chain, work, tableau, inputs, h, first, last, every, state, sample
     K, L = stages[0], stages[1]
     q_stage, tau = np.empty_like(q), np.zeros_like(q)
     for number in range(first, last):
-        step(chain, work, tableau, inputs, h, number, state, q_stage, tau, K, L)
+        step(work, tableau, inputs, h, number, state, q_stage, tau, K, L)
         if not (is_finite(q) and is_finite(qd)):
             return number
         if (number + 1) % every == 0:
@@ -43,7 +43,7 @@ def integrate(chain, work, tableau, inputs, h, first, last, every, state, sample
 
 
 @recursion
-def step(chain, work, tableau, inputs, h, number, state, q_stage, tau, K, L):
+def step(work, tableau, inputs, h, number, state, q_stage, tau, K, L):
     """Advance q, q̇ (n,) and W (1,) from t = number · h by h."""
     A, b, c = tableau
     q, qd, done = state
@@ -57,7 +57,7 @@ def step(chain, work, tableau, inputs, h, number, state, q_stage, tau, K, L):
             add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
         follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
         drive_torque(inputs.drive, t, q_stage, q_dot, tau)
-        power = forward_dynamics(chain, inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
+        power = forward_dynamics(inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
         put_at(done, at(done, 0) + b[i] * h * power, 0)
     for i in range(len(c)):
         add_stage(b[i] * h, L, K, i, q, qd)

@@ -25,16 +25,16 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 
 @kernel
-def drive_torques(chain, work, inputs, ts, qs, qds, taus):
+def drive_torques(work, inputs, ts, qs, qds, taus):
     """T_EX (samples, n): what the drive gives, and at prescribed joints what the motion takes."""
-    qdd = np.zeros(len(chain.hinges))
+    qdd = np.zeros(qs.shape[1])
     taus[:] = 0.0
     for row in range(len(ts)):
         q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
         drive_torque(inputs.drive, ts[row], q, qd, tau)
         if len(inputs.motion.joints) > 0:
             follow(inputs.motion, ts[row], q, qd, qdd)
-            forward_dynamics(chain, inputs.wrench, q, qd, tau, qdd, work)
+            forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
 
 
 @kernel
@@ -48,10 +48,7 @@ def tip_errors(chain, work, tableau, inputs, h, numbers, qs, qds, errors):
             state = qs[row].copy(), qds[row].copy(), done
             for part in range(parts):
                 number = parts * numbers[row] + part
-                step(
-                    chain, work, tableau, inputs, h / parts, number, state,
-                    scratch[0], scratch[1], stages[0], stages[1],
-                )  # fmt: skip
+                step(work, tableau, inputs, h / parts, number, state, scratch[0], scratch[1], stages[0], stages[1])
             kinematics(chain, state[0], rotations, points, axes)
             ends[parts - 1] = points[-1]
         apart = sub(vector(ends[0]), vector(ends[1]))

@@ -19,7 +19,7 @@ EPS = 2.0**-52
 def begin_probe(A, probe):
     """Write √A_kk, by column and by row, into `probe`, (3, n)."""
     for k in range(len(A)):
-        probe[0, k] = probe[1, k] = math.sqrt(A[k, k])
+        probe[0, k] = probe[1, k] = np.sqrt(A[k, k])
 
 
 @inlined
@@ -80,7 +80,7 @@ def solve_cholesky(A, b, probe):
             total = A[i, j]
             for k in range(j):
                 total -= A[i, k] * A[j, k]
-            A[i, j] = math.sqrt(total) if i == j else total / A[j, j]
+            A[i, j] = np.sqrt(total) if i == j else total / A[j, j]
     for i in range(n):
         total, rest = b[i], 0.0
         for k in range(i):

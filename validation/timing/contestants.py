@@ -30,7 +30,7 @@ def native(chain: Chain, states: States) -> Jobs:
     q, qd, tau, qdd = states
     work, arrays, rest = solver_for(chain, "articulated").workspace(chain.arrays), chain.arrays, np.zeros_like(qdd)
     return {
-        FORWARD: lambda calls: loops.forward_dynamics_loop(arrays, work, q, qd, tau, calls),
+        FORWARD: lambda calls: loops.forward_dynamics_loop(work, q, qd, tau, calls),
         RNE: lambda calls: loops.rne_loop(arrays, q, qd, qdd, calls),
         MASS: lambda calls: loops.mass_loop(arrays, q, calls),
         BIAS: lambda calls: loops.rne_loop(arrays, q, qd, rest, calls),

@@ -12,12 +12,12 @@ from flexlink.kernels.vec3 import vector
 
 
 @kernel
-def forward_dynamics_loop(chain: Any, work: Any, q: Any, qd: Any, tau: Any, calls: int) -> Any:
+def forward_dynamics_loop(work: Any, q: Any, qd: Any, tau: Any, calls: int) -> Any:
     """q̈ of states (s, n) in turn, `calls` times."""
     wrench, qdd = np.zeros(6), np.zeros(q.shape[1])
     for i in range(calls):
         s = i % len(q)
-        forward_dynamics(chain, wrench, q[s], qd[s], tau[s], qdd, work)  # type: ignore[no-untyped-call]
+        forward_dynamics(wrench, q[s], qd[s], tau[s], qdd, work)  # type: ignore[no-untyped-call]
     return qdd
 
 

@@ -1,0 +1,61 @@
+"""Kernels without compilation, as NUMBA_DISABLE_JIT=1 has them: what a debugger and a measure of coverage see."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene, nasty_scene, random_state
+
+import flexlink as fl
+from flexlink.dynamics import SOLVERS
+from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
+from flexlink.rounding import acceleration_error
+
+CHAINS = {"spatial": nasty_scene().chain(), "planar": make_scene(flexible("a", segments=3)).chain()}
+
+
+def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(8)
+    return *random_state(chain, rng), rng.normal(size=chain.n)
+
+
+def accelerations(name: str) -> np.ndarray:
+    """q̈ of a state by every solver, and by two chains side by side."""
+    chain = CHAINS[name]
+    state = states(chain)
+    singles = [fl.forward_dynamics(chain, *state, method) for method in SOLVERS]
+    return np.array([*singles, *fl.forward_dynamics(chain, *(np.stack([part, part]) for part in state))])
+
+
+@compiled
+@pytest.mark.parametrize("name", CHAINS)
+def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name: str, tmp_path: Path) -> None:
+    file, here = tmp_path / "found.npy", Path(__file__).parent
+    code = f"import sys, numpy, test_as_python as t; numpy.save(sys.argv[1], t.accelerations({name!r}))"
+    path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", code, str(file)], env=environment, check=True)
+    for as_python, as_machine_code in zip(np.load(file), accelerations(name), strict=True):
+        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), (as_python, as_machine_code))
+        assert error.max() <= 1
+
+
+def test_eight_numbers_without_compilation_behave_as_one() -> None:
+    rows = np.arange(24.0).reshape(3, 8)
+    x = y = at(rows, 1)
+    x += 1.0
+    x *= 2.0
+    x -= y
+    np.testing.assert_array_equal(y, rows[1])
+    np.testing.assert_array_equal(x, rows[1] + 2.0)
+    put_at(rows, x, 2)
+    np.testing.assert_array_equal(rows[2], x)
+    x += 1.0
+    assert (rows[2] != x).all()
+    assert isinstance(zero_of(rows) + tanh(x), Eight)
+    np.testing.assert_array_equal(tanh(x), [tanh(one) for one in x.tolist()])
