@@ -142,6 +142,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
     monkeypatch.setattr(owner, name, interrupted)
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize(
     ("moment", "ending"),
@@ -229,6 +230,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("module", ["numba", "scipy.linalg", "flexlink.cli", "never"])
 def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
@@ -262,6 +264,7 @@ def started():
         yield lambda process: after.callback(process.kill)
 
 
+@pytest.mark.slow
 def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
     """What the lists above cannot foresee: real signals, by the clock."""
     runs = []

@@ -35,6 +35,7 @@ def test_density_of_the_bush_is_its_order_and_of_the_stalk_its_factorial(order):
     assert density(stalk) == math.factorial(order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_every_condition_up_to_the_order_holds_to_40_digits(name, order):
     method = tableau(name)
@@ -42,6 +43,7 @@ def test_every_condition_up_to_the_order_holds_to_40_digits(name, order):
     assert max(max(residuals(method, k)) for k in range(1, order + 1)) <= 1e-40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_some_condition_one_order_above_fails(name, order):
     assert max(residuals(tableau(name), order + 1)) > 1e-7
