@@ -5,10 +5,15 @@ import math
 import msgspec
 import pytest
 
+from flexlink.catalogue import names
 from flexlink.tableaus import tableau
 from validation.oracles.rooted_trees import density, residuals, trees
 
 ORDERS = {"RK2": 2, "RK4": 4, "RK10": 10}
+
+
+def test_every_method_that_comes_with_flexlink_is_judged_here():
+    assert set(names("tableaus")) == set(ORDERS)
 
 
 def test_there_are_as_many_rooted_trees_as_published():
