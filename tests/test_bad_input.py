@@ -109,7 +109,7 @@ def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
     [
         ("gravity = " + "[" * 5000 + "]" * 5000, "not TOML"),
         ("gravity = [1" + "0" * 5000 + ", 0, 0]", "not TOML"),
-        ("a" + ".a" * 20000 + " = 1", "a = …: unknown key"),
+        ("a" + ".a" * 5000 + " = 1", "a = …: unknown key"),
         ("name = 'a'\nlink = [{name = 'b'}]\ninitial" + ".a" * 5000 + " = 1", "initial: nested too deeply"),
         ("name = 'a'\nname = 'b'", "not TOML"),
         ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link[0] = 1: expected table, got int"),
@@ -137,6 +137,7 @@ def places(value: object, path: tuple[str | int, ...] = ()) -> Iterator[tuple[st
         yield from places(item, (*path, key))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("odd", ODD, ids=str)
 def test_whatever_stands_at_a_key_is_taken_as_a_whole_or_refused_in_one_line(odd: object) -> None:
@@ -277,6 +278,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
     np.testing.assert_allclose(np.load(out)["t"], np.arange(11) * 0.005, atol=1e-15)
 
 
+@pytest.mark.slow
 def test_a_terminal_that_cannot_show_a_letter_stops_nothing(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "flexlink", "simulate", write(tmp_path / "a.toml"), "--duration", "0.005"]
     env = os.environ | {"PYTHONIOENCODING": "ascii"}
@@ -285,6 +287,7 @@ def test_a_terminal_that_cannot_show_a_letter_stops_nothing(tmp_path: Path) -> N
     assert r"\xd7 real time" in done.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a device that is always full")
 def test_a_full_terminal_log_loses_no_samples(tmp_path: Path) -> None:
     out = tmp_path / "run.npz"
@@ -374,6 +377,7 @@ def test_methods_that_are_no_text_are_refused(models) -> None:
         fl.stable_step(chain, 5)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["reports", "validation"])
 def test_programs_without_their_packages_say_what_to_install(program: str) -> None:
     code = f"import sys, runpy; sys.modules['jinja2'] = sys.modules['rich'] = None; runpy.run_module('{program}')"

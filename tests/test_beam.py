@@ -184,6 +184,7 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
     return fl.lump(arm, (0.0, 0.0, 0.0), (0.0, 90.0))
 
 
+@pytest.mark.slow
 def test_every_mode_gets_the_ratio_that_was_asked_for_however_the_links_are_cut() -> None:
     asked = fl.Damping(ratio=0.01, at_hz=5.0)
     for hinges in (2, 4, 8, 16):
@@ -191,6 +192,7 @@ def test_every_mode_gets_the_ratio_that_was_asked_for_however_the_links_are_cut(
         np.testing.assert_allclose(found.damping_ratios[:4], 0.01 * found.hertz[:4] / 5.0, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_damping_of_the_first_mode_converges_under_refinement() -> None:
     """Unlike links share the damping by the energy they hold, which converges as the shape does, with order 4."""
     ratios = {

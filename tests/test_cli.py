@@ -40,6 +40,7 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     assert "largest stable step, RK4   0.000491 s" in out
 
 
+@pytest.mark.slow
 def test_simulate_writes_samples_and_a_picture(paper: str, tmp_path: Path, capsys) -> None:
     out, picture = tmp_path / "run.npz", tmp_path / "run.png"
     assert main(["simulate", paper, "--duration", "0.1", "--out", str(out), "--plot", str(picture)]) == 0
@@ -156,12 +157,14 @@ def test_help_has_examples(capsys) -> None:
     assert "flexlink simulate models/paper_fig5.toml" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_library_imports_without_engines_or_plotting() -> None:
     code = "import sys, flexlink; print({'pinocchio', 'mujoco', 'matplotlib', 'jinja2', 'rich'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 
 
+@pytest.mark.slow
 def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, capsys) -> None:
     picture = tmp_path / "modes.png"
     assert main(["modes", paper, "--lock", "upper", "fore", "--count", "3", "--plot", str(picture)]) == 0

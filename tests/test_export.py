@@ -230,6 +230,7 @@ def test_export_is_the_same_every_time() -> None:
         assert convert(nasty_scene().chain()) == convert(nasty_scene().chain())
 
 
+@pytest.mark.slow
 def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
     with pytest.raises(ArgumentError, match="491 bodies: MuJoCo reads at most 490"):
         MujocoEngine(make_scene(flexible("long", segments=490)).chain())
@@ -281,6 +282,7 @@ def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch
         MujocoEngine(make_scene(flexible("a")).chain())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [None, Damping(ratio=0.01, at_hz=1.0)])
 def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping: Damping | None) -> None:
     """Near the bound, Cholesky's method by columns passed where by rows it failed, with a traceback."""

@@ -53,6 +53,7 @@ def planted(find: str, replace: str) -> Fault:
     return Fault("area/fault", "area.py", find, replace, ("test_area.py",), "")
 
 
+@pytest.mark.slow
 def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_it_is(tree: Path) -> None:
     before = {path.name: path.read_bytes() for path in tree.iterdir()}
     with plant.copied(tree) as copy:

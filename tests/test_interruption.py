@@ -150,6 +150,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
     monkeypatch.setattr(owner, name, interrupted)
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize(
     ("moment", "ending"),
@@ -237,6 +238,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 @BOTH
 @pytest.mark.parametrize("module", ["numba", "scipy.linalg", "flexlink.cli", "never"])
 def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
@@ -270,6 +272,7 @@ def started():
         yield lambda process: after.callback(process.kill)
 
 
+@pytest.mark.slow
 def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
     """What the lists above cannot foresee: real signals, by the clock."""
     runs = []

@@ -58,6 +58,7 @@ def test_ten_hinges_give_three_clamped_modes_within_two_thousandths(rule):
     assert (np.abs(clamped_error(rule, 10)) < 2e-3).all()  # measured in mode 3: gauss 1.6e-3, legendre 9.8e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "rule, hinges, expected",
     [
@@ -312,6 +313,7 @@ def test_without_centrifugal_stiffness_the_spinning_beam_would_be_ten_percent_of
     assert natural_frequencies(chain, locked=[0])[0] / rotating_beam(3.0)[0] < 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule, hinges", [("legendre", 20), ("midpoint", 10)])
 def test_becks_column_flutters_at_the_published_load(rule, hinges):
     values = reference("critical_loads")
@@ -456,6 +458,7 @@ def test_a_mass_matrix_is_factored_in_the_triangle_in_which_it_was_judged():
     assert A[2:] == pytest.approx(np.hstack([-3 * np.linalg.inv(judged), -2 * np.linalg.inv(judged)]))
 
 
+@pytest.mark.slow
 def test_free_joints_rest_and_nothing_else_does(rng):
     """λ = 0 once for each joint that nothing holds, to the last bit, damped or not: no nan, no ζ = −1."""
     for _ in range(60):
@@ -510,6 +513,7 @@ def test_what_falls_however_slowly_is_no_rest(g, viscous):
     assert found.eigenvalues.real.max() == pytest.approx(falls, rel=2e-2)  # the bar bends a little, too
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 9.81), (0.0, 3.0, -9.81)])
 def test_falling_resting_and_swinging_modes_are_as_many_as_sylvester_says(gravity, rng):
     for _ in range(20):

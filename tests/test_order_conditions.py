@@ -5,10 +5,15 @@ import math
 import msgspec
 import pytest
 
+from flexlink.catalogue import names
 from flexlink.tableaus import tableau
 from validation.oracles.rooted_trees import density, residuals, trees
 
 ORDERS = {"RK2": 2, "RK4": 4, "RK10": 10}
+
+
+def test_every_method_that_comes_with_flexlink_is_judged_here():
+    assert set(names("tableaus")) == set(ORDERS)
 
 
 def test_there_are_as_many_rooted_trees_as_published():
@@ -35,6 +40,7 @@ def test_density_of_the_bush_is_its_order_and_of_the_stalk_its_factorial(order):
     assert density(stalk) == math.factorial(order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_every_condition_up_to_the_order_holds_to_40_digits(name, order):
     method = tableau(name)
@@ -42,6 +48,7 @@ def test_every_condition_up_to_the_order_holds_to_40_digits(name, order):
     assert max(max(residuals(method, k)) for k in range(1, order + 1)) <= 1e-40
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "order"), ORDERS.items())
 def test_some_condition_one_order_above_fails(name, order):
     assert max(residuals(tableau(name), order + 1)) > 1e-7

@@ -13,7 +13,10 @@ from studies import BUSY, row, stored, timed
 from reports.build import build
 from validation.store import Series, Store
 
-pytestmark = pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not (CHROMIUM and DRIVER), reason="needs chromium and chromedriver"),
+]
 
 LONG = "a_name_without_any_place_to_break_" * 4
 DESK, PHONE = (1280, 800), (390, 844)

@@ -18,6 +18,7 @@ def run(models) -> fl.Trajectory:
     return fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.05)
 
 
+@pytest.mark.slow
 def test_no_legend_covers_a_curve(run: fl.Trajectory) -> None:
     figure = plotting.plot_trajectory(run)
     FigureCanvasAgg(figure).draw()

@@ -29,6 +29,7 @@ def checkout(tmp_path: Path, monkeypatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", COMMANDS)
 def test_commands_of_the_readme_run(line: str, checkout: Path) -> None:
     words = shlex.split(line, comments=True)
@@ -37,6 +38,7 @@ def test_commands_of_the_readme_run(line: str, checkout: Path) -> None:
     assert all(path.exists() for path in named)
 
 
+@pytest.mark.slow
 def test_python_of_the_readme_runs(checkout: Path) -> None:
     names: dict[str, object] = {}
     for kind, block in BLOCKS:

@@ -56,6 +56,7 @@ def links(page: str) -> Links:
     return parser
 
 
+@pytest.mark.slow
 def test_the_report_needs_no_engine_and_no_simulation(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
     blocked = "import sys\nfor name in ('pinocchio', 'mujoco', 'rich', 'mpmath'): sys.modules[name] = None\n"
@@ -122,6 +123,7 @@ def test_known_limitations_are_never_empty(tmp_path: Path) -> None:
     assert part.count("<li>") >= 3
 
 
+@pytest.mark.slow
 def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row("odd", kind="never heard of"))
     columns = {"t": np.arange(3.0), "y": np.array([1.0, np.nan, 3.0])}
@@ -135,6 +137,7 @@ def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) 
     assert (tmp_path / "report" / "odd.unheard.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(), row("broken", value=1.0))
     found = links(page)
@@ -146,6 +149,7 @@ def test_the_page_loads_nothing_and_leads_only_to_files_beside_it(tmp_path: Path
     assert not re.search(r"@import|url\((?!#)|<script|<link|<iframe", page)
 
 
+@pytest.mark.slow
 def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(), row("broken", value=1.0))
     figures = re.findall(r"<figure .*?</figure>", page, re.DOTALL)
@@ -157,6 +161,7 @@ def test_every_figure_has_a_title_a_name_and_its_data_one_click_away(tmp_path: P
         assert len((tmp_path / "report" / data).read_text(encoding="utf-8").splitlines()) > 1
 
 
+@pytest.mark.slow
 def test_figures_share_their_letters_and_draw_nothing_that_is_not_defined(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(), row("more"))
     defined = re.findall(r'<(?:path|clipPath) id="([^"]*)"', page)
@@ -171,11 +176,13 @@ def test_the_page_names_no_place_on_the_machine_that_made_it(tmp_path: Path) -> 
     assert str(ROOT) not in page
 
 
+@pytest.mark.slow
 def test_every_id_of_the_page_is_unique(tmp_path: Path) -> None:
     found = links(page_of(tmp_path, row(scene="one"), row(scene="two"), row("more")))
     assert len(found.ids) == len(set(found.ids))
 
 
+@pytest.mark.slow
 def test_text_from_results_cannot_become_markup(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(quantity="<b>q</b>", title="A & <script>x</script>"))
     assert "<b>q</b>" not in page
@@ -191,6 +198,7 @@ def test_csv_reads_back_exactly(tmp_path: Path) -> None:
     assert read["reason"] == REASON
 
 
+@pytest.mark.slow
 def test_the_same_results_give_the_same_bytes(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
     first, second = (build(results, tmp_path / name, tmp_path / "none") for name in ("a", "b"))
@@ -264,6 +272,7 @@ def test_a_method_that_misses_an_accuracy_is_not_said_to_reach_it() -> None:
     assert evaluations(work, np.array([1e-2, np.nan, 1e-4]), 1e-4) == pytest.approx(1e3)
 
 
+@pytest.mark.slow
 def test_figure_5_shows_five_panels_and_the_engines_points(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row("fall", kind="trajectory"))
     time = np.linspace(0.0, 5.0, 51)
@@ -295,6 +304,7 @@ def test_numbers_are_short_and_true(value: float | None, text: str) -> None:
     assert number(value).replace(JOIN, " ") == text
 
 
+@pytest.mark.slow
 def test_missing_results_are_one_line_and_exit_code_2(tmp_path: Path) -> None:
     done = run("-m", "reports", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "out"), cwd=tmp_path)
     assert done.returncode == 2

@@ -108,6 +108,7 @@ def test_in_a_mast_only_parts_that_cannot_cancel_say_how_large_rounding_is() -> 
     assert differ > 1000 * EPS * usual
 
 
+@pytest.mark.slow
 def test_it_is_not_far_above_what_engines_do() -> None:
     """The largest errors of right engines are within a hundred times of it: what is explained is not everything."""
     found: dict[str, float] = {}

@@ -31,6 +31,7 @@ def test_a_trajectory_has_every_sample_and_the_initial_state(paper: fl.Scene) ->
         run.q[0, 0] = 1.0
 
 
+@pytest.mark.slow
 def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> None:
     chain = paper.chain()
     q0, qd0 = paper.initial_state(chain)

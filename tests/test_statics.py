@@ -104,6 +104,7 @@ def test_princeton_beam_within_a_percent_in_all_21_cases():
     assert princeton_errors("legendre", 6) < 1e-2  # measured 2.1e-3
 
 
+@pytest.mark.slow
 def test_a_fixed_order_of_axes_bends_and_twists_to_first_order_only():
     assert order({n: princeton_errors("midpoint", n) for n in (6, 12, 24)}) == pytest.approx(1, abs=0.2)
 

@@ -439,6 +439,7 @@ def test_a_study_without_its_checkout_says_that_it_needs_one(study, capsys, monk
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_the_store_reads_without_engines_and_without_a_terminal_library():
     code = "import sys, validation.store; print([m for m in ('pinocchio', 'mujoco', 'rich') if m in sys.modules])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)

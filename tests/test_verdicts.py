@@ -30,6 +30,7 @@ def test_the_first_screen_says_what_was_compared_when_and_on_what(tmp_path: Path
         assert words in said
 
 
+@pytest.mark.slow
 def test_the_three_numbers_and_one_figure_stand_on_the_first_screen(tmp_path: Path) -> None:
     calls = [timed(v, unit="1", passed=True, engine="pinocchio", quantity=f"T1 forward dynamics: pinocchio / {o}")
              for v, o in ((11.0, "native"), (0.7, "public"))]  # fmt: skip
@@ -41,6 +42,7 @@ def test_the_three_numbers_and_one_figure_stand_on_the_first_screen(tmp_path: Pa
     assert page.index('id="figure-overview"') < page.index('<section id="agreement"')
 
 
+@pytest.mark.slow
 def test_the_overview_shows_every_check_of_correctness_and_no_other(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row(), row(value=1.0, quantity="q"), row(tolerance=None), timed(0.5))
     page_from(results, tmp_path)
@@ -48,6 +50,7 @@ def test_the_overview_shows_every_check_of_correctness_and_no_other(tmp_path: Pa
         assert [line["state"] for line in csv.DictReader(file)] == ["pass", "FAIL"]
 
 
+@pytest.mark.slow
 def test_all_chapters_of_the_page_stand_in_both_navigations(tmp_path: Path) -> None:
     page = page_of(tmp_path, row(), row("odd", kind="unheard"))
     for nav in re.findall(r"<nav .*?</nav>", page, re.DOTALL):
@@ -86,6 +89,7 @@ def test_on_a_busy_machine_the_page_says_so_instead_of_met_or_missed(tmp_path: P
     assert '<tr class="missed"' not in page
 
 
+@pytest.mark.slow
 def test_the_speed_table_stands_beside_the_reference_run(tmp_path: Path) -> None:
     before = timed(0.75, engine="pinocchio, fastest", varied={"n": 10, "form": "local"})
     save(Results.read(stored(tmp_path / "quiet", row(), before, conditions=QUIET)), tmp_path / "reference")

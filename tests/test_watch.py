@@ -71,6 +71,7 @@ def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
     np.testing.assert_allclose(run.energy.kinetic, run.t**2 / 2, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_many_runs_carry_the_balance_of_single_ones() -> None:
     scenes = [replace(everything("xyz"), initial=fl.Initial(joint_deg=(10.0, float(angle)))) for angle in range(9)]
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
@@ -275,6 +276,7 @@ def test_no_mass_gets_farther_than_the_reach() -> None:
 # -- random scenes -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [range(0, 20), range(20, 40)])
 def test_no_random_scene_ends_finite_unflagged_and_wrong(seeds: range) -> None:
     """A few of `python -m tests.random_scenes 2000`."""

@@ -1,0 +1,40 @@
+"""The lowest versions that pyproject.toml allows, as constraints for pip, so that the tests can be run with them.
+
+python -m tests.lowest > lowest.txt
+python -m pip install -c lowest.txt -e '.[test]' && python -m pytest        # in an environment of its own
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+PROJECT = Path(__file__).parent.parent / "pyproject.toml"
+OWN = "flexlink["  # extras that name each other
+TOOLS = "dev"  # judge the sources, whatever the versions of the others
+
+
+def requirements(text: str) -> list[str]:
+    """All that a pyproject.toml requires of others to run and to be tested."""
+    project = tomllib.loads(text)["project"]
+    extras = [named for extra, named in project["optional-dependencies"].items() if extra != TOOLS]
+    return [one for named in (project["dependencies"], *extras) for one in named if not one.startswith(OWN)]
+
+
+def lowest(requirement: str) -> str:
+    """`name>=1.2,<3` as `name==1.2`.
+
+    Raises
+    ------
+    ValueError
+        The requirement has no lowest version.
+    """
+    found = re.fullmatch(r"([\w.-]+)>=([\w.]+)(,<[\w.]+)?", requirement)
+    if not found:
+        raise ValueError(f"{requirement!r}: no lowest version; write name>=version")
+    return f"{found[1]}=={found[2]}"
+
+
+if __name__ == "__main__":
+    print(*map(lowest, requirements(PROJECT.read_text(encoding="utf-8"))), sep="\n")

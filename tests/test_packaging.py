@@ -1,0 +1,42 @@
+"""What leaves the checkout: every requirement has a lowest version that can be tested, no file stays behind."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import pytest
+from conftest import ROOT
+from lowest import PROJECT, lowest, requirements
+
+TEXT = PROJECT.read_text(encoding="utf-8")
+
+
+def test_every_requirement_has_a_lowest_version() -> None:
+    constraints = [lowest(requirement) for requirement in requirements(TEXT)]
+    names = [line.partition("==")[0] for line in constraints]
+    assert {"numpy", "numba", "pin", "mujoco", "pytest"} < set(names)
+    assert len(set(names)) == len(names)
+
+
+def test_a_lowest_version_is_the_one_that_is_named() -> None:
+    assert lowest("numba>=0.68,<0.70") == "numba==0.68"
+    assert lowest("pytest-xdist>=3.6.1") == "pytest-xdist==3.6.1"
+    for open_ended in ("numpy", "numpy<3", "numpy~=2.0", "numpy>2"):
+        with pytest.raises(ValueError, match="no lowest version"):
+            lowest(open_ended)
+
+
+def test_extras_that_name_each_other_and_linters_are_no_requirements() -> None:
+    found = requirements(TEXT)
+    assert not [one for one in found if one.startswith(("flexlink", "ruff", "mypy"))]
+
+
+@pytest.mark.skipif(not (shutil.which("git") and (ROOT / ".git").exists()), reason="needs git and a checkout")
+def test_the_manifest_takes_every_folder_of_the_checkout_along() -> None:
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    manifest = (ROOT / "MANIFEST.in").read_text(encoding="utf-8").splitlines()
+    grafted = {line.split()[1] for line in manifest if line.startswith("graft ")}
+    included = {name for line in manifest if line.startswith("include ") for name in line.split()[1:]}
+    by_itself = {"flexlink", "LICENSE", "README.md", "pyproject.toml", "MANIFEST.in"}  # setuptools takes these
+    assert {name.partition("/")[0] for name in listed.splitlines()} - grafted - included - by_itself == set()
