@@ -244,6 +244,7 @@ sys.exit(main())
 def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     number: int, module: str, tmp_path: Path, monkeypatch
 ) -> None:
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     out = tmp_path / "x.npz"
     code = START.format(scene=PAPER, out=str(out), module=module, number=int(number))
