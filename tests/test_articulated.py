@@ -126,7 +126,9 @@ def solve(wrench, q, qd, tau, qdd, work, power):
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str, rng: np.random.Generator) -> None:
+def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_joint_torques(
+    flex: str, rng: np.random.Generator
+) -> None:
     chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
     q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
     wrench = rng.normal(size=6)
@@ -134,10 +136,12 @@ def test_the_power_of_a_moment_on_the_tip_is_that_of_its_joint_torques(flex: str
     power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, moment))
     explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, moment)
     assert abs(power) > 1e6 * explained
+    given = qd @ (tau - friction_torque(chain, qd))
+    explained += 10 * chain.n * rounding.EPS * np.abs(qd * tau).sum()
     for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
         work = solver.workspace(chain.arrays)
         solve(wrench, q, qd, tau.copy(), np.zeros(chain.n), work, found := np.empty(1))
-        assert abs(found[0] - power) <= explained
+        assert abs(found[0] - (given + power)) <= explained
 
 
 LANE_ARMS = {

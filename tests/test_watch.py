@@ -224,7 +224,7 @@ def test_a_posture_whose_m_is_indefinite_is_a_fault() -> None:
     chain = scene.chain()
     q = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
     assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] < 0
-    assert "too far for matched twist: M is indefinite" in looked_at(scene, q).fault
+    assert "too far for matched twist: M is not positive definite" in looked_at(scene, q).fault
     assert not looked_at(scene, 0.1 * q).fault
 
 
@@ -253,7 +253,7 @@ def test_a_run_is_doubted_for_the_errors_of_its_steps_and_for_its_energy_and_a_s
 
 def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> None:
     few = told_errors(swung(0.17))
-    monkeypatch.setattr(sys.modules["flexlink.watch"], "PROBED", 1)  # every step
+    monkeypatch.setattr(sys.modules["flexlink.watch"], "APART", 1)  # every step
     assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
 
 
