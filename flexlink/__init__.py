@@ -1,19 +1,33 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
-import flexlink.entry  # noqa: F401  first of all
+import flexlink.common.entry  # noqa: F401  first of all
 
 # isort: split
 
-from flexlink.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
-from flexlink.batch import simulate_many
-from flexlink.chain import Chain, Coordinate
-from flexlink.dynamics import (
+from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
+from flexlink.analysis.modal import Modes, modes, natural_frequencies
+from flexlink.analysis.stability import stable_step
+from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import (
+    ArgumentError,
+    ConvergenceError,
+    FlexlinkError,
+    MissingDependencyError,
+    OutputError,
+    SceneError,
+    SingularMassError,
+    UnstableStepError,
+)
+from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
+from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.terms import (
     Energy,
     Frames,
     bias_torque,
     elastic_torque,
     energy,
-    forward_dynamics,
     frames,
     friction_torque,
     gravity_torque,
@@ -21,26 +35,12 @@ from flexlink.dynamics import (
     mass_matrix,
     tip_position,
 )
-from flexlink.errors import (
-    ArgumentError,
-    ConvergenceError,
-    DivergenceError,
-    FlexlinkError,
-    InterruptedRunError,
-    MissingDependencyError,
-    OutputError,
-    SceneError,
-    SingularMassError,
-    UnstableStepError,
-)
-from flexlink.export import to_mjcf, to_urdf
-from flexlink.lumping import lump
-from flexlink.modal import Modes, modes, natural_frequencies
-from flexlink.scene import Drive, Initial, Motion, Run, Scene, Wrench, load_scene
-from flexlink.simulate import simulate
-from flexlink.stability import stable_step
-from flexlink.statics import Equilibrium, buckling_loads, solve_static
-from flexlink.trajectory import Trajectory
+from flexlink.formats import to_mjcf, to_urdf
+from flexlink.motion.batch import simulate_many
+from flexlink.motion.endings import DivergenceError, InterruptedRunError
+from flexlink.motion.result import Trajectory
+from flexlink.motion.scene import Scene, load_scene
+from flexlink.motion.single import simulate
 
 __version__ = "0.1.0"
 

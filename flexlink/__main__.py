@@ -2,6 +2,6 @@
 
 import sys
 
-from flexlink.cli import main
+from flexlink.cli.main import main
 
 sys.exit(main())

@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from flexlink.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError
 
 try:
     from reports import reference

@@ -15,14 +15,14 @@ from typing import Any
 import jinja2
 import matplotlib as mpl
 
-from flexlink.errors import FlexlinkError
-from flexlink.output import write_text
-from reports import curves, figures, findings, reference, speed, verdict
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.output import write_text
+from reports import curves, figures, findings, reference, speed_limits, verdict
+from reports.chapters import chapter_of_kinds, contents, sections
 from reports.finding import Finding
 from reports.numbers import amount, number
 from reports.picture import Picture
 from reports.results import Results, used
-from reports.sections import chapter_of_kinds, contents, sections
 from reports.style import RC
 from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
 from validation.store import Environment, Row
@@ -98,7 +98,7 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
     chapters = list(_chapters(study, out, shown))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
-    write_text(out / "speed.csv", speed.csv_text(study, beside))
+    write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
     page = _template().render(
         style=(HERE / "style.css").read_text(encoding="utf-8"),
         compared=verdict.compared(study),
@@ -110,8 +110,8 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
         failed=[row for row in study.rows if row.passed is False and not row.timed],
         missing=study.missing,
         chapters=chapters,
-        speed=speed.lines(study, beside),
-        conditions=speed.conditions(study),
+        speed=speed_limits.lines(study, beside),
+        conditions=speed_limits.conditions(study),
         beside=beside,
         environment=_rows(study.environment),
         limitations=_limitations(),

@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
-from flexlink.output import write_text, write_whole
+from flexlink.common.output import write_text, write_whole
 from reports.inline import inline
 from reports.style import RC
 

@@ -6,14 +6,14 @@ import csv
 import dataclasses
 from pathlib import Path
 
-from flexlink.errors import FlexlinkError
-from flexlink.output import write_text
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.output import write_text
 from reports.results import Results
 from reports.tables import state, table_csv
 from reports.verdict import PASS, correct, measured
 from validation.facts import said
+from validation.judgement import correctness, crowd, speed
 from validation.store import Row
-from validation.verdict import correctness, crowd, speed
 
 FOLDER = Path(__file__).parent / "reference_run"
 HEADS = ("case", "quantity", "setting", "engine", "form", "value", "unit", "side", "limit", "state")

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 
-from flexlink.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from reports.numbers import amount
 from reports.results import used
 from validation.facts import head, said
+from validation.judgement import BUSY, MET, MISSED, speed_state
 from validation.store import Finished, Row, Series
-from validation.verdict import BUSY, MET, MISSED, speed_state
 
 PASS, FAIL, INFO = "pass", "FAIL", "info"
 TIMED = {MISSED: "missed", BUSY: "not measured", MET: "met"}  # what became of a limit of time, in a word or two

@@ -6,12 +6,12 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
+from reports.chapters import Number, Wanted
 from reports.numbers import amount, plural
 from reports.results import Results, used
-from reports.sections import Number, Wanted
 from reports.tables import FAIL, share, state
+from validation.judgement import correctness, speed
 from validation.store import Row
-from validation.verdict import correctness, speed
 
 PASS, INCOMPLETE = "PASS", "INCOMPLETE"
 NAMES = {"pin": "Pinocchio", "mujoco": "MuJoCo", "mpmath": "mpmath"}  # package → what was compared with

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.simulate import prepare
+from flexlink.motion.single import prepare
 
 WRONG = 0.05  # of the tip's motion
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.2, 0.3, 0.2, 0.3)

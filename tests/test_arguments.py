@@ -11,9 +11,9 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 
 import flexlink as fl
-from flexlink.compare import compare
 from flexlink.engines import load
-from flexlink.notes import notes
+from flexlink.engines.comparison import compare
+from flexlink.motion.notes import notes
 
 
 @functools.cache

@@ -25,9 +25,10 @@ from flexlink import (
     friction_torque,
     inverse_dynamics,
     mass_matrix,
-    rounding,
     simulate,
 )
+from flexlink.dynamics import rounding
+from flexlink.dynamics.rounding import EPS
 from flexlink.kernels import forward
 from flexlink.kernels.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
 from flexlink.kernels.articulated_rows import articulated_lanes_workspace
@@ -35,7 +36,6 @@ from flexlink.kernels.compiler import kernel
 from flexlink.kernels.lanes import LANES, put_at
 from flexlink.kernels.planar import planar_lanes_workspace
 from flexlink.kernels.sincos import LIMIT, cos_sin_all
-from flexlink.rounding import EPS
 from validation.oracles.planar_chain import DIGITS
 from validation.oracles.spatial_chain import SpatialChain, numbers
 

@@ -12,9 +12,9 @@ import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
-from flexlink.dynamics import SOLVERS
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.rounding import acceleration_error
 from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
-from flexlink.rounding import acceleration_error
 
 CHAINS = {"spatial": nasty_scene().chain(), "planar": make_scene(flexible("a", segments=3)).chain()}
 

@@ -20,12 +20,13 @@ import tomli_w
 from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
-from flexlink.cli import main
-from flexlink.scene import scene_from
+from flexlink.cli.main import main
+from flexlink.engines.comparison import compare
+from flexlink.motion.scene import scene_from
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
-RK4 = tomllib.loads((ROOT / "flexlink" / "data" / "tableaus" / "RK4.toml").read_text(encoding="utf-8"))
+RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text(encoding="utf-8"))
 
 
 def write(path: Path, edit: Edit = lambda _: None) -> str:
@@ -270,8 +271,8 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["flexlink.simulate"], "BREATH", 0.0)  # a piece a step
-    monkeypatch.setattr("flexlink.cli.Progress.__call__", stop_at_half)
+    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr("flexlink.cli.terminal.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
     assert "interrupted at t = 0.05 s; 11 samples kept in" in capsys.readouterr().err
@@ -310,8 +311,8 @@ def test_quotes_in_names_stay_inside_their_csv_column(tmp_path: Path) -> None:
 
 def test_motions_do_not_make_engines_disagree() -> None:
     motion = fl.Motion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
-    comparison = fl.compare.compare(make_scene(flexible("upper")), samples=1)
-    moved = fl.compare.compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
+    comparison = compare(make_scene(flexible("upper")), samples=1)
+    moved = compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
     assert comparison.passed
     assert moved.rows[-1].error == comparison.rows[-1].error
 

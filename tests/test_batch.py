@@ -14,7 +14,7 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.interruption import Stop
+from flexlink.common.interruption import Stop
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -149,7 +149,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
 
 def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     """Asked to stop after 100 of 500 steps, which are 2 of 10 samples."""
-    stop, batch, scenes = Stop(), sys.modules["flexlink.batch"], members("yz", 10)
+    stop, batch, scenes = Stop(), sys.modules["flexlink.motion.batch"], members("yz", 10)
     pieces = batch.pieces
 
     def interrupted(*arguments):

@@ -29,9 +29,9 @@ from flexlink import (
     to_mjcf,
     to_urdf,
 )
-from flexlink.arm import AXES
-from flexlink.rules import lumping_rule
-from flexlink.sections import SHAPES, SectionProperties, rectangle
+from flexlink.describe.arm import AXES
+from flexlink.describe.rules import lumping_rule
+from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))

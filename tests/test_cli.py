@@ -15,9 +15,10 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink import cli
-from flexlink.cli import main
-from flexlink.terminal import announced
+from flexlink.cli import simulate
+from flexlink.cli.main import main
+from flexlink.cli.terminal import announced
+from flexlink.motion import single
 
 
 @pytest.fixture
@@ -132,14 +133,14 @@ def test_the_version_is_that_of_the_library(capsys) -> None:
 
 def test_no_run_is_timed_together_with_its_compiler(paper: str, capsys, monkeypatch) -> None:
     """What gets ready stands for one that compiles: it takes long."""
-    real = cli.SingleRun
+    real = single.SingleRun
 
     def slowly(*arguments):
         time.sleep(0.5)
         return real(*arguments)
 
     fl.simulate(fl.load_scene(paper), duration=0.0)
-    monkeypatch.setattr(cli, "SingleRun", slowly)
+    monkeypatch.setattr(simulate, "SingleRun", slowly)
     assert main(["simulate", paper, "--duration", "0.01"]) == 0
     assert float(re.search(r"simulated in (\S+) s", capsys.readouterr().out)[1]) < 0.5
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import flexlink as fl
-from flexlink import rounding
-from flexlink.cli import main
-from flexlink.compare import MOST_SAMPLES, QUANTITIES, Comparison, compare, compare_engines
+from flexlink.cli.main import main
+from flexlink.common.errors import ArgumentError
+from flexlink.dynamics import rounding
 from flexlink.engines import load
-from flexlink.errors import ArgumentError
-from flexlink.states import mixed_states, random_states
+from flexlink.engines.comparison import MOST_SAMPLES, QUANTITIES, Comparison, compare, compare_engines
+from flexlink.engines.states import mixed_states, random_states
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"

@@ -89,9 +89,9 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
 def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monkeypatch, tmp_path: Path) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv(variable, str(tmp_path / "cache"))
-    (tmp_path / "kernels").mkdir()
-    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain.py"]:
-        place = tmp_path / ("kernels" if source.parent == compiler.HERE else "") / source.name
+    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain" / "chain.py"]:
+        place = tmp_path / source.relative_to(compiler.HERE.parent)
+        place.parent.mkdir(exist_ok=True)
         place.write_bytes(source.read_bytes())
     monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
     before = compiler.cache_folder()

@@ -11,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flexlink as fl
-from flexlink.dynamics import MASS_METHODS, SOLVERS
-from flexlink.inputs import input_arrays
-from flexlink.interruption import Stop
-from flexlink.rounding import EPS, of_mass_matrix, of_residual
-from flexlink.simulate import SingleRun
-from flexlink.trajectory import Record
-from flexlink.watch import Watch
+from flexlink.common.interruption import Stop
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
+from flexlink.dynamics.terms import MASS_METHODS
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.result import Record
+from flexlink.motion.single import SingleRun
+from flexlink.motion.watch import Watch
 
 
 def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.Chain, rng) -> None:

@@ -28,12 +28,12 @@ from flexlink import (
     Wrench,
     load_scene,
     mass_matrix,
-    rounding,
     stable_step,
 )
-from flexlink.compare import QUANTITIES
+from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load
-from flexlink.states import mixed_states
+from flexlink.engines.comparison import QUANTITIES
+from flexlink.engines.states import mixed_states
 
 OTHERS = [name for name in ENGINES if name != "native"]
 STATES = 20

@@ -28,14 +28,14 @@ from flexlink import (
     tip_position,
     to_mjcf,
 )  # fmt: skip
+from flexlink.chain.rotation import matrix_from_rpy_deg, rpy_from_matrix
 from flexlink.engines import load
 from flexlink.engines import mujoco as mujoco_engine
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.export import FORMATS
-from flexlink.export.document import numbers, unique
+from flexlink.formats import FORMATS
+from flexlink.formats.document import numbers, unique
 from flexlink.kernels.kinematics import kinematics
-from flexlink.rotation import matrix_from_rpy_deg, rpy_from_matrix
 
 EPS = np.finfo(float).eps
 

@@ -10,7 +10,7 @@ import pytest
 from conftest import flexible, make_scene, nasty_scene
 
 import flexlink as fl
-from flexlink import rounding
+from flexlink.dynamics import rounding
 from flexlink.engines import load
 
 

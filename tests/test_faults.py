@@ -76,7 +76,7 @@ def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_i
         (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
         (Answer(-11, ""), KILLED),  # a segmentation fault
         (Answer(None, ""), KILLED),  # no end
-        (Answer(2, "! flexlink.errors.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # a KeyboardInterrupt
+        (Answer(2, "! flexlink.motion.endings.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
         (Answer(2, "ERROR tests/test_a.py\n!!! Interrupted: 1 error during collection !!!"), BROKEN),
         (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),
         (Answer(2, "ERROR tests/test_a.py - NameError: name 'x' is not defined"), BROKEN),

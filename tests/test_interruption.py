@@ -16,10 +16,11 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink import cli, output
-from flexlink.cli import main
-from flexlink.entry import is_command
-from flexlink.interruption import LAST, StoppedError, deferred
+from flexlink.cli import simulate, terminal
+from flexlink.cli.main import main
+from flexlink.common import output
+from flexlink.common.entry import is_command
+from flexlink.common.interruption import LAST, StoppedError, deferred
 
 BOTH = pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
@@ -120,8 +121,8 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
 def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
     """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 16 if each may only double the one before."""
     seen: list[float] = []
-    monkeypatch.setattr(sys.modules["flexlink.simulate"], "BREATH", 1e-3)
-    monkeypatch.setattr(sys.modules["flexlink.simulate"], "time", SimpleNamespace(perf_counter=clock))
+    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", 1e-3)
+    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "time", SimpleNamespace(perf_counter=clock))
     fl.simulate(fl.load_scene(models / "paper_fig5.toml"), seen.append, duration=5.0, sample=5.0)
     assert len(seen) > (30 if clock() else 15)
 
@@ -130,7 +131,7 @@ def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     whole = fl.simulate(scene, duration=0.02, sample=0.005)
     for breath in (0.0, 1e-3):
-        monkeypatch.setattr(sys.modules["flexlink.simulate"], "BREATH", breath)
+        monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", breath)
         for sample in (0.005, 0.02):
             again = fl.simulate(scene, duration=0.02, sample=sample)
             np.testing.assert_array_equal(again.q[-1], whole.q[-1])
@@ -165,11 +166,11 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 )
 def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
-        "running": (cli.Progress, "__call__"),
-        "saving": (sys.modules["flexlink.trajectory"]._Writer, "__call__"),
+        "running": (terminal.Progress, "__call__"),
+        "saving": (sys.modules["flexlink.motion.result"]._Writer, "__call__"),
         "before the file is there": (output.Path, "replace"),
-        "drawing": (cli, "_draw"),
-        "summing up": (cli, "_summary"),
+        "drawing": (simulate, "draw"),
+        "summing up": (simulate, "_summary"),
     }[moment]
     at_first_call(monkeypatch, owner, name, number)
     out, picture = tmp_path / f"x{ending}", tmp_path / "x.svg"
@@ -226,7 +227,7 @@ class Bomb:
         if name == {module!r}:
             signal.raise_signal({number})
 sys.meta_path.insert(0, Bomb())
-from flexlink.cli import main
+from flexlink.cli.main import main
 from numba.core import event
 class OnCompile(event.Listener):
     def on_start(self, event):
@@ -261,7 +262,7 @@ import signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
 sys.argv = ["flexlink", "simulate", {scene!r}, "--duration", "1000", "--out", {out!r}]
 print("up", flush=True)
-from flexlink.cli import main
+from flexlink.cli.main import main
 sys.exit(main())
 """
 

@@ -31,10 +31,10 @@ from flexlink import (
     natural_frequencies,
     tip_position,
 )
-from flexlink.modal import first_order_matrix
-from flexlink.rotation import matrix_from_rpy_deg
-from flexlink.rules import lumping_rule
-from flexlink.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
+from flexlink.analysis.modal import first_order_matrix
+from flexlink.analysis.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
+from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.describe.rules import lumping_rule
 
 BEAM = reference("eb_beam_roots")["dimensionless_omega_(betaL)^2"]
 CLAMPED = np.array(BEAM["clamped_free"][:3], float)

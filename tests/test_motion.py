@@ -7,10 +7,10 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.dynamics import SOLVERS
-from flexlink.inputs import motion_arrays
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.rounding import of_acceleration
 from flexlink.kernels.inputs import follow
-from flexlink.rounding import of_acceleration
+from flexlink.motion.actuation import motion_arrays
 
 
 def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.Motion:

@@ -9,8 +9,8 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 
 import flexlink as fl
-from flexlink.cli import main
-from flexlink.notes import notes
+from flexlink.cli.main import main
+from flexlink.motion.notes import notes
 
 STILL = make_scene(fl.Link(name="a"), flexible("b"))
 """All axes along z, as is the default gravity."""

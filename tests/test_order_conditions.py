@@ -5,8 +5,8 @@ import math
 import msgspec
 import pytest
 
-from flexlink.catalogue import names
-from flexlink.tableaus import tableau
+from flexlink.describe.catalogue import names
+from flexlink.describe.tableaus import tableau
 from validation.oracles.rooted_trees import density, residuals, trees
 
 ORDERS = {"RK2": 2, "RK4": 4, "RK10": 10}

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import flexlink as fl
-from flexlink.output import write_or_keep, write_text, write_whole
+from flexlink.common.output import write_or_keep, write_text, write_whole
 
 
 @pytest.fixture

@@ -10,16 +10,16 @@ import pytest
 from conftest import ROOT, nasty_scene
 
 import flexlink as fl
+from flexlink.analysis.tangent import stiffness_matrix
+from flexlink.common.errors import SceneError
+from flexlink.describe.rules import lumping_rule
+from flexlink.describe.spec import decode
 from flexlink.engines import load
-from flexlink.errors import SceneError
-from flexlink.inputs import drive_arrays, motion_arrays
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.rules import lumping_rule
-from flexlink.spec import decode
-from flexlink.tangent import stiffness_matrix
+from flexlink.motion.actuation import drive_arrays, motion_arrays
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
-from validation.benchmarks import inputs, parity, reference
+from validation.benchmarks import formulas, parity, reference_values
 from validation.benchmarks.sweep import Need, Point, Sweep, order, report
 from validation.benchmarks.tip_loads import TIP_LOADS
 from validation.benchmarks.variant import Rule, Variant, existing, overlay
@@ -78,7 +78,7 @@ def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
     assert any(name in case.scenes for case in CASES.values())
 
 
-@pytest.mark.parametrize("path", sorted(reference.FOLDER.glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(reference_values.FOLDER.glob("*.json")), ids=lambda path: path.stem)
 def test_every_reference_file_is_used(path):
     assert any(path.stem in source.read_text(encoding="utf-8") for source in SOURCES)
 
@@ -125,7 +125,7 @@ def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(n
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
 def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
     with pytest.raises(SceneError, match=r"no.such.*there are"):
-        reference.look_up(*keys)
+        reference_values.look_up(*keys)
 
 
 def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across():
@@ -139,7 +139,7 @@ def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across(
 
 
 def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
-    scene = inputs.torque_pulse(fl.load_scene(BENCHMARKS / "torque_pulse.toml"))
+    scene = formulas.torque_pulse(fl.load_scene(BENCHMARKS / "torque_pulse.toml"))
     chain = scene.chain()
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
     for t in np.linspace(0, 2, 777):
@@ -149,7 +149,7 @@ def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
 
 
 def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
-    scene = inputs.spin_up(fl.load_scene(BENCHMARKS / "spin_up.toml"))
+    scene = formulas.spin_up(fl.load_scene(BENCHMARKS / "spin_up.toml"))
     motion, (q, qd, qdd) = motion_arrays(scene, scene.chain()), np.zeros((3, scene.chain().n))
     for t in np.linspace(0, 20, 777):
         follow(motion, t, q, qd, qdd)
@@ -178,7 +178,7 @@ def test_slopes_by_riesz_of_mujocos_torques_are_the_tangent_of_ours():
 
 @pytest.mark.parametrize("n", [3, 5, 10])
 def test_closed_forms_are_those_of_the_reference(n):
-    values = reference.look_up("hencky_closed_forms", "closed_form_values")
+    values = reference_values.look_up("hencky_closed_forms", "closed_form_values")
     for rule, twist, columns in (
         ("midpoint", "torsion_CF_root2k", "buckling_CF_root2k"),
         ("paper", "torsion_CF_paper", "buckling_CF_paper"),

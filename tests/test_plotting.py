@@ -10,7 +10,7 @@ from conftest import ROOT, flexible, make_scene
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import flexlink as fl
-from flexlink import plotting
+from flexlink.motion import plotting
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.cli import main
+from flexlink.cli.main import main
 
 TEXT = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", TEXT, re.DOTALL)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
-from flexlink.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError
 from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding

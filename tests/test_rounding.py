@@ -9,11 +9,12 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 from numpy.testing import assert_array_equal
 
-from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene, mass_matrix, rounding
-from flexlink.compare import QUANTITIES, Difference, compare_engines
+from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene, mass_matrix
+from flexlink.dynamics import rounding
+from flexlink.dynamics.rounding import EPS
 from flexlink.engines import load
-from flexlink.rounding import EPS
-from flexlink.states import mixed_states
+from flexlink.engines.comparison import QUANTITIES, Difference, compare_engines
+from flexlink.engines.states import mixed_states
 
 M, L, G = 3.0, 2.0, 9.81
 Q, QD, TAU, WRENCH = np.array([0.3]), np.array([-1.5]), np.array([4.0]), np.array([3.0, 0.0, -4.0, 0.0, 6.0, 8.0])

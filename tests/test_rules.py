@@ -17,12 +17,12 @@ from flexlink import (
     forward_dynamics,
     friction_torque,
     mass_matrix,
-    rounding,
 )
-from flexlink.catalogue import names
-from flexlink.dynamics import SOLVERS
+from flexlink.describe.catalogue import names
+from flexlink.describe.rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
+from flexlink.dynamics import rounding
+from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
-from flexlink.rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
 
 TIP_FREE = {"clamped", "hencky"}
 """Rules for a torque-free tip: a node's worth of weight is left out there, where the bending moment vanishes."""

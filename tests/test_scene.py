@@ -11,7 +11,7 @@ import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
 from flexlink import Arm, Joint, Link, SceneError, Section, load_scene
-from flexlink.scene import whole
+from flexlink.describe.situation import whole
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 
@@ -133,7 +133,9 @@ def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_pat
     folder = tmp_path / "sub"
     folder.mkdir()
     (folder / "rule.toml").write_text(one_hinge_rule(0.5), encoding="utf-8")
-    (folder / "own.toml").write_text((ROOT / "flexlink" / "data" / "tableaus" / "RK4.toml").read_text("utf-8"), "utf-8")
+    (folder / "own.toml").write_text(
+        (ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text("utf-8"), "utf-8"
+    )
     text = PAPER.replace('"paper"\n\n', '"rule.toml"\n\n').replace('"RK4"', '"own.toml"')
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)

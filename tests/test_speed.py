@@ -13,9 +13,9 @@ import pytest
 from mpmath import mp, mpf
 
 import flexlink as fl
-from flexlink.errors import FlexlinkError
-from flexlink.rounding import acceleration_error, of_bias_torque, of_mass_matrix
-from flexlink.states import random_states
+from flexlink.common.errors import FlexlinkError
+from flexlink.dynamics.rounding import acceleration_error, of_bias_torque, of_mass_matrix
+from flexlink.engines.states import random_states
 from reports.figures import speed_cost
 from reports.findings import speed_times
 from reports.results import Results
@@ -126,7 +126,11 @@ def test_the_loop_over_pinocchio_takes_the_steps_that_simulate_takes() -> None:
 def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
     work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
-    for costly in ("flexlink.scene.Scene.chain", "flexlink.export.to_urdf", "flexlink.scene.Scene.initial_state"):
+    for costly in (
+        "flexlink.motion.scene.Scene.chain",
+        "flexlink.formats.to_urdf",
+        "flexlink.motion.scene.Scene.initial_state",
+    ):
         monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
     work(2)
 

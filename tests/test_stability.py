@@ -12,13 +12,13 @@ from conftest import flexible, make_scene
 from scipy import linalg
 
 import flexlink as fl
-from flexlink import stability
-from flexlink.inputs import input_arrays
-from flexlink.interruption import Stop
-from flexlink.simulate import SingleRun, prepare
-from flexlink.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
-from flexlink.tableaus import tableau
-from flexlink.watch import gains_of
+from flexlink.analysis import stability
+from flexlink.analysis.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
+from flexlink.common.interruption import Stop
+from flexlink.describe.tableaus import tableau
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.single import SingleRun, prepare
+from flexlink.motion.watch import gains_of
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,

@@ -18,7 +18,7 @@ from flexlink import (
     load_scene,
     mass_matrix,
 )
-from flexlink.states import BALANCE, State, mixed_states, random_states
+from flexlink.engines.states import BALANCE, State, mixed_states, random_states
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 

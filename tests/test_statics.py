@@ -26,7 +26,7 @@ from flexlink import (
     solve_static,
     tip_position,
 )
-from flexlink.statics import LARGEST_ARC
+from flexlink.analysis.equilibrium import LARGEST_ARC
 
 # --- the elastica ----------------------------------------------------------------------------------------------------
 

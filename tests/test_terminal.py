@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from flexlink import terminal
-from flexlink.terminal import Compiling, Progress, clock, progress_text
+from flexlink.cli import terminal
+from flexlink.cli.terminal import Compiling, Progress, clock, progress_text
 
 
 class Terminal(io.StringIO):

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlink.errors import FlexlinkError, SceneError
-from flexlink.spec import decode
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.describe.spec import decode
 from validation import case as cases
 from validation import facts, runner
 from validation.__main__ import main

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from studies import BUSY, DATE, QUIET, first_screen, page_from, page_of, row, stored, timed, words_from, words_of
 
-from flexlink.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError
 from reports.build import build
+from reports.chapters import contents, sections
 from reports.reference import read, save
 from reports.results import Results
-from reports.sections import contents, sections
 from validation.store import Conditions, Finished, Store
 
 ROOT = Path(__file__).parent.parent

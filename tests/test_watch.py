@@ -14,11 +14,11 @@ from msgspec.structs import replace
 from random_scenes import verdict
 
 import flexlink as fl
-from flexlink import balance
-from flexlink.dynamics import SOLVERS
-from flexlink.inputs import input_arrays
-from flexlink.trajectory import Record
-from flexlink.watch import Watch
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.motion import balance
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.result import Record
+from flexlink.motion.watch import Watch
 
 
 @pytest.fixture
@@ -253,7 +253,7 @@ def test_a_run_is_doubted_for_the_errors_of_its_steps_and_for_its_energy_and_a_s
 
 def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> None:
     few = told_errors(swung(0.17))
-    monkeypatch.setattr(sys.modules["flexlink.watch"], "APART", 1)  # every step
+    monkeypatch.setattr(sys.modules["flexlink.motion.watch"], "APART", 1)  # every step
     assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
 
 

@@ -9,10 +9,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexlink.errors import FlexlinkError
+from flexlink.common.errors import FlexlinkError
 from validation.case import CASES, MODELS, Case, load_cases
+from validation.judgement import MISSED, correctness, speed, speed_state
 from validation.store import Row, Store
-from validation.verdict import MISSED, correctness, speed, speed_state
 
 try:
     from rich.console import Console

@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from flexlink import catalogue
-from flexlink.errors import SceneError
-from flexlink.scene import Scene, load_scene
-from flexlink.spec import Spec, decode
+from flexlink.common.errors import SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.spec import Spec, decode
+from flexlink.motion.scene import Scene, load_scene
 from validation.facts import Facts
 from validation.store import Bound
 

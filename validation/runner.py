@@ -15,8 +15,8 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from flexlink.errors import SceneError
-from flexlink.spec import decode
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import decode
 from validation.case import Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED
 from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
@@ -148,7 +148,7 @@ def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
-        for path in sorted([*folder.rglob("*.py"), *folder.glob("data/**/*.toml"), *folder.glob("reference/*.json")]):
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *folder.glob("reference/*.json")]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest.digest()
 

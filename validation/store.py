@@ -27,8 +27,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.errors import FlexlinkError, OutputError
-from flexlink.output import write_text, write_whole
+from flexlink.common.errors import FlexlinkError, OutputError
+from flexlink.common.output import write_text, write_whole
 from validation.facts import Facts, said
 
 Scale = Literal["linear", "log"]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib
 
-from flexlink.chain import Chain
-from flexlink.checks import choice, given
+from flexlink.chain.arguments import choice, given
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine
-from flexlink.errors import MissingDependencyError
 
 ENGINES = {"native": "NativeEngine", "pinocchio": "PinocchioEngine", "mujoco": "MujocoEngine"}
 """Module of this package: class in it."""

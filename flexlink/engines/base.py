@@ -14,12 +14,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.errors import DivergenceError
-from flexlink.inputs import drive_arrays, input_arrays
 from flexlink.kernels.inputs import drive_torque
-from flexlink.scene import Scene
-from flexlink.trajectory import Trajectory
-from flexlink.watch import judge_step
+from flexlink.motion.actuation import drive_arrays, input_arrays
+from flexlink.motion.endings import DivergenceError
+from flexlink.motion.result import Trajectory
+from flexlink.motion.scene import Scene
+from flexlink.motion.watch import judge_step
 
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array]

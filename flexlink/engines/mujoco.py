@@ -15,11 +15,11 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.chain import Chain
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
-from flexlink.errors import ArgumentError
-from flexlink.export import to_mjcf
-from flexlink.scene import Scene
+from flexlink.formats import to_mjcf
+from flexlink.motion.scene import Scene
 
 Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)

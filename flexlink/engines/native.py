@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import flexlink
-from flexlink import dynamics
-from flexlink.chain import Chain
+from flexlink.chain.chain import Chain
+from flexlink.dynamics import accelerations, terms
 from flexlink.engines.base import Array, Samples
-from flexlink.scene import Scene
-from flexlink.simulate import simulate
+from flexlink.motion.scene import Scene
+from flexlink.motion.single import simulate
 
 
 class NativeEngine:
@@ -22,27 +22,27 @@ class NativeEngine:
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies."""
-        return dynamics.mass_matrix(self.chain, q)
+        return terms.mass_matrix(self.chain, q)
 
     def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
         """T_GC by recursive Newton-Euler."""
-        return dynamics.bias_torque(self.chain, q, qd, tip_wrench)
+        return terms.bias_torque(self.chain, q, qd, tip_wrench)
 
     def gravity_torque(self, q: Array) -> Array:
         """T_G by recursive Newton-Euler."""
-        return dynamics.gravity_torque(self.chain, q)
+        return terms.gravity_torque(self.chain, q)
 
     def elastic_torque(self, q: Array) -> Array:
         """T_FL."""
-        return dynamics.elastic_torque(self.chain, q)
+        return terms.elastic_torque(self.chain, q)
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR."""
-        return dynamics.friction_torque(self.chain, qd)
+        return terms.friction_torque(self.chain, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
         """q̈ by the default method of `flexlink.forward_dynamics`."""
-        return dynamics.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
+        return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 
     def integrate(self, scene: Scene) -> Samples:
         """`flexlink.simulate`."""

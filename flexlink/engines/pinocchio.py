@@ -16,14 +16,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 
-from flexlink.chain import Chain
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.tableaus import tableau
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
-from flexlink.errors import ArgumentError
-from flexlink.export import to_urdf
-from flexlink.inputs import motion_arrays
+from flexlink.formats import to_urdf
 from flexlink.kernels.inputs import follow
-from flexlink.scene import Scene
-from flexlink.tableaus import tableau
+from flexlink.motion.actuation import motion_arrays
+from flexlink.motion.scene import Scene
 
 
 class PinocchioEngine:

@@ -24,7 +24,7 @@ import numba
 from numba.core import event, serialize
 from numba.core.compiler import CompileResult
 
-from flexlink.output import write_whole
+from flexlink.common.output import write_whole
 
 HERE = Path(__file__).parent
 KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: the last used
@@ -33,7 +33,7 @@ KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: 
 def cache_folder() -> Path:
     """Where compiled kernels are kept: the user's cache folder, one sub-folder per state of sources and versions."""
     digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}".encode())
-    for source in [*sorted(HERE.glob("*.py")), HERE.parent / "chain.py"]:
+    for source in [*sorted(HERE.glob("*.py")), HERE.parent / "chain" / "chain.py"]:
         digest.update(source.read_bytes())
     root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
     if not root and sys.platform == "win32":

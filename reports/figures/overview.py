@@ -5,9 +5,9 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 
+from reports.chapters import chapter_of_kinds, sections
 from reports.picture import Picture
 from reports.results import Results, used
-from reports.sections import chapter_of_kinds, sections
 from reports.style import BLUE, INK, VERMILION, legend_above, panels, tidy_logs
 from reports.tables import rows_csv
 from validation.store import Row

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.chain import Chain
-from flexlink.scene import Run, Scene
-from flexlink.trajectory import Trajectory
+from flexlink.chain.chain import Chain
+from flexlink.describe.situation import Run
+from flexlink.motion.result import Trajectory
+from flexlink.motion.scene import Scene
 from validation.facts import Fact
 from validation.store import Series
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.spec import Positive, Spec
+from flexlink.describe.spec import Positive, Spec
 from validation.benchmarks.variant import Rule
 from validation.case import Measured
 from validation.facts import Facts

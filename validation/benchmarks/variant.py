@@ -7,11 +7,11 @@ from typing import Any
 
 import msgspec
 
-from flexlink import catalogue
-from flexlink.checks import choice
-from flexlink.errors import SceneError
-from flexlink.scene import Scene, scene_from
-from flexlink.spec import Spec
+from flexlink.chain.arguments import choice
+from flexlink.common.errors import SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.spec import Spec
+from flexlink.motion.scene import Scene, scene_from
 from validation.case import Case
 from validation.facts import Facts
 

@@ -11,7 +11,7 @@ import pkgutil
 from collections.abc import Iterator
 from typing import Any, Protocol
 
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.store import Series
 

@@ -12,10 +12,10 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink import engines
-from flexlink.chain import Chain
-from flexlink.rounding import EPS, acceleration_error
-from flexlink.spec import Spec
-from flexlink.states import State, random_states
+from flexlink.chain.chain import Chain
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import EPS, acceleration_error
+from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.planar_chain import DIGITS

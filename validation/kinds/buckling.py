@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 import flexlink as fl
+from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
-from flexlink.spec import Spec, Vector3
 from validation.benchmarks.parity import follower_stiffness, load_stiffness, springs, squares
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference import numbers
+from validation.benchmarks.reference_values import numbers
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured

@@ -10,14 +10,14 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
-from flexlink.scene import Scene
-from flexlink.simulate import simulate
-from flexlink.spec import Positive, Spec
-from flexlink.tableaus import tableau
+from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.tableaus import tableau
+from flexlink.motion.scene import Scene
+from flexlink.motion.single import simulate
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.oracles import runge_kutta
+from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.store import Series, table
 
@@ -84,7 +84,7 @@ def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mp
     oracle = PlanarChain(chain)
     q, qd = (part.tolist() for part in scene.initial_state(chain))
     with mp.workdps(DIGITS):
-        return runge_kutta.integrate(oracle.forward_dynamics, tableau(method), (q, qd), duration, steps)[0]
+        return exact_runge_kutta.integrate(oracle.forward_dynamics, tableau(method), (q, qd), duration, steps)[0]
 
 
 def _distance(a: list[float], b: list[float]) -> float:

@@ -15,10 +15,10 @@ import numpy as np
 from scipy import linalg
 
 import flexlink as fl
+from flexlink.analysis.stability import largest_frequency
+from flexlink.describe.spec import Positive, Spec
 from flexlink.engines.mujoco import MujocoEngine
-from flexlink.scene import Scene
-from flexlink.spec import Positive, Spec
-from flexlink.stability import largest_frequency
+from flexlink.motion.scene import Scene
 from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured

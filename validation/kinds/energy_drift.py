@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.dynamics import gravity_torque, mass_matrix
-from flexlink.rounding import EPS
-from flexlink.scene import Scene
-from flexlink.simulate import simulate
-from flexlink.spec import Spec
-from flexlink.stability import stability_polynomial
-from flexlink.tableaus import tableau
+from flexlink.analysis.stability import stability_polynomial
+from flexlink.describe.spec import Spec
+from flexlink.describe.tableaus import tableau
+from flexlink.dynamics.rounding import EPS
+from flexlink.dynamics.terms import gravity_torque, mass_matrix
+from flexlink.motion.scene import Scene
+from flexlink.motion.single import simulate
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.scene import Scene
-from flexlink.spec import Positive, Spec
-from validation.benchmarks.reference import look_up
+from flexlink.describe.spec import Positive, Spec
+from flexlink.motion.scene import Scene
+from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured

@@ -13,10 +13,10 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.rules import lumping_rule
-from flexlink.spec import Spec
+from flexlink.describe.rules import lumping_rule
+from flexlink.describe.spec import Spec
 from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
-from validation.benchmarks.reference import look_up, numbers
+from validation.benchmarks.reference_values import look_up, numbers
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import engines
-from flexlink.chain import Chain
-from flexlink.dynamics import mass_matrix
-from flexlink.modal import natural_frequencies
-from flexlink.rounding import of_mass_matrix
-from flexlink.scene import Scene
-from flexlink.stability import stable_step
+from flexlink.analysis.modal import natural_frequencies
+from flexlink.analysis.stability import stable_step
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.rounding import of_mass_matrix
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.motion.scene import Scene
 from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference import numbers
+from validation.benchmarks.reference_values import numbers
 from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured

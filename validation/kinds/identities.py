@@ -21,11 +21,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.chain import Chain
-from flexlink.dynamics import MASS_METHODS, SOLVERS
-from flexlink.rounding import acceleration_error, in_units, of_mass_matrix
-from flexlink.spec import Spec
-from flexlink.states import State, random_states
+from flexlink.chain.chain import Chain
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
+from flexlink.dynamics.terms import MASS_METHODS
+from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 
 Array = NDArray[np.float64]

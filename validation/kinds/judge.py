@@ -10,9 +10,9 @@ from mpmath import mp, mpf
 from numpy.typing import NDArray
 
 from flexlink import engines
-from flexlink.chain import Chain
-from flexlink.compare import QUANTITIES
-from flexlink.states import State, random_states
+from flexlink.chain.chain import Chain
+from flexlink.engines.comparison import QUANTITIES
+from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.kinds import pointwise
 from validation.oracles.planar_chain import DIGITS, PlanarChain

@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.checks import choice
-from flexlink.inputs import motion_arrays
+from flexlink.chain.arguments import choice
+from flexlink.describe.spec import Positive
+from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.kernels.inputs import follow
-from flexlink.rounding import in_units, of_acceleration
-from flexlink.scene import Scene
-from flexlink.spec import Positive
-from flexlink.trajectory import Trajectory
-from validation.benchmarks.inputs import INPUTS
+from flexlink.motion.actuation import motion_arrays
+from flexlink.motion.result import Trajectory
+from flexlink.motion.scene import Scene
+from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference import look_up, numbers
+from validation.benchmarks.reference_values import look_up, numbers
 from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid

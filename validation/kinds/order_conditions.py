@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.spec import Spec
-from flexlink.tableaus import tableau
+from flexlink.describe.spec import Spec
+from flexlink.describe.tableaus import tableau
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.rooted_trees import residuals

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.compare import compare
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
+from flexlink.engines.comparison import compare
 from validation.case import Case, Measured
 from validation.facts import Facts
 
 
 class Settings(Spec, frozen=True):
-    """Engines, number of states and seed, as in `flexlink.compare.compare`."""
+    """Engines, number of states and seed, as in `flexlink.engines.comparison.compare`."""
 
     engines: tuple[str, ...]
     samples: int

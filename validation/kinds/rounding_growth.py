@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import engines
-from flexlink.dynamics import SOLVERS
-from flexlink.scene import Scene
-from flexlink.simulate import simulate
-from flexlink.spec import Positive, Spec
+from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.motion.scene import Scene
+from flexlink.motion.single import simulate
 from validation.benchmarks.runs import panels, points_of, with_run
 from validation.case import Case, Measured
 from validation.facts import Fact

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink import engines
-from flexlink.scene import Scene
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
+from flexlink.motion.scene import Scene
 from validation.benchmarks.runs import told, with_run
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 import flexlink as fl
-from flexlink.scene import Scene
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
+from flexlink.motion.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps

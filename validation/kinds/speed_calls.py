@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.chain import Chain
-from flexlink.spec import Spec
+from flexlink.chain.chain import Chain
+from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Fact, Facts
 from validation.store import Series, table

@@ -13,7 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 
 ROOT = Path(__file__).parent.parent.parent

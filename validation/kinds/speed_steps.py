@@ -8,8 +8,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
-from flexlink.simulate import simulate
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
+from flexlink.motion.single import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.kinds.speed_calls import Time, exponents, series

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.checks import choice
+from flexlink.chain.arguments import choice
 from flexlink.engines import Engine
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.sweep import Point, Sweep, report

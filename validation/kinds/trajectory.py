@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlink import engines
-from flexlink.simulate import simulate
-from flexlink.spec import Spec
+from flexlink.describe.spec import Spec
+from flexlink.motion.single import simulate
 from validation.benchmarks.runs import panels, points_of, told
 from validation.case import Case, Measured
 from validation.store import Series

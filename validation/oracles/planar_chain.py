@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from mpmath import mp, mpc, mpf
 
-from flexlink.chain import Chain
-from flexlink.errors import ArgumentError
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
 
 DIGITS = 50
 Vector = list[Any]

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from mpmath import mp, mpf
 
-from flexlink.tableaus import Tableau
+from flexlink.describe.tableaus import Tableau
 
 Tree: TypeAlias = "tuple[Tree, ...]"
 DIGITS = 80

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from mpmath import mp, mpf
 
-from flexlink.chain import Chain
+from flexlink.chain.chain import Chain
 
 Vector = list[Any]
 Matrix = list[Vector]

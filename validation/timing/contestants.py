@@ -14,8 +14,8 @@ import numpy as np
 import pinocchio as pin
 
 import flexlink as fl
-from flexlink.chain import Chain
-from flexlink.dynamics import solver_for
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.accelerations import solver_for
 from flexlink.engines.mujoco import MujocoEngine
 from validation.timing import loops, pinocchio_models
 from validation.timing.families import States

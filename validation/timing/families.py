@@ -8,10 +8,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain import Chain
-from flexlink.scene import Run, Scene
-from flexlink.spec import Spec
-from flexlink.stability import stable_step
+from flexlink.analysis.stability import stable_step
+from flexlink.chain.chain import Chain
+from flexlink.describe.situation import Run
+from flexlink.describe.spec import Spec
+from flexlink.motion.scene import Scene
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
 

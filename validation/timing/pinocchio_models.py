@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from flexlink.chain import Chain
+from flexlink.chain.chain import Chain
 
 Array = NDArray[np.float64]
 REVOLUTE = {0: pin.JointModelRX, 1: pin.JointModelRY, 2: pin.JointModelRZ}

@@ -13,15 +13,15 @@ import pinocchio as pin
 from mujoco import rollout
 from numpy.typing import NDArray
 
-from flexlink.dynamics import lanes_workspace, solver_for
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.tableaus import tableau
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.errors import FlexlinkError
-from flexlink.inputs import input_arrays
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
-from flexlink.scene import Scene
-from flexlink.tableaus import tableau
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.scene import Scene
 from validation.timing.stopwatch import Work
 
 Array = NDArray[np.float64]

@@ -1,0 +1,1 @@
+"""Of a posture: tangent, modes, equilibrium and buckling, the largest stable step."""

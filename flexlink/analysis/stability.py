@@ -1,0 +1,251 @@
+"""What an explicit Runge-Kutta method may do on a chain: its eigenvalues about a state, and the largest stable step.
+
+    λ² M + λ (D + G) + K = 0        K = ∂(T_GC + T_FL)/∂q + k_p,  G = ∂T_GC/∂q̇,  D = slope of T_FR at rest + k_d
+
+Springs, gravity, wrench, centrifugal forces and a drive's gains all stiffen or brake, so all of them are in it. Dry
+friction counts with its slope at rest, c/w, the largest that it has: sooner or later a joint comes to rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+
+from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_mass
+from flexlink.analysis.tangent import gyroscopic_matrix, stiffness_matrix
+from flexlink.chain.arguments import given, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.describe.tableaus import Tableau, tableau
+from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.terms import bias_torque, inverse_dynamics
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+DENSE = 100
+"""Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""
+
+GROWTH = 1e-6
+"""Growth of the amplitude per step that still counts as stable: a factor e in a million steps. Exactly zero would
+call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
+
+NUDGE = 1e-4
+"""Angle [rad] of the central difference along a direction; its error, of order NUDGE², is far below Lanczos' 1e-4."""
+
+
+class Gains(NamedTuple):
+    """Slopes of a drive: T_EX = … − k_p q − k_d q̇, each (n,) [N m/rad, N m s/rad]."""
+
+    kp: Array
+    kd: Array
+
+
+class _State(NamedTuple):
+    """What the small motion is about."""
+
+    q: Array
+    qd: Array
+    wrench: Array
+    gains: Gains
+    free: NDArray[np.intp]  # joints that are not prescribed
+
+
+def eigenvalues(
+    chain: Chain,
+    q: ArrayLike,
+    *,
+    qd: ArrayLike | None = None,
+    tip_wrench: ArrayLike | None = None,
+    gains: Gains | None = None,
+) -> Complex:
+    """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints do not take part.
+
+    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D the slope of T_FR at rest + k_d.
+
+    Parameters
+    ----------
+    chain
+        The chain. Its gravity counts: hanging stiffens, standing softens.
+    q, qd
+        Posture [rad] and rates [rad/s], shape (n,); default: at rest.
+    tip_wrench
+        Constant force and moment on the tip, frame 0, shape (6,) [N, N m].
+    gains
+        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) each.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
+    """
+    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, gains))
+
+
+def fastest_eigenvalues(
+    chain: Chain,
+    q: ArrayLike,
+    *,
+    qd: ArrayLike | None = None,
+    tip_wrench: ArrayLike | None = None,
+    gains: Gains | None = None,
+) -> Complex:
+    """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
+
+    The largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ by Lanczos' method, M and M⁻¹ through inverse and
+    forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
+    which it is under Kelvin-Voigt damping. Arguments and errors as in `eigenvalues`.
+    """
+    state = _state(chain, q, qd, tip_wrench, gains)
+    if chain.n <= DENSE:
+        return _all_eigenvalues(chain, state)
+    square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
+    slope = damping_slope(chain) + state.gains.kd
+    δ = _largest_ratio(chain, state, lambda φ: slope * φ)
+    pair = np.roots([1.0, δ, square]).astype(complex)
+    return np.concatenate([pair, [1j * np.sqrt(square), -1j * np.sqrt(square), -δ]])
+
+
+def _state(
+    chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, gains: Gains | None
+) -> _State:
+    n = given("chain", chain, Chain).n
+    zero = np.zeros(n)
+    rates = zero if qd is None else vector("qd", qd, n)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    gains = Gains(zero, zero) if gains is None else gains
+    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), gains, free)
+
+
+def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
+    block = np.ix_(state.free, state.free)
+    M = regular_mass(chain, state.q, state.free)
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench)[block] + np.diag(state.gains.kp[state.free])
+    brakes = np.diag(damping_slope(chain) + state.gains.kd)
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + brakes)[block]
+    if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
+        values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
+        return values
+    ω = np.sqrt(linalg.eigh((K + K.T) / 2, M, eigvals_only=True).astype(complex))
+    return np.concatenate([1j * ω, -1j * ω])
+
+
+def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
+    """K φ [N m/rad], the load's part by a central difference along φ."""
+    size = np.abs(φ).max()
+    if size == 0:
+        return np.zeros_like(φ)
+    step = NUDGE / size * φ
+    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, state.wrench) for s in (1, -1))
+    return np.asarray((chain.stiffness + state.gains.kp) * φ + (ahead - behind) * (size / (2 * NUDGE)))
+
+
+def _largest_ratio(chain: Chain, state: _State, apply: Callable[[Array], Array]) -> float:
+    """Largest μ of A φ = μ M φ over the joints that are not prescribed, A given by its products."""
+    from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s that only long chains need
+
+    free, zero = np.zeros(chain.n), np.zeros(chain.n)
+    free[state.free] = 1.0
+    first = np.ones(chain.n)
+    if not (free * apply(free * first)).any():
+        return 0.0
+    hinges = chain.hinges.copy()
+    for name in ("stiffness", "damping", "coulomb"):
+        hinges[name] = 0.0
+    bare = dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3))
+    shape = (chain.n, chain.n)
+    found = eigsh(
+        LinearOperator(shape, lambda φ: free * apply(free * φ.ravel()), dtype=np.float64),
+        k=1,
+        M=LinearOperator(shape, lambda φ: inverse_dynamics(bare, state.q, zero, φ.ravel()), dtype=np.float64),
+        Minv=LinearOperator(shape, lambda τ: forward_dynamics(bare, state.q, zero, τ.ravel()), dtype=np.float64),
+        which="LA", tol=1e-4,  # relative: beside the few per cent to stay below a stable step, nothing
+        v0=first, return_eigenvectors=False,
+    )  # fmt: skip
+    return float(found[0])
+
+
+def largest_frequency(chain: Chain, q: ArrayLike) -> float:
+    """Largest |λ| of `fastest_eigenvalues` at rest [rad/s]: what the step of an explicit method has to follow."""
+    return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
+
+
+def stability_polynomial(method: Tableau) -> Array:
+    """Coefficients of R(z) = 1 + z b·(1 − zA)⁻¹·1 = Σ r_k z^k, r_0 first (Hairer & Wanner, II, eq. IV.2.11)."""
+    A, b, _ = method.arrays
+    coefficients, power = [1.0], np.ones(method.stages)
+    for _ in range(method.stages):
+        coefficients.append(float(b @ power))
+        power = A @ power
+    return np.array(coefficients)
+
+
+def stable_step(
+    chain: Chain,
+    method: str = "RK4",
+    q: ArrayLike | None = None,
+    *,
+    qd: ArrayLike | None = None,
+    tip_wrench: ArrayLike | None = None,
+    gains: Gains | None = None,
+) -> float:
+    """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
+
+    The largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h; a motion that grows by
+    itself, Re λ > 0, is judged as one that swings at the rate |λ|. Motion to other postures and rates shifts the
+    eigenvalues; stay a few per cent below.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    method
+        Name or file of an explicit Runge-Kutta method.
+    q, qd, tip_wrench, gains
+        As in `eigenvalues`.
+
+    Raises
+    ------
+    SceneError
+        Unknown method.
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
+    """
+    q = np.zeros(given("chain", chain, Chain).n) if q is None else q
+    return stable_step_of(fastest_eigenvalues(chain, q, qd=qd, tip_wrench=tip_wrench, gains=gains), method)
+
+
+def stable_step_of(λ: Complex, method: str) -> float:
+    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
+    r = stability_polynomial(tableau(method))
+    fastest = float(np.abs(λ).max(initial=0.0))
+    if fastest == 0:
+        return np.inf
+    directions = np.where(λ.real > 0, 1j * np.abs(λ), λ) / fastest
+
+    def unstable(x: Array) -> NDArray[np.bool_]:
+        R = np.polynomial.polynomial.polyval(x[:, None] * directions, r)
+        return np.asarray(~(np.abs(R) <= 1 + GROWTH).all(axis=1))
+
+    # |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality).
+    high = 0.0
+    while True:
+        grid = np.asarray(high + 0.01 * np.arange(1, 101), dtype=np.float64)
+        bad = unstable(grid)
+        if bad.any():
+            high = float(grid[np.argmax(bad)])
+            break
+        high = float(grid[-1])
+    low = high - 0.01
+    for _ in range(40):
+        middle = (low + high) / 2
+        low, high = (low, middle) if unstable(np.array([middle]))[0] else (middle, high)
+    return low / fastest

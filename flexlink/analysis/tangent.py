@@ -1,0 +1,173 @@
+"""Slopes of the torques about a state: what modal analysis and Newton's method for statics need (`kernels.slopes`)."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import short
+from flexlink.dynamics.terms import bias_torque, frames
+from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness, turned_with_tip
+
+Array = NDArray[np.float64]
+
+Locked = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
+"""What does not move: see `unlocked`."""
+
+
+class Stiffness(NamedTuple):
+    """K of the free coordinates, and what is needed to tell its zeros from rounding.
+
+    Attributes
+    ----------
+    K
+        Tangent stiffness [N m/rad], shape (n, n).
+    S
+        Square root of what each row is made of, springs and loads, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
+    conservative
+        K is symmetric up to rounding: the loads have a potential.
+    rounding
+        Largest eigenvalue of K̂ that rounding explains.
+    """
+
+    K: Array
+    S: Array
+    conservative: bool
+    rounding: float
+
+    @property
+    def symmetric(self) -> Array:
+        """The symmetric part; of a K that should be symmetric by its rows of outer hinges, which sum fewer terms."""
+        return np.tril(self.K) + np.tril(self.K, -1).T if self.conservative else (self.K + self.K.T) / 2
+
+    @property
+    def scaled(self) -> Array:
+        """K̂ of the symmetric part."""
+        return np.asarray(self.symmetric / np.outer(self.S, self.S))
+
+    @property
+    def falls(self) -> bool:
+        """Some eigenvalue of K̂ has a negative real part that rounding does not explain."""
+        if self.conservative:
+            return bool((np.linalg.eigvalsh(self.scaled) < -self.rounding).any())
+        return bool((np.linalg.eigvals(self.K / np.outer(self.S, self.S)).real < -self.rounding).any())
+
+
+def unlocked(chain: Chain, locked: Locked) -> NDArray[np.intp]:
+    """Sequential indices of the coordinates that may move: neither locked nor moving as prescribed.
+
+    `locked` is a boolean mask, shape (n,), or a sequence of indices, names of joints (`Chain.joint_name`: "boom",
+    "boom.2.z") and names of links, whose active joint is meant.
+
+    Raises
+    ------
+    ArgumentError
+        `locked` holds something that is no coordinate, or leaves nothing to move.
+    """
+    if isinstance(locked, str) or not isinstance(locked, Iterable):
+        locked = (locked,)
+    items = list(locked)
+    if items and all(isinstance(item, bool | np.bool_) for item in items):
+        if len(items) != chain.n:
+            raise ArgumentError(f"locked: a mask of {len(items)} booleans; expected one per coordinate, {chain.n}")
+        held = np.flatnonzero(np.array(items, dtype=bool))
+    else:
+        held = np.array([k for item in items for k in _coordinates(chain, item)], dtype=np.intp)
+    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
+    if not len(free):
+        raise ArgumentError(f"locked = {short(items)}: nothing is left to move; prescribed joints do not, either")
+    return free
+
+
+def _coordinates(chain: Chain, item: object) -> list[int]:
+    """What one entry of `locked` holds: nothing where the joint of a link is locked in the scene."""
+    if isinstance(item, str):
+        found = [k for k in range(chain.n) if chain.joint_name(k) == item]
+        if found or item in chain.link_names:
+            return found
+        known = [*chain.link_names, *(chain.joint_name(k) for k in range(chain.n))]
+        close = difflib.get_close_matches(item, known, n=1)
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        links = short(", ".join(chain.link_names)).strip("'")
+        raise ArgumentError(f"locked: {item!r} is no link and no joint of this chain; its links are {links}{hint}")
+    if isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < chain.n:
+        return [int(item)]
+    raise ArgumentError(
+        f"locked: {short(item)} is no coordinate; allowed are 0 … {chain.n - 1}, names of joints and links, or a mask"
+    )
+
+
+def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
+    """T_GC with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+
+    `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
+    components are in axes of the tip frame and it turns with the tip.
+    """
+    if follower:
+        wrench = turned_with_tip(chain.arrays, wrench, q)
+    return bias_torque(chain, q, qd, wrench)
+
+
+def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
+    """K = ∂(T_GC + T_FL)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
+
+    Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
+    """
+    K = np.diag(chain.stiffness)
+    add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
+    return K
+
+
+def tangent(
+    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
+) -> Stiffness:
+    """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by.
+
+    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of; the four
+    weights of Riesz's formula add up to 2: |δK_ij| ≤ 16 b eps · load_i.
+    """
+    K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
+    load = _load_size(chain, qd, wrench)[free]
+    entry = 16 * len(chain.bodies) * np.finfo(float).eps
+    S = np.sqrt(chain.stiffness[free] + load)
+    S[S == 0] = 1.0  # a row of zeros
+    conservative = bool((np.abs(K - K.T) <= entry * np.add.outer(load, load)).all())
+    return Stiffness(K, S, conservative, len(free) * entry)
+
+
+def _load_size(chain: Chain, qd: Array, wrench: Array) -> Array:
+    """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
+
+    Unlike the torque itself it cannot cancel, and it holds for all postures at once.
+    """
+    bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
+    Ω = np.abs(qd).sum()
+    at = np.cumsum(np.linalg.norm(bodies["translation"], axis=1))  # way from the base to each body's hinges
+    far = at + np.linalg.norm(bodies["center"], axis=1)
+    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
+    moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
+    beyond_force, beyond_moment = (np.cumsum(part[::-1])[::-1] for part in (force, moment))
+    tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
+    load = beyond_moment - at * beyond_force + (at[-1] - at) * tip_force + tip_moment
+    return np.repeat(np.maximum(load, 0.0), hinges)
+
+
+def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
+    """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
+    G = np.zeros((chain.n, chain.n))
+    add_gyroscopic(chain.arrays, q, qd, G)
+    return G
+
+
+def point_jacobian(chain: Chain, q: Array) -> Array:
+    """∂p/∂q of the body origins and the tip, frame 0, shape (bodies, n, 3) [m/rad]; Riesz's formula for degree 1."""
+    J = np.empty((len(chain.bodies), chain.n, 3))
+    for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
+        J[:, j] = (frames(chain, q + quarter).points - frames(chain, q - quarter).points) / 2
+    return J

@@ -1,0 +1,1 @@
+"""How an arm is cut: rigid segments joined by hinges, as the arrays of a `Chain`."""

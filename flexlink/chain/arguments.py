@@ -1,0 +1,166 @@
+"""Checks of what public functions are given: every message names the argument, what it got and what is expected."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import meant, plain, short
+from flexlink.kernels.finite import is_finite
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+FLOAT64 = np.dtype(np.float64)
+NO_WRENCH = np.zeros(6)
+
+
+def vector(name: str, value: ArrayLike, size: int) -> Array:
+    """`value` as a finite float64 array of shape (size,).
+
+    Raises
+    ------
+    ArgumentError
+        The message names the argument, the shape got and the shape expected.
+    """
+    if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
+        value = real_array(name, value, (size,))
+    if value.shape != (size,):
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
+    if not is_finite(value):
+        k = int(np.argmin(np.isfinite(value)))
+        raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
+    return value
+
+
+def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    """`value` as a finite float64 array of shape (b, n); errors as in `vector`."""
+    array = real_array(name, value, shape)
+    if array.shape != shape:
+        raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
+    return vector(name, array.reshape(-1), array.size).reshape(shape)
+
+
+def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name}: not an array: {error}; expected shape {shape}") from None
+    if array.dtype.kind not in "fiu":
+        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape {shape}")
+    return np.ascontiguousarray(array, np.float64)
+
+
+def dimensions(value: ArrayLike) -> int:
+    """Number of dimensions; 1 for what is no array, which `vector` then refuses."""
+    try:
+        return np.ndim(value)
+    except ValueError:
+        return 1
+
+
+def choice(name: str, value: str, allowed: dict[str, T]) -> T:
+    """The entry of `allowed` that `value` names.
+
+    Raises
+    ------
+    ArgumentError
+        There is none; the message lists what is allowed.
+    """
+    if not isinstance(value, str) or value not in allowed:
+        raise ArgumentError(
+            f"{name} = {short(value)}: unknown; allowed are {', '.join(allowed)}{meant(value, allowed)}"
+        )
+    return allowed[value]
+
+
+def given(name: str, value: object, kind: type[T]) -> T:
+    """`value`, which must be a `kind`.
+
+    Raises
+    ------
+    ArgumentError
+        It is none; the message says what it is.
+    """
+    if not isinstance(value, kind):
+        raise ArgumentError(f"{name} = {short(value)}: expected a {kind.__name__}, got {type(value).__name__}")
+    return value
+
+
+def all_given(name: str, values: object, kind: type[T]) -> list[T]:
+    """`values` as a list, every one of which must be a `kind`; errors as in `given`."""
+    try:
+        items = None if isinstance(values, str | bytes) else list(values)  # type: ignore[call-overload]
+    except TypeError:  # of a 0-d array, too, which has an __iter__
+        items = None
+    if items is None:
+        raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {kind.__name__}")
+    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(items)]
+
+
+def integer(name: str, value: object, least: int, most: int | None = None) -> int:
+    """`value` as an int from `least` to `most`.
+
+    Raises
+    ------
+    ArgumentError
+        It is no whole number, or out of range; the message names the range.
+    """
+    number = _number(value)
+    if type(number) is not int:
+        raise ArgumentError(f"{name} = {short(value)}: must be a whole number, got {type(value).__name__}")
+    if number < least or (most is not None and number > most):
+        allowed = f"at least {least}" if most is None else f"{least} … {most}"
+        raise ArgumentError(f"{name} = {short(number)}: must be {allowed}")
+    return number
+
+
+def positive(name: str, value: object) -> float:
+    """`value` as a finite float > 0; errors as in `integer`."""
+    number = _number(value)
+    if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
+        raise ArgumentError(f"{name} = {short(value)}: must be a finite number > 0")
+    return float(number)  # type: ignore[arg-type]
+
+
+def _number(value: object) -> object:
+    """Python's number for a NumPy scalar or an array of no dimension; anything else as it is."""
+    return plain(value) if isinstance(value, np.generic | np.ndarray) else value
+
+
+def flag(name: str, value: object) -> bool:
+    """`value`, which must be True or False: the text "no" would count as true."""
+    if not isinstance(value, bool | np.bool_):
+        raise ArgumentError(f"{name} = {short(value)}: must be True or False")
+    return bool(value)
+
+
+def callable_or_none(name: str, value: object) -> None:
+    """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
+    if value is not None and not callable(value):
+        raise ArgumentError(f"{name} = {short(value)}: expected a function, or None")
+
+
+def given_path(name: str, value: object) -> Path:
+    """`value`, a str or a Path, as a Path; errors as in `given`."""
+    if not isinstance(value, str | os.PathLike):
+        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
+    return Path(value)
+
+
+def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:
+    """The error of a result that float64 cannot hold; it names the largest number among the arguments."""
+    flat = ((name, k, abs(float(v))) for name, a in arguments.items() for k, v in enumerate(np.ravel(a)))
+    name, k, size = max(flat, key=lambda entry: entry[2])
+    return ArgumentError(f"{what} is beyond the numbers of float64; the arguments go up to |{name}[{k}]| = {size:.3g}")
+
+
+def wrench_vector(tip_wrench: ArrayLike | None) -> Array:
+    """The tip wrench, shape (6,), zero if there is none; errors as in `vector`."""
+    return NO_WRENCH if tip_wrench is None else vector("tip_wrench", tip_wrench, 6)

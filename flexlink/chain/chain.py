@@ -1,0 +1,245 @@
+"""Chain: the arm as rigid bodies and one-axis hinges, read-only arrays, the only input of every algorithm.
+
+A body is a rigid segment. It hangs on the body before it by a fixed placement (`rotation`, `translation`)
+followed by its hinges, all at one point, in the order of their numbers: X, Y, Z, or, at every second hinge of a
+lumping rule with `alternate_axes`, Z, Y, X. The last body has no hinge and no inertia: it is the tip frame, where the
+tip wrench acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import given, integer
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import short
+
+Array = NDArray[np.float64]
+
+BODY = np.dtype(
+    [
+        ("first", np.int64),  # its hinges are first … stop − 1
+        ("stop", np.int64),
+        ("turned", np.int64),  # 1 if `rotation` is not the identity
+        ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
+        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
+        ("mass", np.float64),  # [kg]
+        ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
+        ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
+    ],
+    align=True,
+)
+
+HINGE = np.dtype(
+    [
+        ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
+        ("stiffness", np.float64),  # k [N m/rad]
+        ("rest", np.float64),  # θ₀ [rad]
+        ("damping", np.float64),  # d, viscous and structural [N m s/rad]
+        ("coulomb", np.float64),  # dry friction torque [N m]
+        ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
+        ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
+        ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
+    ],
+    align=True,
+)
+
+
+# Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
+BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
+
+
+class ChainArrays(NamedTuple):
+    """What the kernels see of a chain."""
+
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    gravity: Array
+
+
+class Coordinate(NamedTuple):
+    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending."""
+
+    link: int
+    segment: int
+    axis: int
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Chain:
+    """A serial chain of `n` one-axis hinges.
+
+    Attributes
+    ----------
+    name
+        Name of the arm, for exporters and messages.
+    bodies, hinges
+        Structured arrays of dtype `BODY` and `HINGE`, read-only.
+    gravity
+        Acceleration of gravity in the inertial frame 0 [m/s²], shape (3,).
+    coordinates
+        The three-index coordinate of every hinge, in sequential order.
+    link_names
+        Names of the arm's links; `Coordinate.link` counts them from 1.
+    """
+
+    name: str
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    gravity: Array
+    coordinates: tuple[Coordinate, ...]
+    link_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        for array in (self.bodies, self.hinges, self.gravity):
+            array.flags.writeable = False
+
+    def __reduce__(self) -> tuple[type[Chain], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only, which the compiled kernels expect."""
+        return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    def __repr__(self) -> str:
+        kilograms = self.bodies["mass"].sum()
+        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {kilograms:.6g} kg>"
+
+    @functools.cached_property
+    def arrays(self) -> ChainArrays:
+        """The kernels' view of this chain."""
+        return ChainArrays(self.bodies, self.hinges, self.gravity)
+
+    @property
+    def n(self) -> int:
+        """Number of degrees of freedom."""
+        return len(self.hinges)
+
+    @property
+    def stiffness(self) -> Array:
+        """Spring constants k [N m/rad], shape (n,); 0 on active joints."""
+        return self.hinges["stiffness"]
+
+    @property
+    def damping(self) -> Array:
+        """Viscous coefficients d [N m s/rad], shape (n,), structural damping included."""
+        return self.hinges["damping"]
+
+    @property
+    def rest(self) -> Array:
+        """Angles θ₀ at which the springs are slack [rad], shape (n,)."""
+        return self.hinges["rest"]
+
+    @functools.cached_property
+    def active(self) -> NDArray[np.intp]:
+        """Sequential indices of the driven joints."""
+        active = np.array([k for k, c in enumerate(self.coordinates) if c.axis == 0], dtype=np.intp)
+        active.flags.writeable = False
+        return active
+
+    @functools.cached_property
+    def axes(self) -> Array:
+        """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
+        rotation = np.eye(3)
+        axes = np.empty((self.n, 3))
+        for body in self.bodies:
+            if body["turned"]:
+                rotation = rotation @ body["rotation"]
+            for k in range(body["first"], body["stop"]):
+                axes[k] = rotation[:, self.hinges["axis"][k]]
+        axes.flags.writeable = False
+        return axes
+
+    def all_axes_parallel_to(self, direction: Array) -> bool:
+        """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and thus at all angles.
+
+        Within 16 ulp per mount rotation, the rounding of the rotations themselves.
+        """
+        turns = 1 + int(self.bodies["turned"].sum())
+        return bool(np.abs(np.cross(self.axes, direction)).max() <= 16 * turns * np.finfo(float).eps)
+
+    @functools.cached_property
+    def is_planar(self) -> bool:
+        """Whether all hinge axes are parallel or opposite: the hinges then move, and feel torques, in one plane only.
+
+        Gravity, tip wrench and offsets may point anywhere: what is out of the plane meets constraint torques.
+        """
+        return self.all_axes_parallel_to(self.axes[0])
+
+    @functools.cached_property
+    def _sequential(self) -> dict[Coordinate, int]:
+        return {c: k for k, c in enumerate(self.coordinates)}
+
+    @functools.cached_property
+    def _grouped_rotors(self) -> NDArray[np.bool_]:
+        """Which hinges share their point with others and have a rotor: groups without one are taken out whole."""
+        sizes = self.bodies["stop"] - self.bodies["first"]
+        grouped: NDArray[np.bool_] = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
+        return grouped
+
+    def same_layout(self, other: Chain) -> bool:
+        """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
+        given("other", other, Chain)
+        return (
+            len(self.bodies) == len(other.bodies)
+            and all(np.array_equal(self.bodies[name], other.bodies[name]) for name in ("first", "stop"))
+            and all(np.array_equal(self.hinges[name], other.hinges[name]) for name in ("axis", "prescribed"))
+            and np.array_equal(self._grouped_rotors, other._grouped_rotors)
+            and self.is_planar == other.is_planar
+        )
+
+    def index(self, link: int, segment: int, axis: int) -> int:
+        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such coordinate, or its joint is locked.
+        """
+        wanted = Coordinate(
+            integer("link", link, 1, len(self.link_names)), integer("segment", segment, 0), integer("axis", axis, 0, 3)
+        )
+        if wanted not in self._sequential:
+            known = short(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
+            raise ArgumentError(
+                f"(link, segment, axis) = {short(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
+            )
+        return self._sequential[wanted]
+
+    def coordinate(self, k: int) -> Coordinate:
+        """Three-index coordinate of the sequential index `k`, 0 ≤ k < n.
+
+        Raises
+        ------
+        ArgumentError
+            `k` is out of range.
+        """
+        return self.coordinates[integer("k", k, 0, self.n - 1)]
+
+    def joint_name(self, k: int) -> str:
+        """Unique readable name of coordinate `k`: "upper", or "upper.2.z" for a passive hinge; errors as above.
+
+        Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
+        """
+        return self._names[integer("k", k, 0, self.n - 1)]
+
+    @functools.cached_property
+    def _names(self) -> tuple[str, ...]:
+        hinges = [f"{self.link_names[c.link - 1]}.{c.segment}.{' xyz'[c.axis]}" for c in self.coordinates]
+        distinct = unique([*self.link_names, *hinges])  # links come first: they keep their own names
+        links = len(self.link_names)
+        return tuple(distinct[c.link - 1 if c.axis == 0 else links + k] for k, c in enumerate(self.coordinates))
+
+
+def unique(names: Iterable[str]) -> list[str]:
+    """The names, the later of two equal ones numbered."""
+    taken: dict[str, None] = {}
+    for name in names:
+        candidate, number = name, 2
+        while candidate in taken:
+            candidate, number = f"{name}_{number}", number + 1
+        taken[candidate] = None
+    return list(taken)

@@ -1,0 +1,267 @@
+"""Arm → Chain: where the hinges sit, their stiffness and damping, and the inertia of the segments."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import all_given, given, vector
+from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
+from flexlink.chain.rotation import cos_sin_deg, matrix_from_rpy_deg
+from flexlink.common.errors import SceneError
+from flexlink.describe.arm import AXES, Arm, Link, Material, Section
+from flexlink.describe.rules import LumpingRule, lumping_rule
+
+Array = NDArray[np.float64]
+TWIST = 1
+GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
+
+
+def lump(
+    arm: Arm,
+    gravity: Sequence[float],
+    locked_deg: Sequence[float] | None = None,
+    name: str = "arm",
+    prescribed: Collection[str] = (),
+) -> Chain:
+    """Cut an arm into rigid segments joined by hinges.
+
+    Parameters
+    ----------
+    arm
+        The arm.
+    gravity
+        Acceleration of gravity in frame 0 [m/s²], shape (3,).
+    locked_deg
+        One angle per link [deg], used where the joint is locked; 0 by default.
+    name
+        Name of the chain.
+    prescribed
+        Names of the links whose joint moves as given in time.
+
+    Returns
+    -------
+    Chain
+        With n = Σ over links of (1 if the joint is free) + axes · (segments − 1) degrees of freedom; for one
+        rigid link and equal flexible ones this is ngl = n [tip (nseg − 1) + 1] − tip (nseg − 1), paper eq. 1.
+
+    Raises
+    ------
+    SceneError
+        The dimensions lead to a mass, inertia or stiffness beyond float64, or `prescribed` names no link.
+    ArgumentError
+        `locked_deg` does not have one angle per link, or `gravity` is not three finite numbers.
+    """
+    links = len(given("arm", arm, Arm).links)
+    angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
+    given("name", name, str)
+    g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
+    prescribed = all_given("prescribed", prescribed, str)
+    for link_name in prescribed:
+        arm.number(link_name)
+    builder = _Builder()
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
+        for number, link in enumerate(arm.links, start=1):
+            _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
+        builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
+    builder.start_body()
+    bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
+    hinges = np.array(builder.hinges, dtype=HINGE)
+    for array in (bodies, hinges):
+        for field in array.dtype.names or ():
+            if not np.isfinite(array[field]).all():
+                raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
+    return Chain(
+        name=name,
+        bodies=bodies,
+        hinges=hinges,
+        gravity=g,
+        coordinates=tuple(builder.coordinates),
+        link_names=tuple(link.name for link in arm.links),
+    )
+
+
+def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
+    builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
+    if link.joint.locked:
+        c, s = cos_sin_deg(locked_deg)
+        builder.move(np.zeros(3), np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    else:
+        joint = link.joint
+        builder.start_body()
+        builder.add_hinge(
+            Coordinate(number, 0, 0), 2, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
+            prescribed,
+        )  # fmt: skip
+    builder.add_inertia(link.hub.mass, np.zeros(3), np.diag(link.hub.inertia))
+    if link.material is None or link.section is None:
+        builder.move(np.array([link.length, 0, 0]))
+    else:
+        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+        beam = _Beam(link.length, arm.materials[link.material], root, tip)
+        _add_beam(builder, link, number, beam, arm.loss_time(link))
+
+
+def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float) -> None:
+    rule = lumping_rule(link.lumping)
+    nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
+    twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
+    stiffnesses = beam.rigidities(nodes) / (weights * link.length)
+    if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
+        raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
+    edges = np.array([0.0, *nodes, 1.0])
+    slices = zip(*beam.slices(edges), np.diff(edges) * link.length, strict=True)
+    for segment, (mass, center, inertia, length) in enumerate(slices):
+        if segment:
+            builder.start_body()
+            backward = rule.alternate_axes and segment % 2 == 0
+            for axis in AXES[link.flex][:: -1 if backward else 1]:
+                k = float(stiffnesses[axis - 1, segment - 1])
+                rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
+                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_time * k, armature=rotor)
+        if length > 0:  # a hinge at the very root has nothing before it
+            builder.add_inertia(float(mass), np.array([center, 0, 0]), np.diag(inertia))
+        builder.move(np.array([length, 0, 0]))
+
+
+def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
+    """Rotor inertias of the twist hinges [kg m²]; refused where M of the twist would not be positive definite.
+
+    A, inwards from the tip, is the articulated inertia about X of all beyond a hinge; what the link carries only adds.
+    """
+    if not rule.matched_twist or TWIST not in AXES[link.flex]:
+        return np.zeros(len(nodes))
+    inertias, moments = beam.polar_moments(nodes)
+    rotors = rule.twist_inertias(weights, inertias, moments)
+    A = 0.0
+    for i in reversed(range(len(nodes))):
+        A = inertias[i] + A
+        if A + rotors[i] <= 0:
+            raise SceneError(
+                f"link {link.name!r}: lumping = {link.lumping!r}: its twist inertia {rotors[i]:.3g} kg m² at hinge "
+                f"{i + 1} outweighs the {A:.3g} kg m² that turn there, and M would not be positive definite; take a "
+                "rule without matched_twist, such as 'gauss', or more segments"
+            )
+        A = A * rotors[i] / (A + rotors[i])
+    return rotors
+
+
+@dataclasses.dataclass(frozen=True)
+class _Beam:
+    """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
+
+    length: float
+    material: Material
+    root: Section
+    tip: Section
+
+    def sections(self, x: Array) -> Array:
+        """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
+        if self.root == self.tip:
+            return np.multiply.outer(self.root.properties, np.ones(x.shape))
+        found = [self.root.towards(self.tip, float(place)) for place in x.flat]
+        return np.reshape(np.transpose(found), (4, *x.shape))
+
+    def rigidities(self, x: Array) -> Array:
+        """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""
+        _, i_y, i_z, torsion = self.sections(x)
+        return np.array([self.material.shear * torsion, self.material.young * i_y, self.material.young * i_z])
+
+    def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
+        """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
+
+        Four Gauss points, as in `slices`.
+        """
+        edges = np.append(nodes, 1.0)
+        half = np.diff(edges)[:, None] / 2
+        x = edges[:-1, None] + half * (1 + GAUSS_NODES)
+        _, i_y, i_z, _ = self.sections(x)
+        polar = half * GAUSS_WEIGHTS * self.material.density * self.length * (i_y + i_z)
+        return polar.sum(axis=1), (x * polar).sum(axis=1)
+
+    def slices(self, edges: Array) -> tuple[Array, Array, Array]:
+        """Between neighbouring edges: mass (N,), distance of the centre (N,), moments of inertia about it (N, 3).
+
+        Four Gauss points: exact for every shape whose area is quadratic and whose I are of degree 4 in x. For a prism
+        I_xx = ρl (I_y + I_z), I_yy = ρl I_y + m l²/12, I_zz = ρl I_z + m l²/12.
+        """
+        u = (GAUSS_NODES + 1) / 2
+        x, length = edges[:-1, None] + np.diff(edges)[:, None] * u, np.diff(edges)[:, None] * self.length
+        areas, i_y, i_z, _ = self.material.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
+        mass = areas.sum(axis=1)
+        center = (areas * u * length).sum(axis=1) / mass
+        bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
+        y, z = i_y.sum(axis=1), i_z.sum(axis=1)
+        return mass, center, np.column_stack([y + z, y + bending, z + bending])
+
+
+@dataclasses.dataclass
+class _Body:
+    """A rigid body while it grows: placement on its parent, mass, first moment and inertia about its centre."""
+
+    rotation: Array
+    translation: Array
+    first: int
+    stop: int
+    mass: float = 0.0
+    center: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+    inertia: Array = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
+
+    def add(self, mass: float, center: Array, inertia: Array) -> None:
+        """Join another rigid body; both inertias are moved to the common centre (parallel axes)."""
+        if mass > 0:
+            d = center - self.center
+            reduced = self.mass * mass / (self.mass + mass)
+            self.inertia = self.inertia + reduced * (d @ d * np.eye(3) - np.outer(d, d))
+            self.center = self.center + d * (mass / (self.mass + mass))
+            self.mass += mass
+        self.inertia = self.inertia + inertia
+
+    def record(self) -> tuple[object, ...]:
+        turned = int(not np.array_equal(self.rotation, np.eye(3)))
+        return (
+            self.first, self.stop, turned, self.rotation, self.translation, self.mass, self.center, self.inertia
+        )  # fmt: skip
+
+
+class _Builder:
+    """Walks along the arm: `rotation`, `translation` place the running frame in the frame of the current body."""
+
+    def __init__(self) -> None:
+        self.hinges: list[tuple[float, ...]] = []
+        self.coordinates: list[Coordinate] = []
+        self.bodies = [_Body(np.eye(3), np.zeros(3), 0, 0)]
+        self.rotation, self.translation = np.eye(3), np.zeros(3)
+
+    def move(self, translation: Array, rotation: Array | None = None) -> None:
+        self.translation = self.translation + self.rotation @ translation
+        if rotation is not None:
+            self.rotation = self.rotation @ rotation
+
+    def start_body(self) -> None:
+        n = len(self.hinges)
+        self.bodies.append(_Body(self.rotation, self.translation, n, n))
+        self.rotation, self.translation = np.eye(3), np.zeros(3)
+
+    def add_hinge(
+        self,
+        coordinate: Coordinate,
+        axis: int,
+        stiffness: float,
+        damping: float,
+        coulomb: float = 0.0,
+        coulomb_width: float = 1.0,
+        armature: float = 0.0,
+        prescribed: bool = False,
+    ) -> None:
+        rest = 0.0
+        self.hinges.append((axis, stiffness, rest, damping, coulomb, coulomb_width, armature, prescribed))
+        self.coordinates.append(coordinate)
+        self.bodies[-1].stop += 1
+
+    def add_inertia(self, mass: float, center: Array, inertia: Array) -> None:
+        R = self.rotation
+        self.bodies[-1].add(mass, self.translation + R @ center, R @ inertia @ R.T)

@@ -1,0 +1,21 @@
+"""`flexlink compare`: the same arm in other engines."""
+
+from __future__ import annotations
+
+import argparse
+
+from flexlink.cli.shared import about
+from flexlink.cli.terminal import Progress
+from flexlink.engines.comparison import compare
+from flexlink.motion.scene import load_scene
+
+
+def compare_engines(options: argparse.Namespace) -> int:
+    """Compare on a scene; 1 where engines disagree by more than rounding explains."""
+    scene = load_scene(options.scene)
+    bar = Progress(scene.name)
+    with about(options.scene):
+        comparison = compare(scene, tuple(options.engines), options.samples, options.seed, bar)
+    bar.clear()
+    print(comparison)
+    return 0 if comparison.passed else 1

@@ -1,0 +1,71 @@
+"""`flexlink info`: the chain of a scene, its frequencies, stable steps and damping."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+
+import numpy as np
+
+from flexlink.analysis.modal import modes
+from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
+from flexlink.chain.chain import Chain
+from flexlink.cli.modes import print_modes
+from flexlink.cli.shared import about
+from flexlink.describe import catalogue
+from flexlink.motion.notes import notes
+from flexlink.motion.scene import Scene, load_scene
+
+LISTED = 100  # coordinates that `info` names
+SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
+LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
+
+
+def show_info(options: argparse.Namespace) -> int:
+    """Print what a scene's chain is like, and what it says without effect."""
+    scene = load_scene(options.scene)
+    with about(options.scene):
+        _show(scene)
+        for note in notes(scene):
+            print(f"note: {note}", file=sys.stderr)
+    return 0
+
+
+def _show(scene: Scene) -> None:
+    chain = scene.chain()
+    q0, _ = scene.initial_state(chain)
+    print(f"{scene.name}: {scene.about}")
+    print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
+    for k in range(min(chain.n, LISTED)):
+        spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if chain.coordinate(k).axis else "driven"
+        print(f"  {k:4d}  {chain.joint_name(k):<16} {spring}")
+    if chain.n > LISTED:
+        print(f"  … {chain.n - LISTED} more")
+    if chain.n > SLOW:
+        print(f"finding the fastest modes of {chain.n} joints …", file=sys.stderr)
+    λ = fastest_eigenvalues(chain, q0)
+    hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
+    elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
+    print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
+    bare = _without_structural_damping(chain)
+    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
+    for method in catalogue.names("tableaus"):
+        cost = "" if bare is chain else f"; {stable_step_of(free, method):.4g} s without structural damping"
+        print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s{cost}")
+    if bare is not chain and chain.n <= LARGEST_MODAL:
+        found = modes(chain, q0, tip_wrench=scene.tip_wrench)
+        print("structural damping about the start, with gravity:")
+        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _without_structural_damping(chain: Chain) -> Chain:
+    """The chain with Kelvin-Voigt's law left out; the same chain where there is none."""
+    hinges = chain.hinges.copy()
+    hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
+    return chain if np.array_equal(hinges, chain.hinges) else dataclasses.replace(chain, hinges=hinges)
+
+
+def _some(values: np.ndarray) -> str:
+    shown = [f"{value:.4g}" for value in values]
+    return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

@@ -1,0 +1,137 @@
+"""`flexlink info | simulate | modes | export | compare`: one line on errors, exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from flexlink import __version__
+from flexlink.cli.compare import compare_engines
+from flexlink.cli.export import export_scenes
+from flexlink.cli.info import show_info
+from flexlink.cli.modes import show_modes
+from flexlink.cli.simulate import simulate_scene
+from flexlink.cli.terminal import announced
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.interruption import finish
+from flexlink.describe import catalogue
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.formats import FORMATS
+
+EXAMPLES = """examples:
+  flexlink info models/paper_fig5.toml
+  flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
+  flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+  flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
+  flexlink export models/paper_fig5.toml --format urdf --out .
+  flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 Ctrl-C, 143 SIGTERM."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # q̈ on a terminal that cannot show it
+    options = _parser().parse_args(arguments)
+    try:
+        with announced(), np.errstate(all="ignore"):  # numbers beyond float64 are refused where they arise
+            code: int = options.command(options)
+        print(end="", flush=True)  # so that a full disk or a closed pipe is noticed here
+        return code
+    except BrokenPipeError:  # the reader has seen enough: `flexlink info scene.toml | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (FlexlinkError, OSError) as error:
+        print(f"flexlink: {' '.join(str(error).split())}", file=sys.stderr)
+        return 2
+    except MemoryError as error:
+        print(f"flexlink: not enough memory: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt as error:
+        print(f"flexlink: {str(error) or 'interrupted'}", file=sys.stderr)
+        return 128 + getattr(error, "signal", signal.SIGINT)
+    finally:
+        finish()
+
+
+class _Parser(argparse.ArgumentParser):
+    """A wrong option, too, is answered in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="flexlink",
+        description="Robot arms whose links bend: simulate, find modes, export, compare. SI units.",
+        epilog=EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"flexlink {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="command")
+
+    def add(name: str, run: Callable[[argparse.Namespace], int], text: str) -> argparse.ArgumentParser:
+        own = [line for line in EXAMPLES.splitlines() if line.startswith(f"  flexlink {name} ")]
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=text,
+            epilog="\n".join(["examples:", *own]),
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        command.set_defaults(command=run)
+        return command
+
+    info = add("info", show_info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")
+    info.add_argument("scene", type=Path, help="scene file (.toml)")
+
+    own = "the scene's"
+    run = add("simulate", simulate_scene, "Simulate a scene with the native solver.")
+    run.add_argument("scene", type=Path, help="scene file (.toml)")
+    run.add_argument("--method", help=f"{', '.join(catalogue.names('tableaus'))}, or a file (.toml); default: {own}")
+    run.add_argument("--step", type=float, help=f"integration step [s]; default: {own}")
+    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
+    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
+    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
+    run.add_argument(
+        "--insist", action="store_const", const="allow", dest="unstable",
+        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
+    )  # fmt: skip
+    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
+    run.add_argument(
+        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
+    )
+
+    shapes = add("modes", show_modes, "Natural frequencies and mode shapes about the initial posture, with gravity.")
+    shapes.add_argument("scene", type=Path, help="scene file (.toml)")
+    shapes.add_argument(
+        "--lock", nargs="+", default=[], metavar="NAME", help="links, or joints (boom.2.z), that are held"
+    )
+    shapes.add_argument("--count", type=int, default=8, help="how many modes to show, slowest first (default: 8)")
+    shapes.add_argument("--plot", type=Path, help="draw the mode shapes to this .png, .svg or .pdf file")
+
+    export = add("export", export_scenes, "Write the chains of scenes as files that other engines load exactly.")
+    export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
+    export.add_argument("--format", choices=FORMATS, action="append", help="default: all")
+    export.add_argument("--out", type=Path, default=Path(), help="folder to write to (default: here)")
+
+    check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
+    check.add_argument("scene", type=Path, help="scene file (.toml)")
+    check.add_argument("--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco")
+    check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
+    check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,57 @@
+"""What can go wrong, one base class: every message names the thing, its value and what is allowed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+class FlexlinkError(Exception):
+    """Base of every error that flexlink raises on purpose; the command line prints it as one line."""
+
+
+class SceneError(FlexlinkError, ValueError):
+    """A description (TOML file or Python object) that is not a valid arm, scene, rule or tableau."""
+
+
+class ArgumentError(FlexlinkError, ValueError):
+    """An argument of a public function with a wrong shape, dtype, value or name."""
+
+
+class SingularMassError(FlexlinkError, ArithmeticError):
+    """The mass matrix is not positive definite at this posture: some joint moves no inertia."""
+
+
+class OutputError(FlexlinkError, OSError):
+    """A result that could not be written; the message says where it was kept instead."""
+
+
+class MissingDependencyError(FlexlinkError, ImportError):
+    """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
+
+
+class UnstableStepError(FlexlinkError, ValueError):
+    """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it."""
+
+    def __init__(self, message: str, largest: float) -> None:
+        super().__init__(message)
+        self.largest = largest
+
+    def __reduce__(self) -> tuple[type[UnstableStepError], tuple[str, float]]:
+        """Whole through a process pool, which otherwise breaks on an error of two arguments."""
+        return UnstableStepError, (str(self), self.largest)
+
+
+class ConvergenceError(FlexlinkError, ArithmeticError):
+    """An equilibrium that was not reached; `q` is the one on the way with the largest part, `load`, of the load."""
+
+    def __init__(self, message: str, q: NDArray[np.float64], load: float) -> None:
+        super().__init__(message)
+        self.q, self.load = q, load
+
+    def __reduce__(self) -> tuple[type[ConvergenceError], tuple[str, NDArray[np.float64], float]]:
+        """As `UnstableStepError`."""
+        return ConvergenceError, (str(self), self.q, self.load)

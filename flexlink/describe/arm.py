@@ -1,0 +1,258 @@
+"""What the user describes: material, section, links, joints, payload. Frozen, checked, SI units."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+
+from flexlink.common.errors import SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.rules import hinges
+from flexlink.describe.sections import SHAPES, SectionProperties
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short
+
+AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
+"""Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
+
+
+class Material(Spec, frozen=True):
+    """Isotropic, linear elastic, with Kelvin-Voigt loss: stress = E (strain + loss_time · strain rate).
+
+    `young` E [Pa], `density` [kg/m³], Poisson's ratio `poisson`, `loss_time` [s].
+    """
+
+    young: Positive  # Pa
+    density: Positive  # kg/m³
+    poisson: Annotated[float, msgspec.Meta(gt=-1, le=0.5)] = 0.3
+    loss_time: NonNegative = 0.0  # s
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus G = E / (2 (1 + ν)) [Pa]."""
+        return self.young / (2 * (1 + self.poisson))
+
+
+class Section(Spec, frozen=True):
+    """Cross-section of a link: a shape and exactly the dimensions that the shape takes [m, m², m⁴].
+
+    rectangle: height (along local y), width (along z); circle: diameter; tube: outer, inner (diameters);
+    box: height, width, wall; general: area, i_y = ∫ z² dA, i_z = ∫ y² dA, torsion (St Venant's constant J).
+    """
+
+    shape: Literal["rectangle", "circle", "tube", "box", "general"]
+    height: Positive | None = None  # along local y
+    width: Positive | None = None  # along local z
+    diameter: Positive | None = None
+    outer: Positive | None = None
+    inner: NonNegative | None = None
+    wall: Positive | None = None
+    area: Positive | None = None
+    i_y: Positive | None = None
+    i_z: Positive | None = None
+    torsion: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = SHAPES[self.shape][1]
+        given = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
+        for name in given:
+            if name not in wanted:
+                allowed = ", ".join(wanted)
+                raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
+        for name in wanted:
+            if name not in given:
+                raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
+        if self.outer is not None and self.inner is not None and self.inner >= self.outer:
+            raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
+        if self.wall and self.height and self.width and 2 * self.wall >= min(self.height, self.width):
+            raise SceneError(f"wall = {self.wall!r}: must be less than half of height and width")
+        self._check_properties(wanted)
+
+    def _check_properties(self, dimensions: tuple[str, ...]) -> None:
+        try:
+            properties = self.properties._asdict()
+        except OverflowError:  # of Python's own power
+            properties = {"area or second moment": math.inf}
+        for name, value in properties.items():
+            if not 0 < value < math.inf:
+                given = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                raise SceneError(f"{given}: {name} = {value!r} is beyond the numbers of float64")
+
+    @property
+    def properties(self) -> SectionProperties:
+        """Area, second moments and St Venant constant of this section."""
+        return self.towards(self, 0.0)
+
+    def towards(self, tip: Section, x: float) -> SectionProperties:
+        """Properties at the part `x` of the way to a section of the same shape, all dimensions linear in x."""
+        formula, names = SHAPES[self.shape]
+        return formula(*((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names))
+
+
+class Joint(Spec, frozen=True):
+    """Active joint at the base of a link, about its local Z; `locked` makes it rigid.
+
+    `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
+    seen at the joint.
+    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
+    smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
+    """
+
+    locked: bool = False
+    viscous: NonNegative = 0.0  # N m s/rad
+    coulomb: NonNegative = 0.0  # N m
+    coulomb_width: Positive = 0.01  # rad/s
+    armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
+
+
+class Mount(Spec, frozen=True):
+    """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
+
+    First the offset `xyz` [m], then `rpy_deg` [deg], roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll),
+    the convention of URDF; v_parent = R v_joint.
+    """
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)  # m
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Payload(Spec, frozen=True):
+    """Rigid body at the tip or at a link's hub: centre in the frame's origin, principal axes along the frame.
+
+    `mass` [kg], principal moments of `inertia` about x, y, z [kg m²].
+    """
+
+    mass: NonNegative = 0.0  # kg
+    inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
+
+
+class Damping(Spec, frozen=True):
+    """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
+
+    It is Kelvin-Voigt's law, d = η k with η = ratio / (π at_hz), the same in every hinge, under which the ratio of a
+    mode grows with its frequency, ζ = η ω/2 = ratio · f / at_hz, however the link is cut. It shrinks the stable step of
+    explicit methods: `flexlink info` says by how much.
+    """
+
+    ratio: NonNegative
+    at_hz: Positive
+
+    @property
+    def loss_time(self) -> float:
+        """Kelvin-Voigt's η [s]."""
+        return self.ratio / (math.pi * self.at_hz)
+
+
+class Link(Spec, frozen=True):
+    """One link: an active joint about local Z, its hub, then a beam along local X, rigid or cut into segments.
+
+    `length` [m]; `flex`: "rigid", or bending about Z ("z"), Y and Z ("yz"), with twist about X ("xyz"); `segments`:
+    rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`, `section`:
+    names.
+    With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
+    `section_tip` at the end. `damping` replaces the material's `loss_time`.
+    """
+
+    name: str
+    length: NonNegative = 0.0  # m
+    flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
+    material: str | None = None
+    section: str | None = None
+    section_tip: str | None = None
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
+    lumping: str = "gauss"
+    joint: Joint = Joint()
+    mount: Mount = Mount()
+    hub: Payload = Payload()  # turns with the joint: motor housing, bearing
+    damping: Damping | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "lumping", catalogue.absolute(self.lumping))
+        if not self.name:
+            raise SceneError("name = '': must not be empty")
+        if (self.material is None) != (self.section is None):
+            raise SceneError(
+                f"material = {self.material!r}, section = {self.section!r}: give both, or neither for a massless link"
+            )
+        if self.section_tip is not None and self.section is None:
+            raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
+        if self.flex != "rigid":
+            self._check_hinges()
+        elif self.segments != 1:
+            raise SceneError(f"segments = {self.segments}: a rigid link has 1")
+        elif self.material is not None and self.length == 0:
+            raise SceneError(
+                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0; "
+                "one without length has neither material nor section, but may have a hub"
+            )
+
+    def _check_hinges(self) -> None:
+        if self.segments < 2:
+            raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
+        if self.length <= 0:
+            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
+        if self.material is None:
+            raise SceneError("material = None: a flexible link needs a material and a section")
+        nodes, _ = hinges(self.lumping, self.segments)
+        if nodes[0] == 0 and not (self.joint.locked or self.joint.armature or self.hub.inertia[2]):
+            raise SceneError(
+                f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
+                "lock the joint or give it an armature or a hub"
+            )
+        if nodes[-1] == 1:
+            raise SceneError(f"lumping = {self.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
+
+
+class Arm(Spec, frozen=True):
+    """Serial arm: links from the base outward, with the materials and sections they name."""
+
+    links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
+    materials: dict[str, Material] = msgspec.field(name="material", default_factory=dict)
+    sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
+    tip: Payload = Payload()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        seen: set[str] = set()
+        for k, link in enumerate(self.links):
+            if link.name in seen:
+                raise SceneError(f"link[{k}].name = {link.name!r}: names of links must differ")
+            seen.add(link.name)
+            tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
+            for key, table in tables:
+                name = getattr(link, key)
+                if name is not None and name not in table:
+                    known = ", ".join(table) or "none"
+                    raise SceneError(
+                        f"link[{k}].{key} = {name!r}: not defined; defined are {known}{meant(name, table)}"
+                    )
+            if link.section_tip is not None and link.section is not None:
+                shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
+                if shapes[0] != shapes[1]:
+                    raise SceneError(
+                        f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+                    )
+        if all(link.joint.locked and link.flex == "rigid" for link in self.links):
+            raise SceneError("link: every joint is locked and every link rigid; at least one must move")
+
+    def loss_time(self, link: Link) -> float:
+        """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material."""
+        if link.flex == "rigid" or link.material is None:
+            return 0.0
+        return (link.damping or self.materials[link.material]).loss_time
+
+    def number(self, name: str) -> int:
+        """Number of the link called `name`, from 1.
+
+        Raises
+        ------
+        SceneError
+            There is none.
+        """
+        names = [link.name for link in self.links]
+        if not isinstance(name, str) or name not in names:
+            raise SceneError(f"link = {short(name)}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
+        return names.index(name) + 1

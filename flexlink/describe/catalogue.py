@@ -1,0 +1,111 @@
+"""Data files that a user can add to: Runge-Kutta tableaus and lumping rules, found by name or by path."""
+
+from __future__ import annotations
+
+import errno
+import functools
+import tomllib
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import decode, meant, short
+
+T = TypeVar("T")
+
+DATA = Path(__file__).parent / "data"
+LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Parse a TOML file, with one-line errors.
+
+    Raises
+    ------
+    SceneError
+        The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
+        not TOML.
+    """
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
+            raise OSError(errno.EINVAL, "is a pipe or a device; a description is a regular file")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+        text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; a description is UTF-8 text") from None
+    except (OSError, ValueError) as error:  # ValueError: a null character in the path
+        raise SceneError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
+    if len(data) > LARGEST_FILE:
+        raise SceneError(f"{path}: more than {LARGEST_FILE} bytes; a description is text that a person can read")
+    if not text.strip():
+        raise SceneError(f"{path}: empty; a description is a TOML file")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits
+        raise SceneError(f"{path}: not TOML: {error}") from None
+
+
+def names(folder: str) -> list[str]:
+    """Names that come with flexlink in `folder` ("tableaus" or "lumping")."""
+    return sorted(path.stem for path in (DATA / folder).glob("*.toml"))
+
+
+def load(folder: str, key: str, name: str, kind: type[T]) -> T:
+    """Description of a type of `Spec` by name, or from the user's own file if `name` ends in ".toml".
+
+    Parameters
+    ----------
+    folder
+        "tableaus" or "lumping".
+    key
+        Key of the scene that holds `name`, for messages.
+    name
+        Name of a description that comes with flexlink, or a path.
+    kind
+        What to decode.
+
+    Raises
+    ------
+    SceneError
+        No such name (the message lists those that exist), or a file that is not a valid description.
+    """
+    known = names(folder)
+    if not isinstance(name, str) or not (is_own(name) or name in known):
+        raise SceneError(
+            f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
+            f"{meant(name, known)}"
+        )
+    path = Path(absolute(name)) if is_own(name) else DATA / folder / f"{name}.toml"
+    try:
+        found: T = _decoded(path, _version(path), cast("Any", kind))
+    except (SceneError, OSError, ValueError) as error:
+        raise SceneError(f"{key} = {short(name)}: {error}") from None
+    return found
+
+
+def is_own(name: object) -> bool:
+    """Whether `name` is a path to the user's own file, not the name of a description that comes with flexlink."""
+    return isinstance(name, str) and name.endswith(".toml")
+
+
+def absolute(name: str, folder: Path = Path()) -> str:
+    """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
+    return str((folder / name).absolute()) if is_own(name) else name
+
+
+def _version(path: Path) -> tuple[int, ...]:
+    if not path.exists():
+        return ()
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size, status.st_ino
+
+
+@functools.lru_cache(maxsize=64)
+def _decoded(path: Path, _version: tuple[int, ...], kind: Any) -> Any:
+    """Decode a file once for each version of it."""
+    raw = read_toml(path)
+    try:
+        return decode(raw, kind)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None

@@ -1,0 +1,149 @@
+"""What is done to an arm: initial state, drive, prescribed motion, wrench at the tip, and how to integrate."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
+from flexlink.describe.tableaus import tableau
+
+Array = NDArray[np.float64]
+
+
+class Initial(Spec, frozen=True):
+    """State at t = 0: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
+
+    passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
+    """
+
+    joint_deg: tuple[float, ...]
+    rate_deg: tuple[float, ...] | None = None  # default: at rest
+    passive: Literal["zero", "static"] = "zero"
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Rate of every joint [deg/s]; zero unless given."""
+        return self.rate_deg or (0.0,) * len(self.joint_deg)
+
+
+class Drive(Spec, frozen=True):
+    """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
+
+    constant: T_EX = torque.  table: `torques`, one row per time, held outside, in between linear or, if `smooth`, a
+    cubic spline, which keeps the order of the integrator.
+    pd: T_EX = kp (target − q) − kd q̇.
+    """
+
+    kind: Literal["none", "constant", "table", "pd"] = "none"
+    torque: tuple[float, ...] | None = None
+    times: tuple[float, ...] | None = None  # s
+    torques: tuple[tuple[float, ...], ...] | None = None
+    kp: tuple[NonNegative, ...] | None = None
+    kd: tuple[NonNegative, ...] | None = None
+    target_deg: tuple[float, ...] | None = None
+    smooth: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        wanted = {
+            "none": (), "constant": ("torque",), "table": ("times", "torques"), "pd": ("kp", "kd", "target_deg"),
+        }[self.kind]  # fmt: skip
+        for name in ("torque", "times", "torques", "kp", "kd", "target_deg"):
+            if (getattr(self, name) is not None) != (name in wanted):
+                takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
+                said = ": missing;" if value is None else f" = {short(value)}:"
+                raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
+        if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
+            raise SceneError(f"times = {short(self.times)}: must increase")
+        if self.smooth and len(self.times or ()) < 2:
+            raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
+        if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
+            raise SceneError(f"torques has {len(self.torques)} rows: expected one per time, {len(self.times)}")
+
+
+class Motion(Spec, frozen=True):
+    """Prescribed motion of a link's active joint: its torque becomes an output.
+
+    Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
+    between, then on at the last rate.
+    """
+
+    link: str
+    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
+    angle_deg: tuple[float, ...]
+    rate_deg: tuple[float, ...]
+    acceleration_deg: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.times[0] != 0 or np.any(np.diff(self.times) <= 0):
+            raise SceneError(f"times = {short(self.times)}: must start at 0 and increase")
+        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+            if len(getattr(self, name)) != len(self.times):
+                raise SceneError(
+                    f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}"
+                )
+
+
+class Wrench(Spec, frozen=True):
+    """Constant force [N] and moment [N m] on the tip, in frame 0, acting at the tip frame's origin."""
+
+    force: Vector3 = (0.0, 0.0, 0.0)
+    moment: Vector3 = (0.0, 0.0, 0.0)
+
+
+class Run(Spec, frozen=True):
+    """How to integrate: method, fixed step, duration, time between stored samples [s], solver of forward dynamics.
+
+    `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+    """
+
+    method: str = "RK4"
+    step: Positive = 1e-4  # s
+    duration: NonNegative = 5.0  # s
+    sample: Positive = 0.005  # s
+    dynamics: Literal["articulated", "lu", "cholesky"] = "articulated"
+    unstable: Literal["refuse", "allow"] = "refuse"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
+        tableau(self.method)
+        whole("sample", self.sample, "step", self.step)
+        whole("duration", self.duration, "sample", self.sample)
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of steps between two stored samples."""
+        return round(self.sample / self.step)
+
+    @property
+    def samples(self) -> int:
+        """Number of stored samples, the initial one included."""
+        return round(self.duration / self.sample) + 1
+
+    @property
+    def times(self) -> Array:
+        """Times of the stored samples [s], shape (samples,)."""
+        return np.arange(self.samples, dtype=np.float64) * (self.steps_per_sample * self.step)
+
+
+def whole(name: str, value: float, unit_name: str, unit: float) -> None:
+    """Check that `value` is a whole number of `unit`s, up to the rounding of decimal input.
+
+    Raises
+    ------
+    SceneError
+        It is not, or the number is beyond the integers of float64.
+    """
+    ratio = value / unit
+    if not ratio < 2**53:
+        raise SceneError(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
+    if abs(ratio - round(ratio)) > 1e-9 * max(1.0, ratio) or (value > 0 and round(ratio) == 0):
+        raise SceneError(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")

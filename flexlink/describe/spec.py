@@ -1,0 +1,186 @@
+"""The base of every description: checked when built in Python, and decoded strictly from parsed TOML."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Mapping
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+
+import msgspec
+import numpy as np
+
+from flexlink.common.errors import SceneError
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0)]
+Vector3 = tuple[float, float, float]
+
+T = TypeVar("T")
+
+
+class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Frozen record whose fields are checked against their annotations, however it is built.
+
+    Raises
+    ------
+    SceneError
+        A field has the wrong type, lies outside its range, or is not finite.
+    """
+
+    def __post_init__(self) -> None:
+        for field in msgspec.structs.fields(type(self)):
+            try:
+                value = plain(getattr(self, field.name))
+            except RecursionError:
+                raise SceneError(f"{field.encode_name}: nested too deeply") from None
+            _check_finite(value, field.encode_name)
+            try:
+                kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
+            except msgspec.ValidationError as error:
+                raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
+            msgspec.structs.force_setattr(self, field.name, kept)
+
+
+def plain(value: object) -> object:
+    """`value` with Python's own numbers, texts and lists for NumPy's, at any depth.
+
+    A sweep is written with NumPy; msgspec takes np.float64 for a class it does not know.
+    """
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _scalar(value)
+    if type(value) in {list, tuple}:
+        return type(value)(plain(item) for item in value)  # type: ignore[attr-defined, call-arg]
+    if type(value) is dict:
+        return {plain(key): plain(item) for key, item in value.items()}
+    return value
+
+
+def _scalar(value: np.generic) -> object:
+    """The Python object of a NumPy scalar; `item` alone hands a longdouble back as it is."""
+    return float(value) if isinstance(value, np.floating) else value.item()
+
+
+def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
+    """Convert parsed TOML into a `Spec`, naming the key path, the value and what is allowed.
+
+    Parameters
+    ----------
+    raw
+        What the TOML parser returned for this part of the file.
+    kind
+        The type to build.
+    path
+        Key path of `raw` in its file, for messages.
+
+    Raises
+    ------
+    SceneError
+        Unknown key, wrong type, value out of range or not finite.
+    """
+    try:
+        _check_finite(raw, path)
+    except RecursionError:
+        raise SceneError(f"{path}: nested too deeply") from None
+    if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
+        return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        raise SceneError(_explain(raw, kind, path, error)) from None
+
+
+def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
+    """Key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
+    reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
+    tail = tail.rstrip("`")
+    value: Any = raw
+    for part in re.findall(r"\w+|\.\.\.", tail):
+        key = part
+        if part == "...":  # msgspec does not name the key of a dict
+            key = next(k for k, item in value.items() if not _fits(item, _type_below(kind, k)))
+            tail = tail.replace("[...]", f".{key}", 1)
+        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
+        kind = _type_below(kind, key)
+    kind = _bare(kind)
+    where = (path + tail).lstrip(".")
+    if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
+        return f"{where}.{error.__cause__}".lstrip(".")
+    unknown = re.search(r"unknown field `(.*)`", reason)
+    if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        name, allowed = unknown[1], [field.encode_name for field in msgspec.structs.fields(kind)]
+        key = f"{where}.{name}".lstrip(".")
+        return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
+    missing = re.search(r"missing required field `(.*)`", reason)
+    if missing:
+        return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
+    return f"{where} = {short(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
+
+
+def _fits(value: object, kind: Any) -> bool:
+    try:
+        msgspec.convert(value, kind)
+    except msgspec.ValidationError:
+        return False
+    return True
+
+
+def _allowed(kind: Any, value: object) -> str:
+    """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
+    allowed = get_args(kind) if get_origin(kind) is Literal else ()
+    return "allowed are " + ", ".join(map(repr, allowed)) + meant(value, allowed) if allowed else ""
+
+
+def meant(value: object, allowed: Iterable[str]) -> str:
+    """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
+    by_case = {name.casefold(): name for name in reversed(list(allowed))}
+    close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
+    return f"; did you mean {by_case[close[0]]!r}?" if close else ""
+
+
+def _type_below(kind: Any, key: str) -> Any:
+    """The annotation of `key` inside `kind`: one step down a key path."""
+    kind = _bare(kind)
+    if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+        return next((f.type for f in msgspec.structs.fields(kind) if f.encode_name == key), None)
+    inner = [a for a in get_args(kind) if a is not Ellipsis]
+    return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
+
+
+def _bare(kind: Any) -> Any:
+    """An annotation without its range and without its `| None`."""
+    while get_origin(kind) is Annotated or get_origin(kind) is UnionType:
+        kind = next(part for part in get_args(kind) if part is not NoneType)
+    return kind
+
+
+def _check_finite(value: object, path: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise SceneError(f"{path} = {value!r}: must be a finite number")
+    if isinstance(value, set | frozenset):
+        raise SceneError(f"{path} = {short(value)}: a set has no order; expected a list")
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            _check_finite(item, f"{path}.{key}".lstrip("."))
+    elif isinstance(value, list | tuple):
+        for k, item in enumerate(value):
+            _check_finite(item, f"{path}[{k}]")
+
+
+def _lower(reason: str) -> str:
+    """msgspec's reason in the words of TOML."""
+    plain = (reason[:1].lower() + reason[1:]).replace("`", "")
+    return plain.replace(" | null", "").replace("object", "table")
+
+
+def short(value: object) -> str:
+    """`repr` in one line, cut to a length that fits into a message."""
+    try:
+        text = " ".join(repr(value).split())
+    except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
+        return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
+    return text if len(text) <= 60 else text[:57] + "…"

@@ -1,0 +1,1 @@
+"""The terms of the equation of motion at a state, checked, and what rounding explains of them."""

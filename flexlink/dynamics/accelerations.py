@@ -1,0 +1,130 @@
+"""Forward dynamics, M q̈ = T_EX − T_GC − T_FL − T_FR: of a state, of a batch, of many chains of one layout."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import all_given, choice, dimensions, matrix, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.singularity import no_acceleration
+from flexlink.kernels import forward
+from flexlink.kernels.finite import is_finite
+from flexlink.kernels.lanes import LANES
+
+Array = NDArray[np.float64]
+SOLVERS = {"articulated": forward.ARTICULATED, "lu": forward.LU, "cholesky": forward.CHOLESKY}
+
+
+def forward_dynamics(
+    chain: Chain | Sequence[Chain],
+    q: ArrayLike,
+    qd: ArrayLike,
+    tau: ArrayLike,
+    method: str = "articulated",
+    tip_wrench: ArrayLike | None = None,
+) -> Array:
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
+
+    A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
+
+    Parameters
+    ----------
+    chain
+        The chain; with (b, n) states also b chains of one layout (`Chain.same_layout`), such as an arm with b payloads.
+    q, qd, tau
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or all (b, n): "articulated" then takes
+        eight states side by side.
+    method
+        "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
+        "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Raises
+    ------
+    ArgumentError
+        An argument has a wrong shape, is not real or finite, unknown method, chains of different layout, q̈ overflows.
+    SingularMassError
+        A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
+    """
+    if not isinstance(chain, Chain) or dimensions(q) == 2:
+        chains = _of_one_layout(chain)
+        solver = solver_for(chains[0], method)
+        return _forward_dynamics_of_many(chains, solver, q, qd, tau, wrench_vector(tip_wrench))
+    n, solver = chain.n, solver_for(chain, method)
+    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
+    wrench = wrench_vector(tip_wrench)
+    qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
+    if is_finite(qdd):
+        return qdd
+    raise no_acceleration(chain, solver, wrench, q, qd, tau)
+
+
+def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
+    chains = [chain] if isinstance(chain, Chain) else all_given("chain", chain, Chain)
+    if not chains:
+        raise ArgumentError("chain: no chain given; expected one, or one per state")
+    for k, other in enumerate(chains):
+        if not chains[0].same_layout(other):
+            raise ArgumentError(f"chain[{k}]: differs from chain[0] in more than numbers; expected one layout")
+    return chains
+
+
+def _forward_dynamics_of_many(
+    chains: Sequence[Chain], solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
+) -> Array:
+    if dimensions(q) != 2:
+        raise ArgumentError(f"q has {dimensions(q)} dimensions; many chains take 2, of shape (b, {chains[0].n})")
+    shape = b, _ = np.shape(q)[0], chains[0].n
+    states = [matrix(name, value, shape) for name, value in (("q", q), ("qd", qd), ("tau", tau))]
+    if len(chains) not in {1, b}:
+        raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
+    if b == 0:
+        return np.zeros(shape)
+    qdd = _side_by_side(chains, solver, wrench, states)
+    if not is_finite(qdd.reshape(-1)):
+        state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
+        error = no_acceleration(chains[state % len(chains)], solver, wrench, *(part[state] for part in states))
+        raise type(error)(f"state {state}: {error}")
+    return qdd
+
+
+def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, wrench: Array, states: Sequence[Array]) -> Array:
+    if solver.lanes_workspace is None:
+        singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
+        return np.array([solver.accelerations(chain.arrays, wrench, *state) for chain, state in singles])
+    b = len(states[0])
+    size = b if len(chains) == 1 else LANES  # states that one scratch serves
+    parts = [slice(start, start + size) for start in range(0, b, size)]
+    works = (lanes_workspace(solver, chains[part]) for part in parts)
+    many = forward.accelerations_of_many
+    qdd = [many(work, wrench, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
+    return np.concatenate(qdd)
+
+
+def lanes_workspace(solver: forward.Solver, chains: Sequence[Chain]) -> Any:
+    """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
+    if solver.lanes_workspace is None:
+        raise ArgumentError("method: only 'articulated' takes chains side by side")
+    eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
+    return solver.lanes_workspace(
+        np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
+    )
+
+
+def solver_for(chain: Chain, method: str) -> forward.Solver:
+    """The solver that `method` means for this chain.
+
+    Raises
+    ------
+    ArgumentError
+        The method is unknown.
+    """
+    solver = choice("method", method, SOLVERS)
+    return forward.PLANAR if solver is forward.ARTICULATED and chain.is_planar else solver

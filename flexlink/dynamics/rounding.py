@@ -1,0 +1,166 @@
+"""What rounding explains: how far apart two right programs may be, term by term, and no further.
+
+    M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
+
+A number that is computed from parts of size S is known to a few eps S. S must not be the number itself: large parts
+cancel where an arm is balanced or stretched out. So S is made of sizes that no posture, axis or direction of gravity
+can cancel, with r_ik = |c_i − p_k| from hinge point to centre of mass, over the bodies i beyond hinge k:
+
+    M*   = max_k Σ_i (m_i r_ik (r_ik + |p_k|) + |I_i|) + max |armature|
+    T_G* = max_k Σ_i m_i |g| (r_ik + |p_k|)                   ≥ |g| √Σ_a T_G(ê_a)², gravity along a = x, y, z
+    T_W* = max_k |f| (|p_tip − p_k| + |p_k|) + |m|            tip wrench (f, m)
+
+(|p_k| because a point is known to eps of its distance from frame 0: an arm mounted a kilometre away has fewer digits.)
+
+    |ΔM_jk|     ≤ ε M*
+    |ΔT_GC|     ≤ ε (M* ω² + T_G* + T_W*)                     ω² = max_i |ω_i|²
+    |M Δq̈|      ≤ ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|)
+    |Δq̈|        ≤ ‖M⁻¹‖₂ times that
+    |ΔT_FL|_k   ≤ 10 eps |k (θ − θ₀)|_k
+    |ΔT_FR|_k   ≤ 10 eps (d |q̇| + c |tanh(q̇ / w)|)_k
+
+ε = 10 √n eps: every hinge turns axes and adds a lever, about ten roundings; along a chain they add like a random walk.
+A backward stable solver of M q̈ = b changes M and b by no more than the same, hence M Δq̈ (Higham 2002, theorem 7.2).
+T_FL and T_FR are products at one joint: two roundings each, and a tanh good to four. With ‖M‖ for M* the bound of q̈
+reads 10 √n eps κ₂(M) (|q̈| + |T| / ‖M‖ + ω²); but of a mast that turns about its own axis M, too, is what cancelling
+leaves of M*.
+
+Measured, Pinocchio and MuJoCo against ours at random, balanced and stretched states, n = 1 … 239, tip masses up to ten
+tons: at most 0.32 of it in M, 0.19 in T_GC, 0.10 in M Δq̈, without a trend in n; T_FL and T_FR agree to the bit.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.terms import elastic_torque, friction_torque, mass_matrix
+from flexlink.kernels.kinematics import kinematics
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(np.float64).eps)
+ROUNDINGS = 10
+"""At one hinge."""
+
+
+class Sizes(NamedTuple):
+    """Of the parts that the terms are sums of, at one posture, and the hinge axes there."""
+
+    inertia: float  # M* [kg m²]
+    weight: float  # T_G* [N m]
+    lever: float  # of a force on the tip [m]
+    axes: Array  # (n, 3), frame 0
+
+
+def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
+    """Of every element of M(q), ε M* [kg m²]."""
+    return _along(chain) * _sizes(chain, q).inertia
+
+
+def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> float:
+    """Of every joint's T_GC, or T_G where q̇ = 0, ε (M* ω² + T_G* + T_W*) [N m]."""
+    return _along(chain) * _inertial(chain, q, qd, np.zeros(chain.n), tip_wrench)
+
+
+def of_elastic_torque(chain: Chain, q: ArrayLike) -> Array:
+    """Of T_FL, joint by joint, 10 eps |k (θ − θ₀)|, shape (n,) [N m]."""
+    return ROUNDINGS * EPS * np.abs(elastic_torque(chain, q))
+
+
+def of_friction_torque(chain: Chain, qd: ArrayLike) -> Array:
+    """Of T_FR, joint by joint, 10 eps (d |q̇| + c |tanh(q̇ / w)|), shape (n,) [N m]."""
+    return ROUNDINGS * EPS * np.abs(friction_torque(chain, qd))  # both parts have the sign of q̇
+
+
+def of_residual(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+) -> float:
+    """Of every joint's torque M Δq̈ when the equation of motion is solved for q̈ [N m].
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, tau, qdd
+        Angles [rad], rates [rad/s], drive torques [N m] and accelerations [rad/s²], shape (n,); of two solutions, the
+        larger one at every joint.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    float
+        ε (M* (Σ_k |q̈_k| + ω²) + T_G* + T_W* + max |T_EX, T_FL, T_FR|).
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite.
+    """
+    own = np.abs([vector("tau", tau, chain.n), elastic_torque(chain, q), friction_torque(chain, qd)]).max()
+    return _along(chain) * float(_inertial(chain, q, qd, qdd, tip_wrench) + own)
+
+
+def of_acceleration(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+) -> float:
+    """Of every joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`, which is the sharper statement where both will do."""
+    inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
+    return float(inverse * of_residual(chain, q, qd, tau, qdd, tip_wrench))
+
+
+def acceleration_error(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    tau: ArrayLike,
+    solutions: tuple[ArrayLike, ArrayLike],
+    tip_wrench: ArrayLike | None = None,
+) -> Array:
+    """How far two solutions q̈ are apart, |M Δq̈| / `of_residual`, shape (n,): rounding explains up to 1."""
+    one, other = (np.asarray(qdd, dtype=np.float64) for qdd in solutions)
+    if not (np.isfinite(one).all() and np.isfinite(other).all()):
+        return np.full(chain.n, np.nan)
+    larger = np.maximum(np.abs(one), np.abs(other))
+    return in_units(mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, tau, larger, tip_wrench))
+
+
+def in_units(error: Array, explained: Array | float) -> Array:
+    """|error| in units of what rounding explains: 0 where there is none, inf where nothing is explained."""
+    size = np.abs(error)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        return np.where(size == 0, 0.0, size / explained)
+
+
+def _along(chain: Chain) -> float:
+    """ε: what the roundings along a chain of n hinges come to."""
+    return ROUNDINGS * EPS * float(np.sqrt(chain.n))
+
+
+def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None) -> float:
+    """M* (Σ|q̈| + ω²) + T_G* + T_W*: size of the parts that recursive Newton-Euler adds up."""
+    size, force = _sizes(chain, q), np.linalg.norm(wrench_vector(tip_wrench).reshape(2, 3), axis=1)
+    ω = np.cumsum(vector("qd", qd, chain.n)[:, None] * size.axes, axis=0)
+    turning = np.abs(vector("qdd", qdd, chain.n)).sum() + (ω**2).sum(axis=1).max()
+    return float(size.inertia * turning + size.weight + force[0] * size.lever + force[1])
+
+
+def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
+    bodies = chain.bodies
+    count, mass = len(bodies), bodies["mass"]
+    rotations, points, axes = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((chain.n, 3))
+    kinematics(chain.arrays, vector("q", q, chain.n), rotations, points, axes)
+    centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
+    away = np.linalg.norm(points, axis=1)
+    r = np.linalg.norm(centers - points[:, None], axis=2)  # hinge k, body i
+    levers = r + away[:, None]
+    own = np.linalg.norm(bodies["inertia"], axis=(1, 2))
+    inertia, moment = (np.triu(part).sum(axis=1).max() for part in (mass * r * levers + own, mass * levers))
+    rotor = np.abs(chain.hinges["armature"]).max()
+    tip = (np.linalg.norm(points[-1] - points, axis=1) + away).max()
+    return Sizes(float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes)

@@ -1,0 +1,58 @@
+"""Why there are no accelerations at a state: which joint moves no inertia of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
+from flexlink.kernels.forward import ARTICULATED, Solver
+from flexlink.kernels.mass import mass_composite
+
+Array = NDArray[np.float64]
+
+
+def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:
+    """The error of a state whose q̈ is not finite.
+
+    Returns
+    -------
+    FlexlinkError
+        SingularMassError, which names the joint and the angles at its point, if q̈ is not finite at rest and without
+        loads either; else ArgumentError: rates or loads are too large for float64.
+    """
+    rest = np.zeros(chain.n)
+    if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
+        return ArgumentError(
+            f"q̈ of {chain.name!r} leaves float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
+            f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; expected less"
+        )
+    k = idle_joint(chain, q)
+    point = next(body for body in chain.bodies if body["first"] <= k < body["stop"])
+    angles = ", ".join(
+        f"{chain.joint_name(j)} = {np.degrees(q[j]):.6g}°" for j in range(int(point["first"]), int(point["stop"]))
+    )
+    others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
+    way_out = "method 'articulated' has its q̈" if np.isfinite(others).all() else "give it an armature"
+    return SingularMassError(
+        f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} moves no inertia of its own "
+        f"at {angles}; {way_out}, or take another posture"
+    )
+
+
+def idle_joint(chain: Chain, q: Array) -> int:
+    """The joint with the largest part in the motion that moves the least inertia, the last one where several have it.
+
+    That is v with M v = λ D v, D the diagonal of M, for the smallest λ: 0 if M is singular, at most 1. Joints with
+    prescribed motion take no part.
+    """
+    M = np.zeros((chain.n, chain.n))
+    mass_composite(chain.arrays, q, M)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    M = M[np.ix_(free, free)]
+    root = np.sqrt(M.diagonal())
+    if not root.all():
+        return int(free[np.flatnonzero(root == 0)[-1]])
+    part = np.abs(np.linalg.eigh(M / np.outer(root, root))[1][:, 0])
+    return int(free[np.flatnonzero(part > part.max() / 2)[-1]])

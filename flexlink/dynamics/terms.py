@@ -1,0 +1,210 @@
+"""The checked public functions of a chain: shapes and finiteness here, then the kernel.
+
+    M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX                         (paper, equations 2 and 3)
+
+All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order. The tip wrench
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import beyond_float64, choice, given, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.kernels import mass
+from flexlink.kernels.energy import energies
+from flexlink.kernels.finite import is_finite
+from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
+
+Array = NDArray[np.float64]
+
+MASS_METHODS = {
+    "columns": mass.mass_columns,
+    "lower": mass.mass_lower,
+    "upper": mass.mass_upper,
+    "composite": mass.mass_composite,
+}
+
+
+class Energy(NamedTuple):
+    """Energies [J]: scalars for one state, arrays over samples in a `Trajectory`."""
+
+    kinetic: Array | float
+    gravity: Array | float  # zero when all mass is at the origin of frame 0
+    elastic: Array | float
+
+    @property
+    def total(self) -> Array | float:
+        """Kinetic + gravity + elastic."""
+        return self.kinetic + self.gravity + self.elastic
+
+
+class Frames(NamedTuple):
+    """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
+
+    rotations: Array  # (bodies, 3, 3), R: v_0 = R v_body
+    points: Array  # (bodies, 3), origins [m]
+
+
+def inverse_dynamics(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+) -> Array:
+    """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
+
+    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3).
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, qdd
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,).
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    Array
+        τ = M(q) q̈ + T_GC(q, q̇), shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
+    """
+    n = given("chain", chain, Chain).n
+    q, qd, qdd, wrench = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n), wrench_vector(tip_wrench)
+    tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
+    if not is_finite(tau):
+        raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    return tau
+
+
+def _at(what: str, chain: Chain, values: Array) -> str:
+    """Words for the first of `values`, one per joint, that is not finite."""
+    return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
+
+
+def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> Array:
+    """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
+
+    Parameters, shapes and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+    """
+    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench)
+
+
+def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
+    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0, shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite.
+    """
+    return bias_torque(chain, q, np.zeros(given("chain", chain, Chain).n))
+
+
+def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones, shape (n,) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite, or a torque is beyond float64.
+    """
+    q = vector("q", q, given("chain", chain, Chain).n)
+    with np.errstate(over="ignore"):
+        torque: Array = chain.stiffness * (q - chain.rest)
+    if not is_finite(torque):
+        raise beyond_float64(_at("elastic torque", chain, torque), q=q)
+    return torque
+
+
+def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
+    """T_FR = d q̇ + c tanh(q̇ / w), shape (n,) [N m].
+
+    d is viscous friction on active joints and structural damping on passive ones; c is the Coulomb torque and w the
+    `coulomb_width` over which the law turns round smoothly.
+
+    Raises
+    ------
+    ArgumentError
+        `qd` has the wrong shape, is not real or not finite, or a torque is beyond float64.
+    """
+    qd = vector("qd", qd, given("chain", chain, Chain).n)
+    hinges = chain.hinges
+    with np.errstate(over="ignore"):  # far beyond the width tanh is 1
+        torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    if not is_finite(torque):
+        raise beyond_float64(_at("friction torque", chain, torque), qd=qd)
+    return torque
+
+
+def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
+    """Joint-space inertia M(q), symmetric positive definite, shape (n, n) [kg m²].
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,).
+    method
+        "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
+        "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite, the method is unknown, or M is beyond float64.
+    """
+    q = vector("q", q, given("chain", chain, Chain).n)
+    M = np.zeros((chain.n, chain.n))
+    trace = choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    if not math.isfinite(trace):
+        raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
+    return M
+
+
+def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
+    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy [J].
+
+    Raises
+    ------
+    ArgumentError
+        `q` or `qd` has the wrong shape, is not real or not finite, or an energy is beyond float64.
+    """
+    n = given("chain", chain, Chain).n
+    q, qd = vector("q", q, n), vector("qd", qd, n)
+    found = Energy(*energies(chain.arrays, q, qd))
+    if not math.isfinite(found.total):
+        name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
+        raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
+    return found
+
+
+def frames(chain: Chain, q: ArrayLike) -> Frames:
+    """Rotation and origin of every body frame in frame 0; the last one is the tip frame.
+
+    Raises
+    ------
+    ArgumentError
+        `q` has the wrong shape, is not real or not finite.
+    """
+    bodies = len(given("chain", chain, Chain).bodies)
+    placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
+    kinematics(chain.arrays, vector("q", q, chain.n), placed.rotations, placed.points, np.empty((chain.n, 3)))
+    return placed
+
+
+def tip_position(chain: Chain, q: ArrayLike) -> Array:
+    """Origin of the tip frame in frame 0, shape (3,) [m]; errors as in `frames`."""
+    tip: Array = frames(chain, q).points[-1]
+    return tip

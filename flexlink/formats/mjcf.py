@@ -1,0 +1,175 @@
+"""Chain → MJCF: one body per rigid segment with its hinges, the first listed nearest the base.
+
+MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) hang in the
+next body that has mass, with position and axis as they stand there at zero angles: every hinge turns all that
+follows it, so the motion is the same.
+
+MuJoCo's own dry friction is a constraint. It is switched off; `frictionloss` only carries the Coulomb torque c, and
+the joint's `user` number the width w of c tanh(q̇/w), which whoever runs the file adds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.stability import stable_step
+from flexlink.chain.arguments import given
+from flexlink.chain.chain import Chain
+from flexlink.chain.rotation import quaternion_from_matrix
+from flexlink.common.errors import ArgumentError
+from flexlink.formats.document import joint_names, link_names, numbers, text, valid
+
+Array = NDArray[np.float64]
+
+SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
+MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
+
+COMPILER = {
+    "angle": "radian", "autolimits": "false", "inertiafromgeom": "false", "balanceinertia": "false",
+    "boundmass": "0", "boundinertia": "0", "fusestatic": "false",
+}  # fmt: skip
+# Nothing may act but gravity, springs and dampers; and a run that diverges must not restart by itself.
+DISABLED = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
+
+
+def to_mjcf(chain: Chain) -> str:
+    """Write a chain as MJCF.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+
+    Returns
+    -------
+    str
+        The document; joints in sequential order, named as `Chain.joint_name` does. Body and site `tip` are the tip
+        frame. Numbers read back exactly, except that rotations are quaternions, which MuJoCo normalizes.
+
+    Raises
+    ------
+    ArgumentError
+        The chain is longer than MuJoCo's parser can nest, its last joints move no mass, or a segment has a mass or
+        inertia that MuJoCo refuses.
+    SingularMassError
+        A coordinate moves no inertia of its own.
+    """
+    if len(given("chain", chain, Chain).bodies) > MAX_BODIES:
+        raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
+    root = ET.Element("mujoco", model=valid(chain.name))
+    ET.SubElement(root, "compiler", COMPILER)
+    option = ET.SubElement(root, "option", integrator="RK4", gravity=numbers(chain.gravity))
+    ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
+    ET.SubElement(root, "size", nuser_jnt="1")
+    joints, links = joint_names(chain), link_names(chain)
+    parent, frame, waiting = ET.SubElement(root, "worldbody"), _Frame(), list[_Hinge]()
+    for body in chain.bodies[:-1]:
+        place = _Frame(body["rotation"], body["translation"])
+        frame = frame.then(place)
+        waiting = [hinge.seen_from(place) for hinge in waiting]
+        waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
+        if body["mass"] or body["inertia"].any():
+            parent = _body(parent, links[body["stop"]], frame)
+            moments, axes = _principal(body)
+            _require_loadable(chain, body, moments)
+            _inertial(parent, body, moments, axes)
+            for hinge in waiting:
+                hinge.write(parent, joints[hinge.k], chain.hinges[hinge.k])
+            frame, waiting = _Frame(), []
+    if waiting:
+        raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
+    option.set("timestep", numbers([_safe_step(chain)]))
+    end = chain.bodies[-1]
+    tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
+    _inertial(
+        tip, end, np.zeros(3), np.eye(3)
+    )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
+    ET.SubElement(tip, "site", name=links[-1])
+    return text(root)
+
+
+def _safe_step(chain: Chain) -> float:
+    """Half the largest stable step of RK4, one digit, at most MuJoCo's own 2 ms, which would blow up most links.
+
+    About a slightly bent arm, where no two axes line up.
+    """
+    step = min(2e-3, stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n)) / 2)
+    digit = 10.0 ** math.floor(math.log10(step))
+    return float(f"{math.floor(step / digit) * digit:.0e}")
+
+
+@dataclasses.dataclass(frozen=True)
+class _Frame:
+    """Placement of a frame in another one: v_outer = R v + r."""
+
+    R: Array = dataclasses.field(default_factory=lambda: np.eye(3))
+    r: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+
+    def then(self, inner: _Frame) -> _Frame:
+        """Placement of a frame that `inner` places in this one."""
+        return _Frame(self.R @ inner.R, self.r + self.R @ inner.r)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Hinge:
+    """Hinge `k` with its axis and position in the frame of the running body, at zero angles."""
+
+    k: int
+    axis: Array
+    pos: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
+
+    def seen_from(self, frame: _Frame) -> _Hinge:
+        """The same hinge in the axes of the next body."""
+        return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.r))
+
+    def write(self, body: ET.Element, name: str, hinge: np.void) -> None:
+        values: dict[str, Iterable[float]] = {
+            "axis": self.axis, "pos": self.pos, "stiffness": [hinge["stiffness"]], "springref": [hinge["rest"]],
+            "damping": [hinge["damping"]], "armature": [hinge["armature"]], "frictionloss": [hinge["coulomb"]],
+            "user": [hinge["coulomb_width"]],
+        }  # fmt: skip
+        written = {key: numbers(value) for key, value in values.items()}
+        ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | written)
+
+
+def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
+    quaternion = numbers(quaternion_from_matrix(frame.R))
+    return ET.SubElement(parent, "body", name=name, pos=numbers(frame.r), quat=quaternion)
+
+
+def _principal(body: np.void) -> tuple[Array, Array]:
+    """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
+    I = body["inertia"]
+    if np.array_equal(I, np.diag(np.diag(I))):
+        return np.diag(I), np.eye(3)
+    moments, axes = np.linalg.eigh(I)
+    return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
+
+
+def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
+    """MuJoCo has no way to hold less, and would refuse the file: there is no other form of the same body."""
+    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
+    if not light and 2 * moments.max() <= moments.sum():
+        return
+    joint = int(body["stop"]) - 1
+    link = chain.link_names[chain.coordinate(joint).link - 1]
+    rule = f"takes neither below {SMALLEST:g}" if light else "takes no moment larger than the other two together"
+    raise ArgumentError(
+        f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
+        f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
+        f"link {link!r}, or the payload, or use URDF"
+    )
+
+
+def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
+    """Mass, centre and principal moments."""
+    ET.SubElement(
+        parent, "inertial", mass=numbers([body["mass"]]), pos=numbers(body["center"]),
+        quat=numbers(quaternion_from_matrix(axes)), diaginertia=numbers(moments),
+    )  # fmt: skip

@@ -1,0 +1,151 @@
+"""simulate_many(scenes): members of one layout side by side, eight in one pass of the compiled loop."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import all_given, integer
+from flexlink.chain.chain import Chain
+from flexlink.common.interruption import Stop, deferred
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.kernels.lanes import LANES
+from flexlink.motion.endings import DivergenceError, InterruptedRunError
+from flexlink.motion.result import Trajectory
+from flexlink.motion.scene import Scene
+from flexlink.motion.single import SingleRun, pieces, prepare
+from flexlink.motion.watch import Watch
+
+Array = NDArray[np.float64]
+Outcome = Trajectory | DivergenceError | InterruptedRunError
+
+
+def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]:
+    """Simulate many scenes; neighbours in the list that are alike run eight side by side.
+
+    Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
+    hinges, same drive, motion, wrench and run settings, with dynamics "articulated". Others run one by one. The numbers
+    are those of single runs, and so are the judgements.
+
+    Parameters
+    ----------
+    scenes
+        The scenes.
+    threads
+        Number of threads that share the work.
+
+    Returns
+    -------
+    list of Trajectory
+        In the order of the scenes.
+
+    Raises
+    ------
+    ArgumentError
+        `scenes` holds something that is no Scene, or `threads` is no whole number of at least 1.
+    UnstableStepError
+        The step of a member is larger than its largest stable one; unstable = "allow" insists.
+    DivergenceError
+        A member diverged, as in `simulate`; the error's `runs` holds all runs, that member's up to there.
+    InterruptedRunError
+        Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
+    """
+    scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
+    with deferred() as stop:
+        with ThreadPoolExecutor(threads) as pool:
+            blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
+            outcomes = [outcome for block in blocks for outcome in block]
+        runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in outcomes]
+        for kind in (InterruptedRunError, DivergenceError):
+            for outcome in outcomes:
+                if isinstance(outcome, kind):
+                    outcome.runs = runs
+                    raise outcome
+    return runs
+
+
+class Member(NamedTuple):
+    """A scene, ready to run."""
+
+    scene: Scene
+    watch: Watch
+
+    @property
+    def chain(self) -> Chain:
+        """What moves."""
+        return self.watch.record.chain
+
+    def run(self, stop: Stop) -> Outcome:
+        """Alone."""
+        try:
+            return SingleRun(self.scene, self.watch).finish(stop)
+        except (DivergenceError, InterruptedRunError) as error:
+            return error
+
+
+def _members(scenes: Sequence[Scene]) -> Iterator[Member]:
+    """Scenes, ready to run; neighbours that differ in nothing a chain is made of share one."""
+    made_of: tuple[object, ...] = ()
+    for scene in scenes:
+        locked = [a for a, link in zip(scene.initial.joint_deg, scene.arm.links, strict=True) if link.joint.locked]
+        parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
+        if parts != made_of:
+            made_of, chain = parts, scene.chain()
+        yield Member(scene, prepare(scene, chain))
+
+
+def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
+    block: list[Member] = []
+    for member in members:
+        if block and (len(block) == LANES or not _alike(block[0], member)):
+            yield block
+            block = []
+        block.append(member)
+    if block:
+        yield block
+
+
+def _alike(a: Member, b: Member) -> bool:
+    shared = ("run", "drive", "motion", "wrench")
+    return all(getattr(a.scene, name) == getattr(b.scene, name) for name in shared) and a.chain.same_layout(b.chain)
+
+
+def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
+    run, chain = block[0].scene.run, block[0].chain
+    solver = solver_for(chain, run.dynamics)
+    if len(block) == 1 or solver.lanes_workspace is None:
+        return [member.run(stop) for member in block]
+    eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
+    chains = [member.chain for member in eight]
+    q, qd = np.zeros((2, run.samples, chain.n, LANES))
+    samples = q, qd, np.zeros((run.samples, LANES))
+    for lane, member in enumerate(eight):
+        q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
+    state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
+    work = lanes_workspace(solver, chains)
+    rows = 1
+    for done in pieces(block[0].watch, work, state, samples):
+        rows = done // run.steps_per_sample + 1
+        if stop.asked:
+            break
+    if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
+        return [member.run(stop) for member in block]
+    return [
+        _outcome(member.watch, stop, *(array[:rows, ..., lane] for array in samples))
+        for lane, member in enumerate(block)
+    ]
+
+
+def _outcome(watch: Watch, stop: Stop, q: Array, qd: Array, works: Array) -> Outcome:
+    """What became of a member, whose first samples are given."""
+    record, rows = watch.record, len(works)
+    record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
+    if not watch.look(rows):
+        return watch.diverged()
+    run = watch.trajectory()
+    return run if rows == len(record.t) else InterruptedRunError(run, stop.signal or signal.SIGINT)

@@ -1,0 +1,82 @@
+"""notes(scene): what is legal but likely not meant, because it has no effect; one line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.chain.arguments import given
+from flexlink.describe.arm import Joint, Link
+from flexlink.motion.scene import Scene
+
+
+def notes(scene: Scene) -> tuple[str, ...]:
+    """Hints on what a scene says without effect: each names the key, its value and why nothing comes of it.
+
+    Parameters
+    ----------
+    scene
+        The scene; its chain is built, nothing is solved.
+
+    Returns
+    -------
+    tuple of str
+        One line each, empty if there is nothing to say.
+
+    Raises
+    ------
+    ArgumentError
+        `scene` is no Scene.
+    """
+    given("scene", scene, Scene)
+    return *_stillness(scene), *_stiff_static(scene), *_idle_drive(scene), *_idle_link_keys(scene)
+
+
+def _stillness(scene: Scene) -> Iterator[str]:
+    """Gravity along all hinge axes turns none of them; with nothing else that pushes, a run shows an arm at rest."""
+    g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
+    pushed = [
+        *scene.initial.rates, *scene.wrench.force, *scene.wrench.moment, *(scene.drive.torque or ()),
+        *np.ravel(scene.drive.torques or ()), *(scene.drive.kp or ()), len(scene.motion),
+    ]  # fmt: skip
+    if any(pushed) or not g.any():
+        return
+    if scene.chain().all_axes_parallel_to(g / np.linalg.norm(g)):
+        yield (
+            f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
+            "moves them; turn gravity, or the first joint's axis by link[0].mount.rpy_deg"
+        )
+
+
+def _stiff_static(scene: Scene) -> Iterator[str]:
+    if scene.initial.passive == "static" and all(link.flex == "rigid" for link in scene.arm.links):
+        yield "initial.passive = 'static': has no effect, no link bends"
+
+
+def _idle_drive(scene: Scene) -> Iterator[str]:
+    """A prescribed joint takes what torque it needs, whatever the drive says."""
+    drive = scene.drive
+    for motion in scene.motion:
+        k = scene.arm.number(motion.link) - 1
+        said = {"torque": drive.torque, "kp": drive.kp, "kd": drive.kd}
+        keys = [key for key, values in said.items() if values and values[k]]
+        keys += ["torques"] if any(row[k] for row in drive.torques or ()) else []
+        for key in keys:
+            yield f"drive.{key}: has no effect on {motion.link!r}, whose motion is prescribed"
+
+
+def _idle_link_keys(scene: Scene) -> Iterator[str]:
+    for k, link in enumerate(scene.arm.links):
+        for key, value, why in _idle(link):
+            yield f"link[{k}].{key} = {value!r}: has no effect, {why}"
+
+
+def _idle(link: Link) -> Iterator[tuple[str, float, str]]:
+    if link.flex == "rigid" and link.damping is not None:
+        yield "damping.ratio", link.damping.ratio, f"{link.name!r} is rigid"
+    if link.joint.locked:
+        for key in ("viscous", "coulomb", "armature"):
+            value = getattr(link.joint, key)
+            if value != getattr(Joint(), key):
+                yield f"joint.{key}", value, f"the joint of {link.name!r} is locked"

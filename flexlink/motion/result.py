@@ -1,0 +1,280 @@
+"""Trajectory: what a simulation returns."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import given_path
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.output import write_whole
+from flexlink.describe.situation import Run
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.terms import Energy
+from flexlink.kernels.samples import drive_torques, tips_and_energies
+from flexlink.motion import balance
+from flexlink.motion.actuation import Inputs, input_arrays
+from flexlink.motion.scene import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Samples of a simulation.
+
+    Attributes
+    ----------
+    chain
+        The chain that moved.
+    t
+        Time of each sample [s], shape (samples,).
+    q, qd
+        Joint angles [rad] and rates [rad/s], shape (samples, n).
+    tau
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; where a motion is prescribed, what it takes.
+    tip
+        Position of the tip in frame 0 [m], shape (samples, 3).
+    energy
+        Kinetic, gravity and elastic energy [J], each of shape (samples,).
+    work
+        Work W done on the arm so far by drives, prescribed motions, tip wrench and friction [J], shape (samples,),
+        integrated with the run's own method; None of a run of another engine.
+    warnings
+        What a reader of the result must know, such as that it was insisted on an unstable step.
+    """
+
+    chain: Chain
+    t: Array
+    q: Array
+    qd: Array
+    tau: Array
+    tip: Array
+    energy: Energy
+    work: Array | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
+        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints>"
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _read_only(getattr(self, field.name)))
+
+    def __reduce__(self) -> tuple[type[Trajectory], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only."""
+        return Trajectory, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    @classmethod
+    def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
+        """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
+        record = Record(scene.run, chain, input_arrays(scene, chain), t, q.copy(), qd.copy())
+        record.derive(0, len(t))
+        return record.trajectory(len(t), balanced=False)
+
+    @property
+    def imbalance(self) -> Array:
+        """E(t) − E(0) − W(t) [J], shape (samples,): what the discretisation has done to the energy.
+
+        Raises
+        ------
+        ArgumentError
+            The run is another engine's, whose work is not known.
+        """
+        energy = np.array(self.energy)
+        return balance.imbalance(energy, self._known_work, energy[:, 0])
+
+    @property
+    def exchanged(self) -> Array:
+        """Energy exchanged up to each sample, the largest T + |ΔV_g| + |ΔV_e| + |W| [J]; errors as in `imbalance`."""
+        energy = np.array(self.energy)
+        return np.asarray(np.maximum.accumulate(balance.turned_over(energy, self._known_work, energy[:, 0])))
+
+    @property
+    def _known_work(self) -> Array:
+        if self.work is None:
+            raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
+        return self.work
+
+    @property
+    def columns(self) -> dict[str, Array]:
+        """Every sampled quantity as a named column with its unit, in the order of the CSV file."""
+        names = [self.chain.joint_name(k) for k in range(self.chain.n)]
+        return {
+            "t [s]": self.t,
+            **{f"q {name} [rad]": self.q[:, k] for k, name in enumerate(names)},
+            **{f"qd {name} [rad/s]": self.qd[:, k] for k, name in enumerate(names)},
+            **{f"tau {names[k]} [N m]": self.tau[:, k] for k in self.chain.active},
+            **{f"tip {axis} [m]": self.tip[:, k] for k, axis in enumerate("xyz")},
+            "kinetic [J]": np.asarray(self.energy.kinetic),
+            "gravity [J]": np.asarray(self.energy.gravity),
+            "elastic [J]": np.asarray(self.energy.elastic),
+            **({} if self.work is None else {"work [J]": self.work, "imbalance [J]": self.imbalance}),
+        }
+
+    def save(self, path: str | Path) -> Path:
+        """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
+
+        Numbers are written so that they read back exactly. The file appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            The name ends neither in .npz nor in .csv.
+        OutputError
+            It cannot be written.
+        """
+        path = given_path("path", path)
+        write_whole(path, self.writer(path))
+        return path
+
+    def writer(self, path: Path) -> _Writer:
+        """The function that writes this trajectory in the format that the ending of `path` names.
+
+        Raises
+        ------
+        ArgumentError
+            The name ends neither in .npz nor in .csv.
+        """
+        return _Writer(self, output_format(path))
+
+    def plot(self) -> Figure:
+        """Draw joint angles, tip and energy against time; needs matplotlib.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        figure: Figure = plotting().plot_trajectory(self)
+        return figure
+
+
+def _read_only(value: Any) -> Any:
+    """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    elif isinstance(value, Energy):
+        value = Energy(*map(_read_only, value))
+    return value
+
+
+def plotting() -> ModuleType:
+    """The module that draws, which needs matplotlib.
+
+    Raises
+    ------
+    MissingDependencyError
+        matplotlib is not installed.
+    """
+    try:
+        return importlib.import_module("flexlink.motion.plotting")
+    except ImportError:
+        raise MissingDependencyError(
+            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
+        ) from None
+
+
+class Record:
+    """Samples of a run while it goes on: room for all, of which the first ones are filled.
+
+    Attributes
+    ----------
+    q, qd, works
+        States (samples, n) and the integrated work (samples,), without that of the tip force, which has a potential.
+    """
+
+    def __init__(self, run: Run, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
+        self.chain, self.t, self.q, self.qd = chain, t, q, qd
+        self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
+        self.works = np.zeros(len(t))
+        self.inputs = inputs
+        self.scratch = solver_for(chain, run.dynamics).workspace(chain.arrays)
+
+    def derive(self, first: int, stop: int) -> None:
+        """Tip, energies and drive torques of the samples first … stop − 1."""
+        rows = slice(first, stop)
+        t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
+        tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
+        drive_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
+
+    def work(self, rows: slice) -> Array:
+        """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""
+        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.wrench[:3])
+
+    def trajectory(self, stop: int, warnings: tuple[str, ...] = (), balanced: bool = True) -> Trajectory:
+        """The samples before `stop`, read-only; this record must not go on."""
+        work = self.work(slice(stop)) if balanced else None
+        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
+        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings)
+
+
+def _kept(array: Array, stop: int) -> Array:
+    """The first rows, without holding the memory of the rest."""
+    return array if stop == len(array) else array[:stop].copy()
+
+
+@dataclasses.dataclass(frozen=True)
+class _Writer:
+    trajectory: Trajectory
+    format: str
+
+    def __call__(self, path: Path) -> None:
+        run = self.trajectory
+        if self.format == ".npz":
+            kinetic, gravity, elastic = run.energy
+            joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
+            with path.open("wb") as file:
+                arrays = {
+                    "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,
+                    "kinetic": kinetic, "gravity": gravity, "elastic": elastic, "warnings": np.array(run.warnings, str),
+                }  # fmt: skip
+                if run.work is not None:
+                    arrays |= {"work": run.work, "imbalance": run.imbalance}
+                np.savez_compressed(file, allow_pickle=False, **arrays)
+            return
+        rows = zip(*(column.tolist() for column in run.columns.values()), strict=True)
+        header = ",".join('"' + name.replace('"', '""') + '"' for name in run.columns)
+        with path.open("w", encoding="utf-8") as file:
+            file.write(header + "\n")
+            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def picture_format(path: Path) -> str:
+    """Format of a picture, from the ending of `path`.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of .png, .svg, .pdf.
+    """
+    return _ending(path, (".png", ".svg", ".pdf"), "a picture")
+
+
+def output_format(path: Path) -> str:
+    """Format of a trajectory file, ".npz" or ".csv", from the ending of `path`.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither.
+    """
+    return _ending(path, (".npz", ".csv"), "a trajectory")
+
+
+def _ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
+    if path.suffix not in allowed:
+        raise ArgumentError(f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}")
+    return path.suffix

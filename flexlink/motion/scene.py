@@ -1,0 +1,177 @@
+"""Scene: an arm with gravity, initial state, drive, wrench and run settings; strict TOML in and out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.equilibrium import solve_static
+from flexlink.chain.arguments import given, given_path
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.arm import Arm
+from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
+from flexlink.describe.spec import Spec, Vector3, decode, meant, short
+
+Array = NDArray[np.float64]
+
+
+class Scene(Spec, frozen=True):
+    """One arm in one situation: what `simulate`, the exporters and `compare` work on; `gravity` [m/s²] in frame 0."""
+
+    name: str
+    arm: Arm
+    initial: Initial
+    about: str = ""
+    gravity: Vector3 = (0.0, 0.0, 9.81)  # m/s², frame 0
+    drive: Drive = Drive()
+    motion: tuple[Motion, ...] = ()
+    wrench: Wrench = Wrench()
+    run: Run = Run()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.name:
+            raise SceneError("name = '': must not be empty")
+        links = len(self.arm.links)
+        per_link: dict[str, tuple[float, ...] | None] = {
+            "initial.joint_deg": self.initial.joint_deg,
+            "initial.rate_deg": self.initial.rate_deg,
+            "drive.torque": self.drive.torque,
+            "drive.kp": self.drive.kp,
+            "drive.kd": self.drive.kd,
+            "drive.target_deg": self.drive.target_deg,
+            **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
+        }
+        for key, values in per_link.items():
+            if values is not None and len(values) != links:
+                raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
+            for k, link in enumerate(self.arm.links):
+                if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
+                    raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+        for k, motion in enumerate(self.motion):
+            self._check_motion(motion, f"motion[{k}]")
+
+    def _check_motion(self, motion: Motion, path: str) -> None:
+        try:
+            number = self.arm.number(motion.link)
+        except SceneError as error:
+            raise SceneError(f"{path}.{error}") from None
+        if self.arm.links[number - 1].joint.locked:
+            raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
+        if [other.link for other in self.motion].count(motion.link) > 1:
+            raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
+        for key, start, first in (
+            ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
+            ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
+        ):
+            if start != first:
+                raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+
+    def chain(self) -> Chain:
+        """Lump the arm into its chain; locked joints stay at their initial angle."""
+        moved = [motion.link for motion in self.motion]
+        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name, moved)
+
+    def initial_state(self, chain: Chain) -> tuple[Array, Array]:
+        """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each.
+
+        Raises
+        ------
+        ConvergenceError
+            passive = "static", and the arm finds no equilibrium.
+        """
+        q = np.radians(spread(given("chain", chain, Chain), self.initial.joint_deg))
+        if self.initial.passive == "static" and len(chain.active) < chain.n:
+            q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
+        return q, np.radians(spread(chain, self.initial.rates))
+
+    @property
+    def tip_wrench(self) -> Array:
+        """Force and moment on the tip, frame 0, shape (6,)."""
+        return np.array([*self.wrench.force, *self.wrench.moment])
+
+    def to_toml(self) -> str:
+        """This scene as a TOML document that `load_scene` reads back equal."""
+        plain = msgspec.to_builtins(self)
+        plain |= plain.pop("arm")
+        document: bytes = msgspec.toml.encode(_without_none(plain))
+        return document.decode()
+
+
+def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
+    """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
+    out = np.zeros(chain.n)
+    for k in chain.active:
+        out[k] = per_link[chain.coordinate(int(k)).link - 1]
+    return out
+
+
+def load_scene(path: str | Path) -> Scene:
+    """Read a scene file.
+
+    Parameters
+    ----------
+    path
+        A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
+        from its own folder.
+
+    Raises
+    ------
+    ArgumentError
+        `path` is no path.
+    SceneError
+        The message names the file, the key path, the value and what is allowed.
+    """
+    path = given_path("path", path)
+    raw = catalogue.read_toml(path)
+    _find_beside(path, raw.get("run"), "method")
+    for link in raw["link"] if isinstance(raw.get("link"), list) else ():
+        _find_beside(path, link, "lumping")
+    try:
+        return scene_from(raw)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _find_beside(scene: Path, table: object, key: str) -> None:
+    """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
+    if isinstance(table, dict) and isinstance(table.get(key), str):
+        table[key] = catalogue.absolute(table[key], scene.parent)
+
+
+def scene_from(raw: dict[str, Any]) -> Scene:
+    """The scene of a parsed file, which is flat: the arm's keys stand beside the scene's own.
+
+    Raises
+    ------
+    SceneError
+        The message names the key path, the value and what is allowed.
+    """
+    own = {f.encode_name: f for f in msgspec.structs.fields(Scene) if f.name != "arm"}
+    arm = {f.encode_name: f for f in msgspec.structs.fields(Arm)}
+    fields = own | arm
+    for key, value in raw.items():
+        if key not in fields:
+            allowed = ", ".join(fields) + meant(key, fields)
+            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
+    for key, field in fields.items():
+        if field.required and key not in raw:
+            raise SceneError(f"{key}: missing; this key is required")
+    values = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
+    parts = {arm[key].name: value for key, value in values.items() if key in arm}
+    return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in own})
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list | tuple):
+        return [_without_none(item) for item in value]
+    return value

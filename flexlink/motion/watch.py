@@ -1,0 +1,216 @@
+"""A run judges itself: its step before it starts, and while it goes on its samples, by their energies and postures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import UnstableStepError
+from flexlink.describe.situation import Run
+from flexlink.describe.tableaus import tableau
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.samples import tip_errors
+from flexlink.motion import balance
+from flexlink.motion.actuation import Inputs
+from flexlink.motion.endings import DivergenceError
+from flexlink.motion.result import Record, Trajectory
+from flexlink.motion.scene import Scene
+
+Array = NDArray[np.float64]
+EPS = float(np.finfo(float).eps)
+
+FAR = np.radians(84.0)
+"""Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
+coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+
+TIP_SHARE = 0.05
+"""Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
+
+DOUBT = 0.1
+"""Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
+energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
+
+FEWEST, APART = 64, 128
+"""How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
+one in so many, which costs three in 128, 2 %."""
+
+
+def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:
+    """A warning if the run insists on a step beyond the largest stable one about the initial state.
+
+    Raises
+    ------
+    UnstableStepError
+        The step is beyond it, and `run.unstable` does not allow it.
+    """
+    run = scene.run
+    if run.duration == 0:
+        return ()
+    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
+    largest = stable_step_of(λ, run.method)
+    if run.step <= largest:
+        return ()
+    reason = (
+        f"run.step = {run.step:g} s: more than {largest:.3g} s, the largest stable step of {run.method} at the start "
+        f"of {scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
+    )
+    if run.unstable == "refuse":
+        raise UnstableStepError(f"{reason}; take a smaller step, or insist with unstable = 'allow' (--insist)", largest)
+    return (f"insisted on {reason}",)
+
+
+def gains_of(chain: Chain, inputs: Inputs) -> Gains:
+    """Gains of the drive, joint by joint."""
+    kp, kd = np.zeros((2, chain.n))
+    kp[inputs.drive.joints], kd[inputs.drive.joints] = inputs.drive.kp, inputs.drive.kd
+    return Gains(kp, kd)
+
+
+class Watch:
+    """What the samples of a run say of it, looked at piece by piece in the order of time.
+
+    Attributes
+    ----------
+    good
+        Number of samples that are good.
+    fault
+        What is wrong with the next one; empty if nothing is.
+    warnings
+        What is worth knowing of the good ones.
+    """
+
+    def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
+        chain = record.chain
+        self.record, self.run = record, run
+        self.passive = np.setdiff1d(np.arange(chain.n), chain.active)
+        self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
+        self.good, self.fault = 0, ""
+        self.warnings = list(warnings)
+        self._exchanged = self._rounded = 0.0  # largest so far [J]
+        self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
+        self.tableau = tableau(run.method).arrays
+        self._told: set[str] = set()
+
+    def look(self, stop: int) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at; whether all are good."""
+        first = self.good
+        if stop == first or self.fault:
+            return not self.fault
+        with np.errstate(all="ignore"):
+            self.record.derive(first, stop)
+            self.good = stop
+            self._judge_energy(slice(first, stop))
+            if self.good > first:
+                self._judge_bend(slice(first, self.good))
+            if self.good > first:
+                self._probe_steps(slice(first, self.good))
+        return not self.fault
+
+    def trajectory(self) -> Trajectory:
+        """The good samples, with the warnings."""
+        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()))
+
+    def diverged(self, step: int = 0, state: Sequence[Array] = ()) -> DivergenceError:
+        """The error of a run with a fault, or else of one whose `state` after step number `step` is not finite."""
+        record, run = self.record, self.run
+        if self.fault:
+            told = f"t = {record.t[self.good]:.6g} s: {self.fault}"
+        else:
+            joint = record.chain.joint_name(int(np.argmin(np.isfinite(state[0]) & np.isfinite(state[1]))))
+            told = f"no longer finite at t = {step * run.step:.6g} s (step {step}, joint {joint!r})"
+        kept = f"{self.good} samples kept"
+        return DivergenceError(
+            f"{record.chain.name}: {told}; try a smaller step than {run.step:g} s; {kept}", self.trajectory()
+        )
+
+    def _judge_energy(self, rows: slice) -> None:
+        """Samples are finite, their kinetic energy is positive, and their energy balances."""
+        record = self.record
+        energy, start, work = record.energy[:, rows], record.energy[:, 0], record.work(rows)
+        r = balance.imbalance(energy, work, start)
+        X = _running_largest(self._exchanged, balance.turned_over(energy, work, start))
+        one = _running_largest(self._rounded, balance.rounded(record.chain, energy, work, record.q[rows]))
+        ε = one * (1 + self.run.steps_per_sample * np.arange(rows.start, rows.stop))
+        self._exchanged, self._rounded = float(X[-1]), float(one[-1])
+        finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
+        garbage = np.abs(r) > balance.SHARE * X + ε
+        share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
+        self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
+        if garbage.any():
+            k = int(np.argmax(garbage))
+            unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
+            if self.run.unstable == "allow":
+                self._warn("balance", rows.start + k, unbalanced)
+            else:
+                self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
+        self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
+        self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _judge_bend(self, rows: slice) -> None:
+        """No hinge is bent far, and M is positive definite in spite of the negative rotors of matched twist."""
+        record, passive = self.record, self.passive
+        if not passive.size:
+            return
+        bends = np.abs(record.q[rows][:, passive])
+        most = bends.max(axis=1)
+        if (most > FAR).any():
+            row = int(np.argmax(most > FAR))
+            text = f"{self._bent(rows.start + row, bends[row])}: beyond 84° a chain says little of the beam"
+            self._warn("bend", rows.start + row, f"{text}; use more segments")
+        row = int(np.argmax(most))
+        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
+            self.good = rows.start + row
+            bent = self._bent(self.good, bends[row])
+            self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+
+    def _bent(self, row: int, bends: Array) -> str:
+        """Words for the hinge that is bent most in a sample."""
+        k = int(self.passive[np.argmax(bends)])
+        return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
+
+    def _probe_steps(self, rows: slice) -> None:
+        """Add up the errors of the steps themselves, of a few that stand for all."""
+        record, per_sample = self.record, self.run.steps_per_sample
+        steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
+        every = max(1, -(-steps_apart // per_sample))  # samples
+        probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
+        errors = np.empty(len(probed))
+        tip_errors(
+            record.chain.arrays, record.scratch, self.tableau, record.inputs, self.run.step,
+            probed * per_sample, record.q[probed], record.qd[probed], errors,
+        )  # fmt: skip
+        errors[errors < 10 * EPS * balance.reach(record.chain)] = 0.0  # rounding
+        self._tip_error += float(errors.sum()) * every * per_sample
+
+    def _doubts(self) -> Iterator[str]:
+        """What makes a run doubtful that is not garbage."""
+        if self.good < 2:
+            return
+        moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+        if self._tip_error > DOUBT * TIP_SHARE * moved:
+            yield (
+                f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                "halve the step and compare"
+            )
+        if self._unbalanced > DOUBT * balance.SHARE:
+            yield (
+                f"doubtful: the energy is out of balance by {self._unbalanced:.2g} of what was exchanged; "
+                "halve the step and compare"
+            )
+
+    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
+        if bad.any() and rows.start + int(np.argmax(bad)) <= self.good:
+            self.good, self.fault = rows.start + int(np.argmax(bad)), fault
+
+    def _warn(self, key: str, row: int, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
+
+
+def _running_largest(so_far: float, values: Array) -> Array:
+    return np.asarray(np.maximum.accumulate(np.maximum(so_far, values)))
