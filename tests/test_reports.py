@@ -85,10 +85,9 @@ def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None
 
 def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:
     page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"))
-    assert (
-        "at most 3\N{NO-BREAK SPACE}×\N{NO-BREAK SPACE}10⁻⁹ of what rounding explains (paper_fig5, mujoco). (fails its limit)"
-        in page
-    )
+    space = "\N{NO-BREAK SPACE}"
+    said = f"at most 3{space}×{space}10⁻⁹ of what rounding explains (paper_fig5, mujoco). (fails its limit)"
+    assert said in page
     assert "(fails its limit)" in first_screen(page), "so does the first screen"
 
 
