@@ -82,7 +82,8 @@ FITS = {
     ("load_scene", "path", "text"), ("lump", "name", "text"), ("number", "name", "text"),
     ("solve_static", "tolerance", "number"),
     ("simulate", "method", "nothing"), ("simulate", "step", "nothing"), ("simulate", "duration", "nothing"),
-    ("simulate", "step", "number"), ("simulate", "progress", "nothing"), ("simulate", "progress", "class"), ("simulate", "duration", "number"),
+    ("simulate", "step", "number"), ("simulate", "progress", "nothing"),
+    ("simulate", "progress", "class"), ("simulate", "duration", "number"),
 }  # fmt: skip
 
 

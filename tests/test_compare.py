@@ -116,7 +116,7 @@ def test_of_every_quantity_half_of_what_rounding_explains_passes_and_twice_does_
 
 def test_accelerations_without_the_tip_wrench_show(chain):
     engine, native = load("native", chain), load("native", chain)
-    engine.forward_dynamics = lambda q, qd, tau, wrench: native.forward_dynamics(q, qd, tau)
+    engine.forward_dynamics = lambda q, qd, tau, **_: native.forward_dynamics(q, qd, tau)
     assert failing(against(chain, engine)) == {"q̈"}
 
 

@@ -138,7 +138,6 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
 @pytest.mark.parametrize(
     ("override", "wanted"),
     [
-        ({"stp": 1.0}, "stp: not a run setting; allowed are method, step"),
         ({"step": -1.0}, "step = -1.0"),
         ({"step": float("nan")}, "step = nan"),
         ({"method": "RK3"}, "method = 'RK3': unknown; allowed are RK10, RK2, RK4"),

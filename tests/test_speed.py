@@ -27,8 +27,7 @@ from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.runner import judge
 from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
-from validation.timing.families import Family, of_steps
-from validation.timing.families import timed_states
+from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import race
 
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))

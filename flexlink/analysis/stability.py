@@ -191,9 +191,9 @@ def stable_step(
     q: ArrayLike | None = None,
     qd: ArrayLike | None = None,
     *,
-    method: str = "RK4",
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
+    method: str = "RK4",
 ) -> float:
     """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
 
@@ -207,10 +207,10 @@ def stable_step(
         The chain.
     q, qd
         Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
-    method
-        Name or file of an explicit Runge-Kutta method.
     tip_wrench, gains
         As in `eigenvalues`.
+    method
+        Name or file of an explicit Runge-Kutta method.
 
     Raises
     ------
