@@ -1,5 +1,6 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
+import importlib
 from typing import TYPE_CHECKING
 
 import flexlink.common.entry  # noqa: F401  first of all
@@ -110,9 +111,7 @@ __all__ = [
 def __getattr__(name: str) -> object:
     """What only those load who ask for it: `compare` and its `Comparison`, with the adapters of other engines."""
     if name in {"Comparison", "compare"}:
-        from flexlink.engines import comparison  # noqa: PLC0415
-
-        return getattr(comparison, name)
+        return getattr(importlib.import_module("flexlink.engines.comparison"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
