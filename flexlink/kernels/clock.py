@@ -1,9 +1,9 @@
 """What goes from step to step of a run with steps of any length: numbers of its clock, and counts."""
 
-TIME, STEP, LAST, ERROR, CEILING, REFUSED, ACCEPTED, WORST, CLOCK_SIZE = range(9)
-# t and the next h; length of the last accepted step and its error as a part of the tolerance (0: nothing is remembered);
-# largest h after the iteration failed (0: any); whether the last step was refused; whether the last stages are those of
-# an accepted step; the joint that moved most in the last iteration.
+TIME, STEP, LAST, ERROR, CEILING, REFUSED, ACCEPTED, WORST, DEFLECTION, CLOCK_SIZE = range(10)
+# t and the next h; length of the last accepted step and its error as a part of what it may be (0: nothing is
+# remembered); largest h after the iteration failed (0: any); whether the last step was refused; whether the last stages
+# are those of an accepted step; the joint that moved most in the last iteration; the largest deflection so far [m].
 
 TAKEN, REJECTED, FAILED, ITERATIONS, KNOT, ROW, COUNTS = range(7)
 # Steps, steps refused for their error and for their iteration, passes of it, numbers of the next knot and sample.

@@ -17,6 +17,7 @@ from numba.extending import overload
 from flexlink.kernels.clock import (
     ACCEPTED,
     CEILING,
+    DEFLECTION,
     ERROR,
     FAILED,
     ITERATIONS,
@@ -34,6 +35,7 @@ from flexlink.kernels.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.implicit import ImplicitWork, implicit_step
 from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.shifted import displacement, place_bodies
 
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
 SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
@@ -57,12 +59,15 @@ def _take_step(t, h, inputs, state, accurate, work):
 def advance(work, inputs, settings, count, state, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
 
-    `settings`: tolerance [m], accuracy of the iteration [m], p, smallest and largest step [s]. `knots`: times where a
-    step ends, of which the last is the end. `samples`: times (rows,), q and q̇ (rows, n), W (rows,).
+    `settings`: error that a step may have [m], and that as a part of the largest deflection; what the iteration may
+    leave [m], and that as a part of the error; p; smallest and largest step [s]. `knots`: times where a step ends, of
+    which the last is the end. `samples`: times (rows,), q and q̇ (rows, n), W (rows,).
     """
-    tolerance, accurate, p, smallest, largest = settings
+    absolute, part, exact, left, p, smallest, largest = settings
     tau, clock = np.zeros(len(state[0])), work.clock
     for _ in range(most):
+        tolerance = absolute + part * clock[DEFLECTION]
+        accurate = min(exact, left * tolerance)
         t, end = clock[TIME], knots[count[KNOT]]
         ends = t + 1.01 * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
@@ -79,12 +84,39 @@ def advance(work, inputs, settings, count, state, knots, samples, most):
         clock[TIME] = end if ends else t + h
         count[TAKEN] += 1
         take_on(state, work)
+        clock[DEFLECTION] = max(clock[DEFLECTION], deflection(state[0], tau, work))
         if ends:
             count[KNOT] += 1
             if count[KNOT] == len(knots):
                 return ENDED
             begin(end, inputs, state, tau, work.forward)
     return GOES_ON
+
+
+@kernel
+def first_step(work, state, settings, duration):
+    """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
+    absolute, part, largest = settings[0], settings[1], settings[6]
+    q, qd, qdd = state[0], state[1], state[2]
+    bent, clock = np.zeros(len(q)), work.clock
+    place_bodies(q, work.posture)
+    clock[DEFLECTION] = deflection(q, bent, work)
+    for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
+        bent[k] = work.slowest * (qd[k] + work.slowest * qdd[k]) if work.chain.hinges[k].stiffness > 0.0 else 0.0
+    clock[DEFLECTION] = max(clock[DEFLECTION], displacement(bent, work.posture))
+    moves = displacement(qdd, work.posture)
+    clock[STEP] = min(largest, 0.01 * duration)
+    if moves > 0.0:
+        clock[STEP] = min(clock[STEP], math.sqrt((absolute + part * clock[DEFLECTION]) / moves))
+
+
+@recursion
+def deflection(q, bent, work):
+    """Largest displacement [m] of a body by all springs' angles; scratch `bent` (n,)."""
+    for k in range(len(q)):
+        hinge = work.chain.hinges[k]
+        bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
+    return displacement(bent, work.posture)
 
 
 @recursion

@@ -23,7 +23,6 @@ from typing import Any, NamedTuple
 
 from flexlink.kernels.clock import ACCEPTED, LAST, WORST
 from flexlink.kernels.compiler import inlined, recursion
-from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.rne import rne
@@ -41,7 +40,7 @@ class ImplicitMethod(NamedTuple):
     A: Any
     A2: Any
     b: Any
-    bA: Any
+    bA: Any  # noqa: N815
     c: Any
     real: Any
     T_real: Any
@@ -89,8 +88,7 @@ def implicit_step(t, h, inputs, state, accurate, work):
 
     The iteration ends where it moves no body by more than `accurate` [m]; the error is nan if it does not get there.
     """
-    q, qd, qdd, done = state
-    method, K = work.method, work.K
+    q, qd, qdd = state[0], state[1], state[2]
     predict(h, work)
     for k in range(len(q)):
         work.middle[0, k] = q[k] + 0.5 * h * qd[k]
@@ -270,7 +268,7 @@ def add_change(h, method, i, weight, x, K, δq, δv):
 @recursion
 def finish(t, h, inputs, state, work):
     """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
-    q, qd, qdd, done = state
+    q, qd, done = state[0], state[1], state[3]
     method, K, new = work.method, work.K, work.new
     s = len(method.c)
     for k in range(len(q)):
@@ -298,7 +296,7 @@ def estimate(h, qd, qdd, work):
     e_q, e_v, r, y = work.middle[0], work.middle[1], work.x[0], work.x[1]
     hγ = h * method.γ0
     for k in range(len(qd)):
-        V, e_q[k], e_v[k] = qd[k], hγ * qd[k], hγ * qdd[k]
+        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]
         for i in range(len(method.d)):
             e_q[k] += h * method.d[i] * work.V[i, k]
             e_v[k] += h * method.d[i] * K[i, k]

@@ -39,7 +39,7 @@ def plane_posture(bodies, hinges, gravity):
 @recursion
 def place_in_plane(q, posture):
     """Posture of angles q (n,)."""
-    links, given, trig, d, h = posture
+    links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
     φ = 0.0
     for k in range(len(q)):
         φ += links[k, SIGN] * q[k]
@@ -54,7 +54,7 @@ def place_in_plane(q, posture):
 @recursion
 def factor_in_plane(A, factors, posture):
     """Keep H, 1 / D and A / D of every hinge in `factors` (n, 8) for `solve_in_plane`."""
-    links, given, trig, d, h = posture
+    links, given, d, h = posture.links, posture.given, posture.d, posture.h
     o = A.dtype.type(0)
     Mxx = Mxy = Myy = j = gx = gy = o
     for k in range(len(A) - 1, -1, -1):
@@ -76,7 +76,7 @@ def factor_in_plane(A, factors, posture):
 @recursion
 def solve_in_plane(A, factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
-    links, given, trig, d, h = posture
+    links, given, d = posture.links, posture.given, posture.d
     o = A.dtype.type(0)
     fx = fy = n = o
     for k in range(len(A) - 1, -1, -1):
@@ -102,7 +102,7 @@ def solve_in_plane(A, factors, r, x, posture):
 @recursion
 def displacement_in_plane(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
-    links, given, trig, d, h = posture
+    links, d = posture.links, posture.d
     φ = x = y = largest = 0.0
     for k in range(len(δ)):
         φ += links[k, SIGN] * δ[k]

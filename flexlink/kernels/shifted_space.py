@@ -58,7 +58,8 @@ def space_posture(bodies, hinges, gravity):
 @recursion
 def place_in_space(q, posture):
     """Posture of angles q (n,)."""
-    layout, axes, rows, given, trig, es, rs, moments, inertias = posture
+    layout, axes, rows, trig = posture.layout, posture.axes, posture.rows, posture.trig
+    es, rs, moments, inertias = posture.e, posture.r, posture.moments, posture.inertias
     for k in range(len(q)):
         trig[0, k] = q[k]
     cos_sin_all(trig[0], trig[1], trig[2])
@@ -80,11 +81,11 @@ def place_in_space(q, posture):
 @recursion
 def factor_in_space(A, factors, posture):
     """Keep J e, Hᵀ e and 1 / D of every hinge in `factors` (n, 8) for `solve_in_space`."""
-    layout, axes, rows, given, trig, es, rs, moments, inertias = posture
+    layout, rows, given, es, rs = posture.layout, posture.rows, posture.given, posture.e, posture.r
     o = A.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     for i in range(len(layout) - 1, -1, -1):
-        r, mc, m, I = vec_of(rs, i, 0), vec_of(moments, i, 0), rows[i, MASS], inertia_of(inertias, i, 0)
+        r, mc, m, I = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, MASS], inertia_of(posture.inertias, i, 0)
         d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
         K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
         J = (
@@ -110,7 +111,7 @@ def factor_in_space(A, factors, posture):
 @recursion
 def solve_in_space(A, factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
-    layout, axes, rows, given, trig, es, rs, moments, inertias = posture
+    layout, given, es, rs = posture.layout, posture.given, posture.e, posture.r
     o = A.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
@@ -134,7 +135,7 @@ def solve_in_space(A, factors, r, x, posture):
 @recursion
 def displacement_in_space(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
-    layout, axes, rows, given, trig, es, rs, moments, inertias = posture
+    layout, es, rs = posture.layout, posture.e, posture.r
     φ, p, largest = ZERO, ZERO, 0.0
     for i in range(len(layout)):
         for k in range(layout[i, FIRST], layout[i, STOP]):

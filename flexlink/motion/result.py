@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+
+
+class Steps(NamedTuple):
+    """How a run advanced."""
+
+    method: str
+    taken: int
+    evaluations: int  # of forward or inverse dynamics
+    rejected: int = 0  # steps that were taken again, shorter: their error was too large
+    failed: int = 0  # … whose stages were not found
+    why: str = ""  # of a method that was picked
+
+    def __str__(self) -> str:
+        again = f", {self.rejected} rejected, {self.failed} not solved" if self.rejected or self.failed else ""
+        picked = f" ({self.why})" if self.why else ""
+        return f"{self.method}{picked}: {self.taken} steps{again}, {self.evaluations} evaluations"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -52,6 +68,8 @@ class Trajectory:
         integrated with the run's own method; None of a run of another engine.
     warnings
         What a reader of the result must know, such as that it was insisted on an unstable step.
+    steps
+        How the run advanced; None of a run of another engine.
     """
 
     chain: Chain
@@ -63,6 +81,7 @@ class Trajectory:
     energy: Energy
     work: Array | None = None
     warnings: tuple[str, ...] = ()
+    steps: Steps | None = None
 
     def __repr__(self) -> str:
         samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
@@ -214,11 +233,13 @@ class Record:
         """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.wrench[:3])
 
-    def trajectory(self, stop: int, warnings: tuple[str, ...] = (), balanced: bool = True) -> Trajectory:
+    def trajectory(
+        self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True
+    ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings)
+        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings, steps)
 
 
 def _kept(array: Array, stop: int) -> Array:
