@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.describe.tableaus import tableau
 from flexlink.dynamics.terms import mass_matrix
@@ -18,7 +19,6 @@ from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)

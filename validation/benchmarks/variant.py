@@ -10,8 +10,8 @@ import msgspec
 from flexlink.chain.arguments import choice
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.scene import Scene, scene_from
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene, scene_from
 from validation.case import Case
 from validation.facts import Facts
 
