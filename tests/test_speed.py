@@ -127,9 +127,9 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
     """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
     work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
     for costly in (
-        "flexlink.describe.scene.Scene.chain",
+        "flexlink.chain.lumping.hinges_of",  # of lump
         "flexlink.formats.to_urdf",
-        "flexlink.describe.scene.Scene.initial_state",
+        "flexlink.motion.start.spread",  # of initial_state
     ):
         monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
     work(2)
