@@ -181,7 +181,7 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
         links=tuple(links), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]},
         tip=fl.Payload(mass=1.0),
     )  # fmt: skip
-    return chain_of(arm, (0.0, 0.0, 0.0), (0.0, 90.0))
+    return chain_of(arm, joint_deg=(0.0, 90.0))
 
 
 @pytest.mark.slow

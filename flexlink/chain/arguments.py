@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,7 +64,7 @@ def dimensions(value: ArrayLike) -> int:
         return 1
 
 
-def choice(name: str, value: str, allowed: dict[str, T]) -> T:
+def choice(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """The entry of `allowed` that `value` names.
 
     Raises

@@ -38,7 +38,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     initial = given("scene", scene, Scene).initial
     q = np.radians(spread(given("chain", chain, Chain), initial.joint_deg))
     if initial.passive == "static" and len(chain.active) < chain.n:
-        q = solve_static(chain, q, scene.tip_wrench, locked=chain.active.tolist()).q
+        q = solve_static(chain, q, tip_wrench=scene.tip_wrench, locked=chain.active.tolist()).q
     return q, np.radians(spread(chain, initial.rates))
 
 
