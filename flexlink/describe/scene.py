@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm
+from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.describe.spec import Spec, Vector3, decode, meant, short
-from flexlink.describe.tableaus import tableau
 
 Array = NDArray[np.float64]
 
@@ -129,10 +129,7 @@ def check_named(scene: Scene) -> None:
         The message names the key path, the value and what is allowed.
     """
     hinges_of(scene.arm)
-    try:
-        tableau(scene.run.method)
-    except SceneError as error:
-        raise SceneError(f"run.{error}") from None
+    check_method(scene.run)
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:

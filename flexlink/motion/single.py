@@ -17,6 +17,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.interruption import Stop, deferred
+from flexlink.describe.methods import check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Dynamics, Run, Unstable
 from flexlink.describe.spec import meant
@@ -125,11 +126,12 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     Raises
     ------
     SceneError
-        The samples do not fit into memory.
+        The method is unknown or implicit, or the samples do not fit into memory.
     UnstableStepError
         As in `simulate`.
     """
     run, inputs = scene.run, input_arrays(scene, chain)
+    check_method(run)
     try:
         record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
+from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
-from flexlink.describe.tableaus import tableau
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
@@ -33,7 +33,7 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = lump(scene), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
     start = initial_state(scene, chain)
     samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
@@ -49,7 +49,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = lump(scene), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
     starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
