@@ -1,5 +1,8 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
+import importlib
+from typing import TYPE_CHECKING
+
 import flexlink.common.entry  # noqa: F401  first of all
 
 # isort: split
@@ -42,12 +45,16 @@ from flexlink.motion.result import Trajectory
 from flexlink.motion.scene import Scene, load_scene
 from flexlink.motion.single import simulate
 
+if TYPE_CHECKING:
+    from flexlink.engines.comparison import Comparison, compare
+
 __version__ = "0.1.0"
 
 __all__ = [
     "ArgumentError",
     "Arm",
     "Chain",
+    "Comparison",
     "ConvergenceError",
     "Coordinate",
     "Damping",
@@ -78,6 +85,7 @@ __all__ = [
     "Wrench",
     "bias_torque",
     "buckling_loads",
+    "compare",
     "elastic_torque",
     "energy",
     "forward_dynamics",
@@ -98,3 +106,14 @@ __all__ = [
     "to_mjcf",
     "to_urdf",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """What only those load who ask for it: `compare` and its `Comparison`, with the adapters of other engines."""
+    if name in {"Comparison", "compare"}:
+        return getattr(importlib.import_module("flexlink.engines.comparison"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

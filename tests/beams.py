@@ -39,7 +39,7 @@ def thin_arm(
         sections={"thin": Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
         tip=tip or Payload(),
     )
-    return lump(arm, gravity, locked_deg)
+    return lump(arm, gravity, locked_deg=locked_deg)
 
 
 def cantilever(rule: str, hinges: int, **fields: Any) -> Chain:

@@ -53,10 +53,12 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
     for _ in range(states):
         q, qd = random_state(chain, rng)
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
-        lu = forward_dynamics(chain, q, qd, tau, "lu", wrench)
-        chosen = forward_dynamics(chain, q, qd, tau, "articulated", wrench)
+        lu = forward_dynamics(chain, q, qd, tau, method="lu", tip_wrench=wrench)
+        chosen = forward_dynamics(chain, q, qd, tau, method="articulated", tip_wrench=wrench)
         for solution in (chosen, spatial(chain, q, qd, tau, wrench)):
-            assert rounding.acceleration_error(chain, q, qd, tau, (solution, lu), wrench).max() <= 1
+            assert (
+                rounding.acceleration_error(chain, q, qd, tau, solutions=(solution, lu), tip_wrench=wrench).max() <= 1
+            )
 
 
 def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Generator) -> None:
@@ -109,14 +111,18 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
     for solver, torque, qdd in zip(solvers, taus, results, strict=True):
         solve(wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
-    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
+    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, results[0], taus[0], tip_wrench=wrench)
     carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
     for torque, qdd in zip(taus, results, strict=True):
         np.testing.assert_array_equal(qdd[p], given[p])
         np.testing.assert_array_equal(torque[f], tau[f])
         assert np.abs(M[np.ix_(f, f)] @ (qdd - results[0])[f]).max() <= explained
         assert (np.abs(torque - taus[0])[p] <= carried * explained).all()
-        residual = inverse_dynamics(chain, q, qd, qdd, wrench) + elastic_torque(chain, q) + friction_torque(chain, qd)
+        residual = (
+            inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
+            + elastic_torque(chain, q)
+            + friction_torque(chain, qd)
+        )
         assert (np.abs(residual - torque)[p] <= carried * explained).all()
 
 
@@ -133,8 +139,8 @@ def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_jo
     q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
     wrench = rng.normal(size=6)
     moment = np.concatenate([np.zeros(3), wrench[3:]])
-    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, moment))
-    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, moment)
+    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, tip_wrench=moment))
+    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, tip_wrench=moment)
     assert abs(power) > 1e6 * explained
     given = qd @ (tau - friction_torque(chain, qd))
     explained += 10 * chain.n * rounding.EPS * np.abs(qd * tau).sum()
@@ -293,8 +299,8 @@ def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.rand
     q, qd, tau = rng.uniform(-1, 1, (3, 2, light.n))
     for pair in ((light, heavy), (heavy, light)):
         for chain, row, *state in zip(pair, forward_dynamics(pair, q, qd, tau), q, qd, tau, strict=True):
-            lu = forward_dynamics(chain, *state, "lu")
-            assert rounding.acceleration_error(chain, *state, (row, lu)).max() <= 1
+            lu = forward_dynamics(chain, *state, method="lu")
+            assert rounding.acceleration_error(chain, *state, solutions=(row, lu)).max() <= 1
 
 
 def exact(chain: Chain, *state: np.ndarray) -> np.ndarray:

@@ -28,7 +28,7 @@ def accelerations(name: str) -> np.ndarray:
     """q̈ of a state by every solver, and by two chains side by side."""
     chain = CHAINS[name]
     state = states(chain)
-    singles = [fl.forward_dynamics(chain, *state, method) for method in SOLVERS]
+    singles = [fl.forward_dynamics(chain, *state, method=method) for method in SOLVERS]
     return np.array([*singles, *fl.forward_dynamics(chain, *(np.stack([part, part]) for part in state))])
 
 
@@ -41,7 +41,7 @@ def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name:
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     subprocess.run([sys.executable, "-c", code, str(file)], env=environment, check=True)
     for as_python, as_machine_code in zip(np.load(file), accelerations(name), strict=True):
-        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), (as_python, as_machine_code))
+        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(as_python, as_machine_code))
         assert error.max() <= 1
 
 

@@ -365,7 +365,7 @@ def test_lump_names_what_it_cannot_use(models) -> None:
     with pytest.raises(fl.ArgumentError, match="gravity has dtype"):
         fl.lump(arm, "down")  # type: ignore[arg-type]
     with pytest.raises(fl.ArgumentError, match=r"locked_deg\[0\] = nan"):
-        fl.lump(arm, (0.0, 0.0, 9.81), [np.nan] * 3)
+        fl.lump(arm, (0.0, 0.0, 9.81), locked_deg=[np.nan] * 3)
     with pytest.raises(fl.SceneError, match="link = 'elbow': not in this arm"):
         fl.lump(arm, (0.0, 0.0, 9.81), prescribed=["elbow"])
 
@@ -375,7 +375,7 @@ def test_methods_that_are_no_text_are_refused(models) -> None:
     with pytest.raises(fl.ArgumentError, match="method = \\[\\]: unknown"):
         fl.mass_matrix(chain, np.zeros(10), method=[])  # type: ignore[arg-type]
     with pytest.raises(fl.SceneError, match="method = 5: unknown"):
-        fl.stable_step(chain, 5)  # type: ignore[arg-type]
+        fl.stable_step(chain, method=5)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

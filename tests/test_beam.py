@@ -181,7 +181,7 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
         links=tuple(links), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]},
         tip=fl.Payload(mass=1.0),
     )  # fmt: skip
-    return fl.lump(arm, (0.0, 0.0, 0.0), (0.0, 90.0))
+    return fl.lump(arm, (0.0, 0.0, 0.0), locked_deg=(0.0, 90.0))
 
 
 @pytest.mark.slow

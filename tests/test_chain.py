@@ -187,7 +187,7 @@ def test_lump_checks_what_it_is_given() -> None:
     with pytest.raises(ArgumentError, match="gravity"):
         lump(arm, [0.0, 9.81])
     with pytest.raises(ArgumentError, match=r"locked_deg has shape \(2,\); expected \(1,\)"):
-        lump(arm, [0, 0, 9.81], [0.0, 1.0])
+        lump(arm, [0, 0, 9.81], locked_deg=[0.0, 1.0])
     with pytest.raises(SceneError, match="segments"):
         flexible("a", segments=1)
 

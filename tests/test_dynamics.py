@@ -26,7 +26,9 @@ def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.
         q, _ = random_state(chain, rng)
         M = fl.mass_matrix(chain, q)
         for method in MASS_METHODS:
-            np.testing.assert_allclose(fl.mass_matrix(chain, q, method), M, atol=of_mass_matrix(chain, q), rtol=0)
+            np.testing.assert_allclose(
+                fl.mass_matrix(chain, q, method=method), M, atol=of_mass_matrix(chain, q), rtol=0
+            )
         assert np.array_equal(M, M.T)
         assert np.linalg.eigvalsh(M).min() > 0
 
@@ -46,7 +48,7 @@ def test_inertia_without_mass_counts_in_every_mass_method(rng) -> None:
     ]
     q, _ = random_state(chains[0], rng)
     for method in MASS_METHODS:
-        bare, loaded = (fl.mass_matrix(chain, q, method) for chain in chains)
+        bare, loaded = (fl.mass_matrix(chain, q, method=method) for chain in chains)
         np.testing.assert_allclose((loaded - bare)[1:, 1:], [[0.3, 0.0], [0.0, 0.0]], atol=1e-14)
         axis = np.linalg.inv(fl.frames(chains[0], q).rotations[1])[:, 2]  # of the first joint, in axes of the wheel
         assert (loaded - bare)[0, 0] == pytest.approx(axis @ np.diag(hubs[1].inertia) @ axis, abs=1e-14)
@@ -63,11 +65,11 @@ def test_products_of_inertia_count_in_every_method_and_solver(rng) -> None:
     q, qd = random_state(full, rng)
     M, tau = fl.mass_matrix(full, q), rng.normal(size=full.n)
     for method in MASS_METHODS:
-        np.testing.assert_allclose(fl.mass_matrix(full, q, method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
+        np.testing.assert_allclose(fl.mass_matrix(full, q, method=method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
     assert fl.energy(full, q, qd).kinetic == pytest.approx(0.5 * qd @ M @ qd, rel=1e-13, abs=0)
     torque = fl.bias_torque(full, q, qd) + fl.elastic_torque(full, q) + fl.friction_torque(full, qd)
     for method in SOLVERS:
-        qdd = fl.forward_dynamics(full, q, qd, tau, method)
+        qdd = fl.forward_dynamics(full, q, qd, tau, method=method)
         scale = np.abs(M) @ np.abs(qdd) + np.abs(torque)
         assert np.abs(M @ qdd + torque - tau).max() <= 100 * EPS * scale.max()
 
@@ -83,8 +85,8 @@ def test_inverse_dynamics_undoes_forward_dynamics(chain: fl.Chain, rng, method: 
     tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
     qdd = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
     springs = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
-    back = fl.inverse_dynamics(chain, q, qd, qdd, wrench) + springs
-    assert np.abs(back - tau).max() <= of_residual(chain, q, qd, tau, qdd, wrench)
+    back = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench) + springs
+    assert np.abs(back - tau).max() <= of_residual(chain, q, qd, qdd, tau, tip_wrench=wrench)
 
 
 def test_power_balance(chain: fl.Chain, rng) -> None:
@@ -147,7 +149,7 @@ def test_moment_on_the_tip_does_the_work_of_the_turning_tip(chain: fl.Chain, rng
     """Angular velocity of the tip per rate of joint k is its axis: from R(q + h e_k) R(q)ᵀ, to order h⁴."""
     q, _ = random_state(chain, rng)
     moment, h = rng.normal(size=3), 1e-3
-    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), [0, 0, 0, *moment])
+    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), tip_wrench=[0, 0, 0, *moment])
     R = fl.frames(chain, q).rotations[-1]
     for k in range(chain.n):
         e = np.eye(chain.n)[k] * h
@@ -161,7 +163,7 @@ def test_tip_wrench_does_the_work_of_the_moving_tip(chain: fl.Chain, rng) -> Non
     """T_GC contains −JᵀF, so the wrench's torque times a small motion is force times displacement of the tip."""
     q, _ = random_state(chain, rng)
     force, h = rng.normal(size=3), 1e-3
-    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), [*force, 0, 0, 0])
+    torque = fl.gravity_torque(chain, q) - fl.bias_torque(chain, q, np.zeros(chain.n), tip_wrench=[*force, 0, 0, 0])
     for k in range(chain.n):
         e = np.eye(chain.n)[k] * h
         p = [fl.tip_position(chain, q + s * e) for s in (-2, -1, 1, 2)]
@@ -190,10 +192,10 @@ def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
         r"^mass matrix of 'test' is singular: joint 'b' moves no inertia of its own at b = 30°; give it an armature"
     )
     with pytest.raises(fl.SingularMassError, match=wanted):
-        fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], method)
+        fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], method=method)
     states = np.array([[0.0, np.pi / 6]] * 3)
     with pytest.raises(fl.SingularMassError, match="state 0: mass matrix of 'test' is singular: joint 'b'"):
-        fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, method)
+        fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, method=method)
 
 
 @pytest.mark.parametrize("method", ["lu", "cholesky"])
@@ -206,7 +208,7 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     with pytest.raises(
         fl.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
     ) as e:
-        fl.forward_dynamics(chain, q, qd, tau, method)
+        fl.forward_dynamics(chain, q, qd, tau, method=method)
     assert len(str(e.value)) < 250
     assert not np.isfinite(SOLVERS[method].accelerations(chain.arrays, np.zeros(6), q, qd, tau)).any()
     assert np.isfinite(fl.forward_dynamics(chain, q, qd, tau)).all()
@@ -239,7 +241,7 @@ def test_heavy_payloads_are_not_singular(rng) -> None:
     q, qd, tau = rng.uniform(-0.01, 0.01, (3, chain.n))
     right = fl.forward_dynamics(chain, q, qd, tau)
     for method in ("lu", "cholesky"):
-        qdd = fl.forward_dynamics(chain, q, qd, tau, method)
+        qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
         assert np.abs(qdd - right).max() <= 10 * EPS * np.linalg.cond(fl.mass_matrix(chain, q)) * np.abs(right).max()
 
 
@@ -247,7 +249,7 @@ def test_heavy_payloads_are_not_singular(rng) -> None:
 def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, method: str) -> None:
     chain = fl.load_scene(models / "t3_spatial.toml").chain()
     with pytest.raises(fl.ArgumentError, match=r"q̈ of .* leaves float64: qd up to 1e\+200 rad/s"):
-        fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), method)
+        fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), method=method)
 
 
 def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
@@ -279,7 +281,7 @@ def test_bad_arrays_are_named_with_shape_got_and_expected(models, bad, wanted: s
 def test_unknown_methods_are_listed(models) -> None:
     chain = fl.load_scene(models / "paper_fig5.toml").chain()
     with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are columns, lower, upper, composite"):
-        fl.mass_matrix(chain, np.zeros(10), "qr")
+        fl.mass_matrix(chain, np.zeros(10), method="qr")
     with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are"):
         fl.forward_dynamics(chain, *np.zeros((3, 10)), method="qr")
 

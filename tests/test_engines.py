@@ -53,7 +53,9 @@ def rounding_bound(scene: Scene) -> float:
     qdd = np.gradient(qd, t, axis=0)
     tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # at most
     rows = range(0, len(t), 10)
-    explained = max(rounding.of_acceleration(chain, q[k], qd[k], tau[k], qdd[k], scene.tip_wrench) for k in rows)
+    explained = max(
+        rounding.of_acceleration(chain, q[k], qd[k], qdd[k], tau[k], tip_wrench=scene.tip_wrench) for k in rows
+    )
     return t[-1] ** 2 / 2 * explained
 
 
@@ -75,7 +77,7 @@ def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: 
     q, qd = random_state(chain, rng)
     tau = rng.uniform(-10, 10, chain.n)
     both_ways = other.forward_dynamics(q, qd, tau), native.forward_dynamics(q, qd, tau)
-    assert rounding.acceleration_error(chain, q, qd, tau, both_ways).max() <= 1
+    assert rounding.acceleration_error(chain, q, qd, tau, solutions=both_ways).max() <= 1
 
 
 @both
@@ -104,7 +106,7 @@ def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.
     load_torque = tau - heavy.bias_torque(q, rest) - heavy.elastic_torque(q)
     qdd = heavy.forward_dynamics(q, rest, tau)
     solved = np.linalg.solve(heavy.mass_matrix(q), load_torque)
-    assert rounding.acceleration_error(chains[1], q, rest, tau, (qdd, solved)).max() <= 1
+    assert rounding.acceleration_error(chains[1], q, rest, tau, solutions=(qdd, solved)).max() <= 1
 
 
 SHORT = {
@@ -156,7 +158,7 @@ def test_mujoco_says_that_it_has_rk4_only() -> None:
 def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
     chain = scene.chain()
-    stable = stable_step(chain, "RK4", scene.initial_state(chain)[0])
+    stable = stable_step(chain, scene.initial_state(chain)[0], method="RK4")
     with pytest.raises(
         FlexlinkError, match=f"step = 0.001 s: more than {stable:.3g} s, the largest stable step of RK4"
     ):
@@ -226,9 +228,12 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
     chain = moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")).chain()
     native, other = load("native", chain), load("pinocchio", chain)
     for q, qd, tau, wrench in mixed_states(chain, 5):
-        solutions = other.forward_dynamics(q, qd, tau, wrench), native.forward_dynamics(q, qd, tau, wrench)
+        solutions = (
+            other.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+            native.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+        )
         assert solutions[0][0] == solutions[1][0] == 0
-        error = rounding.acceleration_error(chain, q, qd, tau, solutions, wrench)
+        error = rounding.acceleration_error(chain, q, qd, tau, solutions=solutions, tip_wrench=wrench)
         assert error[1:].max() <= 1
 
 

@@ -46,7 +46,7 @@ def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() 
         chain = make_scene(flexible("a", segments=segments), flexible("b", "xyz", segments)).chain()
         option = ET.fromstring(fl.to_mjcf(chain)).find("option")
         assert option is not None
-        limit = fl.stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n))
+        limit = fl.stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4")
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
 
 

@@ -191,7 +191,7 @@ def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
             tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)),
         ),
         (0.0, 0.0, 0.0),
-        (0.0, elbow_deg, 0.0),
+        locked_deg=(0.0, elbow_deg, 0.0),
     )
 
 

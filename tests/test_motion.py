@@ -95,7 +95,7 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(dynamics: st
     np.testing.assert_allclose(run.q[:, k], np.radians(30 * (1 - np.cos(2 * run.t))), atol=1e-11)
     for t, q, qd, tau in zip(run.t, run.q, run.qd, run.tau, strict=True):
         qdd = fl.forward_dynamics(free, q, qd, tau)
-        rounded = of_acceleration(free, q, qd, tau, qdd)
+        rounded = of_acceleration(free, q, qd, qdd, tau)
         assert qdd[k] == pytest.approx(np.radians(120) * np.cos(2 * t), abs=1e-7 + rounded)
     assert np.abs(run.q).max() > 0.01
 

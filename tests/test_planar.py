@@ -22,7 +22,7 @@ def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generat
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         qdd = fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
         joints = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
-        back = fl.inverse_dynamics(chain, q, qd, qdd, wrench) + joints
+        back = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench) + joints
         scale = np.abs(fl.mass_matrix(chain, q)) @ np.abs(qdd) + np.abs(joints) + 1.0
         assert np.abs(back - tau).max() <= 100 * EPS * scale.max()
 

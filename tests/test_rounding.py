@@ -40,13 +40,17 @@ def test_of_a_pendulum_it_is_ten_roundings_of_each_part() -> None:
     assert rounding.of_bias_torque(chain, Q, 0 * QD) == near(10 * EPS * weight)
     assert rounding.of_bias_torque(chain, Q, QD) == near(10 * EPS * (inertia * 1.5**2 + weight))
     parts = inertia * (7.0 + 1.5**2) + weight + load_ + 4.0
-    assert rounding.of_bias_torque(chain, Q, QD, WRENCH) == near(10 * EPS * (parts - inertia * 7.0 - 4.0))
+    assert rounding.of_bias_torque(chain, Q, QD, tip_wrench=WRENCH) == near(10 * EPS * (parts - inertia * 7.0 - 4.0))
     qdd = np.array([-7.0])
-    assert rounding.of_residual(chain, Q, QD, TAU, qdd, WRENCH) == near(10 * EPS * parts)
-    assert rounding.of_acceleration(chain, Q, QD, TAU, qdd, WRENCH) == near(10 * EPS * parts / inertia)
+    assert rounding.of_residual(chain, Q, QD, qdd, TAU, tip_wrench=WRENCH) == near(10 * EPS * parts)
+    assert rounding.of_acceleration(chain, Q, QD, qdd, TAU, tip_wrench=WRENCH) == near(10 * EPS * parts / inertia)
     assert rounding.of_friction_torque(chain, QD) == near([10 * EPS * 0.2 * 1.5])
-    off = qdd + 2000 * rounding.of_acceleration(chain, Q, QD, TAU, qdd, WRENCH)  # so many that −7 itself is not rounded
-    assert rounding.acceleration_error(chain, Q, QD, TAU, (qdd, off), WRENCH) == pytest.approx([2000.0], rel=1e-3)
+    off = qdd + 2000 * rounding.of_acceleration(
+        chain, Q, QD, qdd, TAU, tip_wrench=WRENCH
+    )  # so many that −7 itself is not rounded
+    assert rounding.acceleration_error(chain, Q, QD, TAU, solutions=(qdd, off), tip_wrench=WRENCH) == pytest.approx(
+        [2000.0], rel=1e-3
+    )
 
 
 def test_the_torque_of_a_spring_is_judged_by_its_own_size() -> None:
@@ -123,6 +127,6 @@ def test_it_is_not_far_above_what_engines_do() -> None:
 def test_what_is_not_finite_is_explained_by_nothing() -> None:
     chain = pendulum()
     for bad in (np.inf, np.nan):
-        error = rounding.acceleration_error(chain, Q, QD, TAU, (np.array([bad]), QD))
+        error = rounding.acceleration_error(chain, Q, QD, TAU, solutions=(np.array([bad]), QD))
         assert not (error <= 1).any()
     assert_array_equal(rounding.in_units(np.array([0.0, 1.0, np.nan]), 0.0), [0.0, np.inf, np.nan])

@@ -165,8 +165,8 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
         torque = tau - bias_torque(chain, q, qd) - elastic_torque(chain, q) - friction_torque(chain, qd)
         expected = np.linalg.solve(M, torque)
         for method in SOLVERS:
-            solved = forward_dynamics(chain, q, qd, tau, method)
-            assert rounding.acceleration_error(chain, q, qd, tau, (solved, expected)).max() <= 1
+            solved = forward_dynamics(chain, q, qd, tau, method=method)
+            assert rounding.acceleration_error(chain, q, qd, tau, solutions=(solved, expected)).max() <= 1
 
 
 def test_rotors_of_matched_twist_act_on_relative_motion_alone():
@@ -204,5 +204,5 @@ def test_other_engines_load_the_chains_of_every_rule(name, engine):
     for _ in range(5):
         q, qd, tau = rng.uniform(-0.5, 0.5, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
         assert np.abs(other.mass_matrix(q) - mass_matrix(chain, q)).max() <= rounding.of_mass_matrix(chain, q)
-        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, "lu")
-        assert rounding.acceleration_error(chain, q, qd, tau, solutions).max() <= 1
+        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, method="lu")
+        assert rounding.acceleration_error(chain, q, qd, tau, solutions=solutions).max() <= 1

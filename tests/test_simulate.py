@@ -128,7 +128,7 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
     calm = fl.Scene(
         name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
     )
-    h = fl.stable_step(calm.chain(), "RK4")
+    h = fl.stable_step(calm.chain(), method="RK4")
     below = fl.simulate(calm, step=0.97 * h, sample=0.97 * h * 100, duration=0.97 * h * 4000)
     assert below.energy.total[-1] <= below.energy.total[0] * (1 + 1e-12)
     above = fl.simulate(calm, step=1.03 * h, sample=1.03 * h, duration=1.03 * h * 400, unstable="allow")
@@ -138,7 +138,6 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
 @pytest.mark.parametrize(
     ("override", "wanted"),
     [
-        ({"stp": 1.0}, "stp: not a run setting; allowed are method, step"),
         ({"step": -1.0}, "step = -1.0"),
         ({"step": float("nan")}, "step = nan"),
         ({"method": "RK3"}, "method = 'RK3': unknown; allowed are RK10, RK2, RK4"),
@@ -189,7 +188,7 @@ def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(mode
     chain = held.chain()
     q, qd = held.initial_state(chain)
     passive = np.setdiff1d(np.arange(chain.n), chain.active)
-    torque = fl.bias_torque(chain, q, qd, held.tip_wrench) + fl.elastic_torque(chain, q)
+    torque = fl.bias_torque(chain, q, qd, tip_wrench=held.tip_wrench) + fl.elastic_torque(chain, q)
     assert np.abs(torque[passive]).max() < 1e-9 * np.abs(torque).max()
     assert np.abs(q[passive]).max() > 1e-4
     np.testing.assert_array_equal(q[chain.active], np.radians(held.initial.joint_deg))

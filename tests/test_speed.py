@@ -27,8 +27,7 @@ from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.runner import judge
 from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
-from validation.timing.families import Family, of_steps
-from validation.timing.families import random_states as states_of
+from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import race
 
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
@@ -57,7 +56,7 @@ def test_a_family_has_the_degrees_of_freedom_of_the_paper_s_equation_1(kind: str
 def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
-    assert scene.run.step <= fl.stable_step(scene.chain(), "RK4", np.linspace(0.1, 0.4, scene.chain().n))
+    assert scene.run.step <= fl.stable_step(scene.chain(), np.linspace(0.1, 0.4, scene.chain().n), method="RK4")
 
 
 def test_a_run_of_so_many_steps_keeps_two_states() -> None:
@@ -69,19 +68,19 @@ def test_a_run_of_so_many_steps_keeps_two_states() -> None:
 
 
 def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
-    q, qd, tau, _ = (part[0] for part in states_of(chain))
+    q, qd, tau, _ = (part[0] for part in timed_states(chain))
     ours = fl.forward_dynamics(chain, q, qd, tau)
     net = tau - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
     models = pinocchio_models.build_all(chain)
     for model, sign in models.values():
         theirs = pin.aba(model, model.createData(), q * sign, qd * sign, net * sign) * sign
-        assert acceleration_error(chain, q, qd, tau, (theirs, ours)).max() <= 1
+        assert acceleration_error(chain, q, qd, tau, solutions=(theirs, ours)).max() <= 1
     sizes = {model.njoints for model, _ in models.values()}
     assert len(sizes) == len(models), "each kind joins hinges in its own way"
 
 
 def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> None:
-    states = states_of(chain)
+    states = timed_states(chain)
     q, qd, tau, qdd = states
     last = 5 % len(q)  # of 6 calls
     jobs = contestants.native(chain, states)
@@ -98,7 +97,7 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
 
 
 def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
-    states = states_of(chain)
+    states = timed_states(chain)
     jobs = set(contestants.native(chain, states))
     assert set(contestants.mujoco_calls(chain, states)) == jobs
     forms = contestants.pinocchio(chain, states)

@@ -31,14 +31,14 @@ IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
 def test_the_stable_step_of_an_undamped_chain_is_the_published_limit(models, method: str, limit: float) -> None:
     chain = fl.load_scene(models / "paper_fig5.toml").chain()
     fastest = np.abs(eigenvalues(chain, np.zeros(10))).max()
-    assert fl.stable_step(chain, method) * fastest == pytest.approx(limit, rel=1e-7)
+    assert fl.stable_step(chain, method=method) * fastest == pytest.approx(limit, rel=1e-7)
 
 
 @pytest.mark.parametrize(("method", "limit"), {"RK2": 2.0, "RK4": 2.785293563, "RK10": 2.704679068}.items())
 def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, limit: float) -> None:
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
-    assert fl.stable_step(scene.chain(), method) == pytest.approx(limit / 4.0, rel=1e-5)
+    assert fl.stable_step(scene.chain(), method=method) == pytest.approx(limit / 4.0, rel=1e-5)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(cheby
     """Of 5 stages none goes further (Markov)."""
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
-    assert fl.stable_step(scene.chain(), chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
+    assert fl.stable_step(scene.chain(), method=chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("slant", [0.01, 0.03, 0.1])
@@ -81,7 +81,7 @@ def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str
 
 def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
-    assert fl.stable_step(scene.chain(), "RK4") == np.inf
+    assert fl.stable_step(scene.chain(), method="RK4") == np.inf
 
 
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.02, at_hz=5.0)])
@@ -89,10 +89,10 @@ def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
 def test_long_chains_take_a_road_of_order_n_to_the_same_step(flex, damping, monkeypatch) -> None:
     chain = make_scene(*[flexible(name, flex, 12, damping=damping) for name in "ab"]).chain()
     q = np.linspace(0.1, 0.2, chain.n)
-    dense = fl.stable_step(chain, "RK4", q)
+    dense = fl.stable_step(chain, q, method="RK4")
     monkeypatch.setattr(stability, "DENSE", 0)
     # on the safe side by ω²/δ² = 1/(4ζ²) of a creeping mode; Lanczos stops within 1e-4
-    assert dense * (1 - 1e-3) < fl.stable_step(chain, "RK4", q) < dense * (1 + 1e-4)
+    assert dense * (1 - 1e-3) < fl.stable_step(chain, q, method="RK4") < dense * (1 + 1e-4)
 
 
 def dense(chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -213,7 +213,7 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
     scene = SITUATIONS[situation]()
     chain = scene.chain()
     gains = gains_of(chain, input_arrays(scene, chain))
-    h = fl.stable_step(chain, "RK4", np.zeros(chain.n), tip_wrench=scene.tip_wrench, gains=gains)
+    h = fl.stable_step(chain, np.zeros(chain.n), method="RK4", tip_wrench=scene.tip_wrench, gains=gains)
     disturbance = 1e-9 * rng.standard_normal(chain.n)
     growth = []
     for step in (0.95 * h, 1.05 * h):

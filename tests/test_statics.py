@@ -112,7 +112,7 @@ def test_a_fixed_order_of_axes_bends_and_twists_to_first_order_only():
 def test_tip_moment_in_space_is_reached_and_balanced():
     chain = princeton_beam("legendre", 6)
     found = solve_static(chain, tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
-    torque = bias_torque(chain, found.q, np.zeros(chain.n), [1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
+    torque = bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
     assert torque + elastic_torque(chain, found.q) == pytest.approx(np.zeros(chain.n), abs=1e-9)
     assert found.stable
 
@@ -142,10 +142,10 @@ def test_the_path_turns_back_where_the_column_snaps_over():
     """A buckled column leaning left, pushed right a little beyond what the left side can bear."""
     chain = cantilever("midpoint", 8)
     leaning = solve_static(chain, tip_wrench=[-3.0, 0.5, 0, 0, 0, 0])
-    left = solve_static(chain, leaning.q, [-3.0, 0, 0, 0, 0, 0])
+    left = solve_static(chain, leaning.q, tip_wrench=[-3.0, 0, 0, 0, 0, 0])
     assert left.stable
     assert tip_position(chain, left.q)[1] > 0.5
-    right = solve_static(chain, left.q, [-3.0, -0.25, 0, 0, 0, 0])
+    right = solve_static(chain, left.q, tip_wrench=[-3.0, -0.25, 0, 0, 0, 0])
     assert right.stable
     assert tip_position(chain, right.q)[1] < -0.5
     assert (np.diff(right.path[:, 0]) < 0).any()
@@ -297,6 +297,8 @@ def test_the_residual_is_what_is_left_at_the_end_of_the_path():
     """A coarse tolerance leaves more than rounding."""
     chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
     found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
-    left = np.abs(bias_torque(chain, found.q, np.zeros(chain.n), wrench) + elastic_torque(chain, found.q)).max()
+    left = np.abs(
+        bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=wrench) + elastic_torque(chain, found.q)
+    ).max()
     assert left > 1e-9
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)

@@ -115,7 +115,7 @@ def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
 def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
     with pytest.raises(fl.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist") as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
-    assert caught.value.largest == pytest.approx(fl.stable_step(paper.chain(), "RK4"), rel=0.01)
+    assert caught.value.largest == pytest.approx(fl.stable_step(paper.chain(), method="RK4"), rel=0.01)
     assert pickle.loads(pickle.dumps(caught.value)).largest == caught.value.largest
 
 
@@ -154,7 +154,7 @@ def test_loads_that_stiffen_count() -> None:
     """A string of two point masses under a pull P ≫ k/l: ω² grows with P, and the stable step falls with it."""
     scene = make_scene(flexible("a", "z", 5, joint=fl.Joint(locked=True)), gravity=(0, 0, 0))
     chain, q = scene.chain(), np.zeros(4)
-    slack, pulled = (fl.stable_step(chain, "RK4", q, tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
+    slack, pulled = (fl.stable_step(chain, q, method="RK4", tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
     ω = fl.natural_frequencies(chain, q, tip_wrench=[1e6, 0, 0, 0, 0, 0])[-1]
     assert pulled * ω == pytest.approx(2.828427522, rel=1e-6)
     assert pulled < 0.8 * slack
@@ -166,7 +166,7 @@ def test_a_falling_arm_that_nothing_holds_has_a_stable_step_all_the_same() -> No
     """An upright rod falls, or rises, at the rate √(3g/2l): neither refused nor let off (λ = −rate: 2.785/rate)."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
     rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
-    assert fl.stable_step(scene.chain(), "RK4", [0.0]) * rate == pytest.approx(2.785293563, rel=1e-6)
+    assert fl.stable_step(scene.chain(), [0.0], method="RK4") * rate == pytest.approx(2.785293563, rel=1e-6)
     fl.simulate(scene, step=1e-3, sample=1e-2, duration=0.1)
 
 

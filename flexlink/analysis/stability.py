@@ -58,8 +58,8 @@ class _State(NamedTuple):
 def eigenvalues(
     chain: Chain,
     q: ArrayLike,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
 ) -> Complex:
@@ -91,8 +91,8 @@ def eigenvalues(
 def fastest_eigenvalues(
     chain: Chain,
     q: ArrayLike,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
 ) -> Complex:
@@ -142,7 +142,7 @@ def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
-    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, state.wrench) for s in (1, -1))
+    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, tip_wrench=state.wrench) for s in (1, -1))
     return np.asarray((chain.stiffness + state.gains.kp) * φ + (ahead - behind) * (size / (2 * NUDGE)))
 
 
@@ -188,12 +188,12 @@ def stability_polynomial(method: Tableau) -> Array:
 
 def stable_step(
     chain: Chain,
-    method: str = "RK4",
     q: ArrayLike | None = None,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
+    method: str = "RK4",
 ) -> float:
     """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
 
@@ -205,10 +205,12 @@ def stable_step(
     ----------
     chain
         The chain.
+    q, qd
+        Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
+    tip_wrench, gains
+        As in `eigenvalues`.
     method
         Name or file of an explicit Runge-Kutta method.
-    q, qd, tip_wrench, gains
-        As in `eigenvalues`.
 
     Raises
     ------
@@ -220,7 +222,7 @@ def stable_step(
         A coordinate moves no inertia of its own at this posture.
     """
     q = np.zeros(given("chain", chain, Chain).n) if q is None else q
-    return stable_step_of(fastest_eigenvalues(chain, q, qd=qd, tip_wrench=tip_wrench, gains=gains), method)
+    return stable_step_of(fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, gains=gains), method)
 
 
 def stable_step_of(λ: Complex, method: str) -> float:

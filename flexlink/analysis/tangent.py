@@ -112,7 +112,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
     """
     if follower:
         wrench = turned_with_tip(chain.arrays, wrench, q)
-    return bias_torque(chain, q, qd, wrench)
+    return bias_torque(chain, q, qd, tip_wrench=wrench)
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:

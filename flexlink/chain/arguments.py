@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,7 +66,7 @@ def dimensions(value: ArrayLike) -> int:
         return 1
 
 
-def choice(name: str, value: str, allowed: dict[str, T]) -> T:
+def choice(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """The entry of `allowed` that `value` names.
 
     Raises

@@ -23,6 +23,7 @@ GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 def lump(
     arm: Arm,
     gravity: Sequence[float],
+    *,
     locked_deg: Sequence[float] | None = None,
     name: str = "arm",
     prescribed: Collection[str] = (),

@@ -14,6 +14,10 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 from flexlink.describe.tableaus import tableau
 
 Array = NDArray[np.float64]
+Dynamics = Literal["articulated", "lu", "cholesky"]
+"""Solvers of forward dynamics."""
+Unstable = Literal["refuse", "allow"]
+"""What becomes of a run that is not stable."""
 
 
 class Initial(Spec, frozen=True):
@@ -108,8 +112,8 @@ class Run(Spec, frozen=True):
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
-    dynamics: Literal["articulated", "lu", "cholesky"] = "articulated"
-    unstable: Literal["refuse", "allow"] = "refuse"
+    dynamics: Dynamics = "articulated"
+    unstable: Unstable = "refuse"
 
     def __post_init__(self) -> None:
         super().__post_init__()

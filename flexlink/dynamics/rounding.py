@@ -62,7 +62,7 @@ def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
     return _along(chain) * _sizes(chain, q).inertia
 
 
-def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> float:
+def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> float:
     """Of every joint's T_GC, or T_G where q̇ = 0, ε (M* ω² + T_G* + T_W*) [N m]."""
     return _along(chain) * _inertial(chain, q, qd, np.zeros(chain.n), tip_wrench)
 
@@ -78,7 +78,7 @@ def of_friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def of_residual(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
     """Of every joint's torque M Δq̈ when the equation of motion is solved for q̈ [N m].
 
@@ -86,8 +86,8 @@ def of_residual(
     ----------
     chain
         The chain.
-    q, qd, tau, qdd
-        Angles [rad], rates [rad/s], drive torques [N m] and accelerations [rad/s²], shape (n,); of two solutions, the
+    q, qd, qdd, tau
+        Angles [rad], rates [rad/s], accelerations [rad/s²] and drive torques [N m], shape (n,); of two solutions, the
         larger one at every joint.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
@@ -107,11 +107,11 @@ def of_residual(
 
 
 def of_acceleration(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
     """Of every joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`, which is the sharper statement where both will do."""
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
-    return float(inverse * of_residual(chain, q, qd, tau, qdd, tip_wrench))
+    return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
 
 def acceleration_error(
@@ -119,6 +119,7 @@ def acceleration_error(
     q: ArrayLike,
     qd: ArrayLike,
     tau: ArrayLike,
+    *,
     solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
@@ -127,7 +128,9 @@ def acceleration_error(
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)
     larger = np.maximum(np.abs(one), np.abs(other))
-    return in_units(mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, tau, larger, tip_wrench))
+    return in_units(
+        mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, larger, tau, tip_wrench=tip_wrench)
+    )
 
 
 def in_units(error: Array, explained: Array | float) -> Array:

@@ -38,7 +38,7 @@ class Engine(Protocol):
     def mass_matrix(self, q: Array) -> Array:
         """M(q), full and symmetric, armature on the diagonal, shape (n, n)."""
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC = RNE(q, q̇, 0) − Jᵀ F."""
 
     def gravity_torque(self, q: Array) -> Array:
@@ -50,7 +50,7 @@ class Engine(Protocol):
     def friction_torque(self, qd: Array) -> Array:
         """T_FR = d q̇ + c tanh(q̇ / w)."""
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ from the equation of motion."""
 
     def integrate(self, scene: Scene) -> Samples:

@@ -65,7 +65,7 @@ class PinocchioEngine:
         """M(q) by composite rigid bodies (`crba`)."""
         return np.array(pin.crba(self.model, self.data, q))
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC by `nle`, less Jᵀ F."""
         return np.array(pin.nle(self.model, self.data, q, qd) - self._wrench_torque(q, tip_wrench))
 
@@ -84,7 +84,7 @@ class PinocchioEngine:
             torque += self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`aba`); a joint whose motion is prescribed keeps its rate."""
         return self._accelerations(q, qd, tau, tip_wrench, np.zeros(self.n))
 

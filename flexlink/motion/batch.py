@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Outcome = Trajectory | DivergenceError | InterruptedRunError
 
 
-def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]:
+def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajectory]:
     """Simulate many scenes; neighbours in the list that are alike run eight side by side.
 
     Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and

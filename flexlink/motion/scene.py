@@ -77,7 +77,7 @@ class Scene(Spec, frozen=True):
     def chain(self) -> Chain:
         """Lump the arm into its chain; locked joints stay at their initial angle."""
         moved = [motion.link for motion in self.motion]
-        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name, moved)
+        return lump(self.arm, self.gravity, locked_deg=self.initial.joint_deg, name=self.name, prescribed=moved)
 
     def initial_state(self, chain: Chain) -> tuple[Array, Array]:
         """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each.
@@ -89,7 +89,7 @@ class Scene(Spec, frozen=True):
         """
         q = np.radians(spread(given("chain", chain, Chain), self.initial.joint_deg))
         if self.initial.passive == "static" and len(chain.active) < chain.n:
-            q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
+            q = solve_static(chain, q, tip_wrench=self.tip_wrench, locked=chain.active.tolist()).q
         return q, np.radians(spread(chain, self.initial.rates))
 
     @property

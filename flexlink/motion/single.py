@@ -16,7 +16,7 @@ from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.situation import Run
+from flexlink.describe.situation import Dynamics, Run, Unstable
 from flexlink.describe.spec import meant
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.motion.actuation import input_arrays
@@ -31,7 +31,17 @@ Arrays = tuple[Array, Array, Array]
 BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
 
 
-def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
+def simulate(
+    scene: Scene,
+    *,
+    progress: Callable[[float], None] | None = None,
+    method: str | None = None,
+    step: float | None = None,
+    duration: float | None = None,
+    sample: float | None = None,
+    dynamics: Dynamics | None = None,
+    unstable: Unstable | None = None,
+) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
     Explicit Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12). The run judges itself: its step
@@ -43,8 +53,8 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
         Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
-    **overrides
-        Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics, unstable.
+    method, step, duration, sample, dynamics, unstable
+        In place of those of `scene.run`, times in s; None: as the scene says.
 
     Returns
     -------
@@ -54,7 +64,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, `progress` no function, or an override no run setting.
+        `scene` is no Scene, or `progress` no function.
     SceneError
         A run setting with a value that is not allowed.
     UnstableStepError
@@ -66,7 +76,12 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
     callable_or_none("progress", progress)
-    run = SingleRun(override(given("scene", scene, Scene), overrides))
+    settings = {
+        "method": method, "step": step, "duration": duration, "sample": sample,
+        "dynamics": dynamics, "unstable": unstable,
+    }  # fmt: skip
+    said = {name: value for name, value in settings.items() if value is not None}
+    run = SingleRun(override(given("scene", scene, Scene), said))
     with deferred() as stop:
         return run.finish(stop, progress)
 

@@ -50,7 +50,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     run = scene.run
     if run.duration == 0:
         return ()
-    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()

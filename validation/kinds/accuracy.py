@@ -55,7 +55,9 @@ class Arms(Family, frozen=True):
         """Random states; of arms near gimbal lock so many at every distance from it."""
         share = np.full(chain.n, self.bend / np.pi)
         share[chain.active] = 1.0
-        states = [s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, self.times * samples, seed)]
+        states = [
+            s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, self.times * samples, seed=seed)
+        ]
         return [_near_lock(chain, s, distance) for distance in self.from_lock for s in states] or states
 
 
@@ -92,7 +94,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             }
             ours = errors["native"]
             residuals = [
-                acceleration_error(chain, s.q, s.qd, s.tau, (one, exact))
+                acceleration_error(chain, s.q, s.qd, s.tau, solutions=(one, exact))
                 for (chain, states, truth), got in zip(arms, found["native"], strict=True)
                 for s, one, exact in zip(states, got, truth, strict=True)
             ]

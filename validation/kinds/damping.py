@@ -94,4 +94,4 @@ def _scene(case: Case, rule: Rule, change: dict[str, Any]) -> Scene:
 
 
 def _step(scene: Scene, method: str) -> float:
-    return fl.stable_step(scene.chain(), method)
+    return fl.stable_step(scene.chain(), method=method)

@@ -118,7 +118,7 @@ def _series(scene: Scene, points: Sequence[Point]) -> Series:
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
     """Largest stable step, by bisection, over the smallest that the linear theory gives for the postures passed."""
     some = exact.q[:: max(1, len(exact.q) // 50)]
-    predicted = min(stable_step(exact.chain, method, q) for q in some)
+    predicted = min(stable_step(exact.chain, q, method=method) for q in some)
     low, high = 0.5, 2.0
     while high - low > 0.002:
         middle = (low + high) / 2

@@ -29,7 +29,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     for scene in case.load_scenes():
         chain = scene.chain()
         oracle = PlanarChain(chain)
-        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, settings.seed)]
+        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, seed=settings.seed)]
         with mp.workdps(DIGITS):
             exact = [_exact(oracle, s) for s in states]
         for name in settings.engines:

@@ -80,7 +80,7 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     with_input = choice(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
     chain = scene.chain()
-    stable = fl.stable_step(chain, scene.run.method, scene.initial_state(chain)[0])
+    stable = fl.stable_step(chain, scene.initial_state(chain)[0], method=scene.run.method)
     return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))
 
 
@@ -139,4 +139,4 @@ def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Itera
         follow(motion, t, q.copy(), qd.copy(), given)
         wanted[motion.joints] = given[motion.joints]
         theirs = engine.forward_dynamics(q, qd, tau)
-        yield float(in_units(theirs - wanted, of_acceleration(free, q, qd, tau, wanted)).max())
+        yield float(in_units(theirs - wanted, of_acceleration(free, q, qd, wanted, tau)).max())

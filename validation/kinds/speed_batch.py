@@ -13,7 +13,7 @@ from flexlink.motion.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps
-from validation.timing.families import Family, of_steps, random_states
+from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import clock, race
 
 TIMED = True
@@ -69,7 +69,7 @@ def _members(scene: Scene, count: int) -> list[Scene]:
 def _evaluation(scene: Scene, settings: Settings) -> float:
     """Time of q̈ of all members by one public call, per member [µs]."""
     chain = scene.chain()
-    q, qd, tau, _ = random_states(chain, settings.members)
+    q, qd, tau, _ = timed_states(chain, settings.members)
 
     def work(calls: int) -> None:
         for _ in range(calls):

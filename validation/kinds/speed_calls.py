@@ -14,7 +14,7 @@ from validation.facts import Fact, Facts
 from validation.store import Series, table
 from validation.timing import contestants
 from validation.timing.contestants import FORWARD, RNE
-from validation.timing.families import Family, random_states
+from validation.timing.families import Family, timed_states
 from validation.timing.stopwatch import race
 
 OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
@@ -62,7 +62,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _times(chain: Chain, segments: int, family: Family, settings: Settings) -> Iterator[tuple[str, dict[str, Time]]]:
     """Job by job, the times of all who take part: native, public, pinocchio, its fastest form, mujoco."""
-    states = random_states(chain)
+    states = timed_states(chain)
     parties = {"native": contestants.native(chain, states), "public": contestants.public(chain, states)}
     forms = contestants.pinocchio(chain, states) if segments <= family.pinocchio else {}
     if segments <= family.mujoco:

@@ -74,7 +74,7 @@ def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> floa
 
 def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
     """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
-    left = engine.bias_torque(q, np.zeros(chain.n), load.wrench) + engine.elastic_torque(q)
+    left = engine.bias_torque(q, np.zeros(chain.n), tip_wrench=load.wrench) + engine.elastic_torque(q)
     return float(np.abs(left).max() / np.abs(engine.elastic_torque(q)).max())
 
 

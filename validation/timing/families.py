@@ -40,7 +40,7 @@ class Family(Spec, frozen=True):
         """
         first = min(self.segments)
         chain = self.scene(case, first).chain()
-        step = 0.5 * stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n)) * (first / segments) ** 2
+        step = 0.5 * stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") * (first / segments) ** 2
         return of_steps(self.scene(case, segments), 0, step)
 
 
@@ -59,7 +59,7 @@ class States(NamedTuple):
     qdd: Array
 
 
-def random_states(chain: Chain, count: int = STATES) -> States:
+def timed_states(chain: Chain, count: int = STATES) -> States:
     """Arrays of shape (count, n)."""
     random = np.random.default_rng(0)
     return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))
