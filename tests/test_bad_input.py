@@ -26,7 +26,7 @@ from flexlink.motion.scene import scene_from
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
-RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text(encoding="utf-8"))
+RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.toml").read_text(encoding="utf-8"))
 
 
 def write(path: Path, edit: Edit = lambda _: None) -> str:
@@ -174,14 +174,17 @@ def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys)
 @pytest.mark.parametrize(
     ("fields", "wanted"),
     [
-        ({"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]}, "rows of A of 0, 1, …, 3"),
+        (
+            {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
+            "A of 0, 1, …, 3 (explicit) or all of 4 (",
+        ),
         ({"A": [], "b": [], "c": []}, "must sum to 1"),
         ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': a coefficient is a decimal or a fraction"),
         ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': a coefficient"),
         ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': a coefficient"),
         ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': a coefficient"),
     ],
-    ids=["implicit", "no stages", "letter", "zero", "exponent", "beyond float64"],
+    ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
 )
 def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
     own = tmp_path / "own.toml"

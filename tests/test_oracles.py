@@ -8,7 +8,7 @@ import pytest
 from mpmath import mp, mpf
 
 import flexlink as fl
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
@@ -52,7 +52,7 @@ def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
     oracle = PlanarChain(chain)
     with mp.workdps(DIGITS):
         start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
-        end = exact_runge_kutta.integrate(oracle.forward_dynamics, tableau("RK10"), start, mpf("2.5e-5"), 10)
+        end = exact_runge_kutta.integrate(oracle.forward_dynamics, method("RK10"), start, mpf("2.5e-5"), 10)
         assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
         assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
 
@@ -65,7 +65,7 @@ def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
 
 def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
     ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
-    A, b, _ = tableau("RK4").arrays
+    A, b, _ = method("RK4").arrays
     z = 1j * ω * h
     R = 1 + z * b @ np.linalg.solve(np.eye(4) - z * A, np.ones(4))
     assert modal_loss("RK4", np.array([ω * h]), np.array([2.0]), steps) == pytest.approx(2 * (1 - abs(R) ** 400))

@@ -134,7 +134,7 @@ def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_pat
     folder.mkdir()
     (folder / "rule.toml").write_text(one_hinge_rule(0.5), encoding="utf-8")
     (folder / "own.toml").write_text(
-        (ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text("utf-8"), "utf-8"
+        (ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.toml").read_text("utf-8"), "utf-8"
     )
     text = PAPER.replace('"paper"\n\n', '"rule.toml"\n\n').replace('"RK4"', '"own.toml"')
     (folder / "scene.toml").write_text(text, encoding="utf-8")

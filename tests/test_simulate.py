@@ -140,7 +140,7 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
     [
         ({"step": -1.0}, "step = -1.0"),
         ({"step": float("nan")}, "step = nan"),
-        ({"method": "RK3"}, "method = 'RK3': unknown; allowed are RK10, RK2, RK4"),
+        ({"method": "RK3"}, "method = 'RK3': unknown; allowed are DOP853, Gauss4"),
         ({"dynamics": "magic"}, "dynamics = 'magic'"),
         ({"duration": 1e300}, r"more than 2\*\*53"),
     ],

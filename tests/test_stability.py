@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink.analysis import stability
 from flexlink.analysis.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
 from flexlink.common.interruption import Stop
-from flexlink.describe.tableaus import tableau
+from flexlink.describe import methods
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.single import SingleRun, prepare
 from flexlink.motion.watch import gains_of
@@ -64,7 +64,7 @@ def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(cheby
 def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshev: str) -> None:
     """Beside the real axis R is a little above 1 around each extremum of T_5, and below 1 between them."""
     λ = np.array([-1.0 + slant * 1j, -1.0 - slant * 1j])
-    h, r = stable_step_of(λ, chebyshev), stability_polynomial(tableau(chebyshev))
+    h, r = stable_step_of(λ, chebyshev), stability_polynomial(methods.method(chebyshev))
     inside = np.linspace(0, h, 10_001)[:, None] * λ
     assert np.abs(np.polynomial.polynomial.polyval(inside, r)).max() <= 1 + 1.01e-6
     assert 4 < h < 5  # the first extremum: 25 (1 − cos 36°) = 4.8
@@ -72,7 +72,7 @@ def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshe
 
 @pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
 def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str) -> None:
-    table = tableau(method)
+    table = methods.method(method)
     r = stability_polynomial(table)
     np.testing.assert_allclose(
         r[: table.order + 1], [1 / math.factorial(k) for k in range(table.order + 1)], atol=1e-15

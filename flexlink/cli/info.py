@@ -13,7 +13,7 @@ from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about
-from flexlink.describe import catalogue
+from flexlink.describe import catalogue, methods
 from flexlink.motion.notes import notes
 from flexlink.motion.scene import Scene, load_scene
 
@@ -50,7 +50,7 @@ def _show(scene: Scene) -> None:
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    for method in catalogue.names("tableaus"):
+    for method in filter(lambda name: methods.method(name).explicit, catalogue.names("methods")):
         cost = "" if bare is chain else f"; {stable_step_of(free, method):.4g} s without structural damping"
         print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s{cost}")
     if bare is not chain and chain.n <= LARGEST_MODAL:

@@ -1,4 +1,4 @@
-"""Data files that a user can add to: Runge-Kutta tableaus and lumping rules, found by name or by path."""
+"""Data files that a user can add to: Runge-Kutta methods and lumping rules, found by name or by path."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def names(folder: str) -> list[str]:
-    """Names that come with flexlink in `folder` ("tableaus" or "lumping")."""
+    """Names that come with flexlink in `folder` ("methods" or "lumping")."""
     return sorted(path.stem for path in (DATA / folder).glob("*.toml"))
 
 
@@ -57,7 +57,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     Parameters
     ----------
     folder
-        "tableaus" or "lumping".
+        "methods" or "lumping".
     key
         Key of the scene that holds `name`, for messages.
     name

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
 from flexlink.formats import to_urdf
 from flexlink.kernels.inputs import follow
@@ -105,7 +105,7 @@ class PinocchioEngine:
     def _step(self, scene: Scene) -> Callable[[int, Array], Array]:
         """The state (q, q̇) at (number + 1) · h from the one at number · h."""
         n, h, wrench = self.n, scene.run.step, scene.tip_wrench if scene.tip_wrench.any() else None
-        A, b, c = tableau(scene.run.method).arrays
+        A, b, c = method(scene.run.method).arrays
         drive, motion = drive_function(scene), motion_arrays(scene, scene.chain())
         F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 

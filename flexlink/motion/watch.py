@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
+from flexlink.describe.methods import method
 from flexlink.describe.situation import Run
-from flexlink.describe.tableaus import tableau
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.samples import tip_errors
@@ -92,7 +92,7 @@ class Watch:
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
         self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
-        self.tableau = tableau(run.method).arrays
+        self.tableau = method(run.method).arrays
         self._told: set[str] = set()
 
     def look(self, stop: int) -> bool:

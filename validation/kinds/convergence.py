@@ -10,8 +10,8 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
+from flexlink.describe import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.describe.tableaus import tableau
 from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 from validation.benchmarks.runs import with_run
@@ -52,7 +52,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             h = settings.duration / np.array(counts)
             errors = [_distance(end(scene, method, settings.duration, count), exact) for count in counts]
             slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
-            order = tableau(method).order
+            order = methods.method(method).order
             facts: Facts = {
                 "method": method, "arithmetic": settings.arithmetic, "step": float(h.max()), "to step": float(h.min()),
             }  # fmt: skip
@@ -84,7 +84,7 @@ def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mp
     oracle = PlanarChain(chain)
     q, qd = (part.tolist() for part in scene.initial_state(chain))
     with mp.workdps(DIGITS):
-        return exact_runge_kutta.integrate(oracle.forward_dynamics, tableau(method), (q, qd), duration, steps)[0]
+        return exact_runge_kutta.integrate(oracle.forward_dynamics, methods.method(method), (q, qd), duration, steps)[0]
 
 
 def _distance(a: list[float], b: list[float]) -> float:

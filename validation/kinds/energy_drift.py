@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.analysis.stability import stability_polynomial
+from flexlink.describe import methods
 from flexlink.describe.spec import Spec
-from flexlink.describe.tableaus import tableau
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
 from flexlink.motion.scene import Scene
@@ -71,5 +71,5 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
 
 def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
     """|energy| that `method` takes from or gives to the modes in so many steps [J]."""
-    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(tableau(method))))
+    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(methods.method(method))))
     return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

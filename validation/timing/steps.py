@@ -14,7 +14,7 @@ from mujoco import rollout
 from numpy.typing import NDArray
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
@@ -31,7 +31,7 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = scene.chain(), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
     start = scene.initial_state(chain)
     samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
@@ -47,7 +47,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = scene.chain(), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
     starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
