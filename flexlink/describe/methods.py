@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue, collocation
+from flexlink.describe.situation import AUTO, Run
 from flexlink.describe.spec import Spec, short
 
 Array = NDArray[np.float64]
@@ -208,6 +209,29 @@ def method(name: str) -> Method:
         Unknown name, or a file that is not a valid method.
     """
     return catalogue.load("methods", "method", name, Method)
+
+
+def check_method(run: Run) -> None:
+    """The method of a run is there, and it can do what the run asks of it.
+
+    Raises
+    ------
+    SceneError
+        The message names the key, the value and what is allowed.
+    """
+    if run.method == AUTO:
+        if not run.controlled:
+            raise SceneError(f"run.method = {AUTO!r}: picks a method for a tolerance; give run.tolerance, or a method")
+        return
+    try:
+        able = method(run.method).controlled or not run.controlled
+    except SceneError as error:
+        raise SceneError(f"run.{error}") from None
+    if not able:
+        allowed = ", ".join([AUTO, *(name for name in catalogue.names("methods") if method(name).controlled)])
+        raise SceneError(
+            f"run.method = {short(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
+        )
 
 
 def _check_number(where: str, x: str) -> None:

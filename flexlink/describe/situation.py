@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-from flexlink.describe import catalogue, methods
+from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 
 Array = NDArray[np.float64]
@@ -131,10 +131,7 @@ class Run(Spec, frozen=True):
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
-        elif self.method == AUTO:
-            raise SceneError("method = 'auto': picks a method for a tolerance; give run.tolerance, or name a method")
         else:
-            methods.method(self.method)
             whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
 
@@ -145,12 +142,6 @@ class Run(Spec, frozen=True):
             )
         if self.accuracy == "deflection" and self.relative_tolerance is None:
             raise SceneError("accuracy = 'deflection': takes relative_tolerance, a part of the deflection")
-        if self.method != AUTO and not methods.method(self.method).controlled:
-            able = [name for name in catalogue.names("methods") if methods.method(name).controlled]
-            raise SceneError(
-                f"method = {short(self.method)}: does not estimate its error; with a tolerance allowed are {AUTO}, "
-                + ", ".join(able)
-            )
 
     @property
     def controlled(self) -> bool:

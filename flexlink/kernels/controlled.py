@@ -59,18 +59,20 @@ def _take_step(t, h, inputs, state, accurate, work):
 def advance(work, inputs, settings, count, state, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
 
-    `settings`: error that a step may have [m], and that as a part of the largest deflection; what the iteration may
-    leave [m], and that as a part of the error; p; smallest and largest step [s]. `knots`: times where a step ends, of
-    which the last is the end. `samples`: times (rows,), q and q̇ (rows, n), W (rows,).
+    `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
+    a step is long [s], a shorter one may have √(its part of that length) of it, so that errors of random sign add up to
+    the same in a run of many steps; what the iteration may leave [m], and that as a part of the error; p; smallest and
+    largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
+    (rows, n), W (rows,).
     """
-    absolute, part, exact, left, p, smallest, largest = settings
+    absolute, part, long, exact, left, p, smallest, largest = settings
     tau, clock = np.zeros(len(state[0])), work.clock
     for _ in range(most):
-        tolerance = absolute + part * clock[DEFLECTION]
-        accurate = min(exact, left * tolerance)
         t, end = clock[TIME], knots[count[KNOT]]
         ends = t + 1.01 * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
+        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, math.sqrt(h / long))
+        accurate = min(exact, left * tolerance)
         error, iterations = take_step(t, h, inputs, state, accurate, work)
         count[ITERATIONS] += iterations
         if not error < tolerance:
@@ -96,7 +98,7 @@ def advance(work, inputs, settings, count, state, knots, samples, most):
 @kernel
 def first_step(work, state, settings, duration):
     """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
-    absolute, part, largest = settings[0], settings[1], settings[6]
+    absolute, part, largest = settings[0], settings[1], settings[7]
     q, qd, qdd = state[0], state[1], state[2]
     bent, clock = np.zeros(len(q)), work.clock
     place_bodies(q, work.posture)

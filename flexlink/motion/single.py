@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.methods import method
+from flexlink.describe.methods import check_method, method
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import AUTO, Accuracy, Dynamics, Run, Unstable
 from flexlink.describe.spec import meant
 from flexlink.motion.actuation import input_arrays
@@ -22,7 +24,7 @@ from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
 Array = NDArray[np.float64]
@@ -93,7 +95,7 @@ class SingleRun:
     """A run that is judged and compiled, and has not started; errors as in `simulate`."""
 
     def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
-        self.watch = prepare(scene, scene.chain()) if watch is None else watch
+        self.watch = prepare(scene, lump(scene)) if watch is None else watch
         self.steps = steps_of(self.watch)
 
     def finish(self, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
@@ -129,18 +131,19 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     Raises
     ------
     SceneError
-        The samples do not fit into memory.
+        The method is unknown or implicit, or the samples do not fit into memory.
     UnstableStepError
         As in `simulate`.
     """
     run, inputs = scene.run, input_arrays(scene, chain)
+    check_method(run)
     try:
         record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
-    record.q[0], record.qd[0] = start = scene.initial_state(chain)
+    record.q[0], record.qd[0] = start = initial_state(scene, chain)
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
     watch.look(1, watch.steps)
     return watch

@@ -1,0 +1,139 @@
+"""Steps of a method that estimates their error, or of an implicit one, in pieces between which Python looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.extremes import slowest_frequency
+from flexlink.describe.methods import Method, method
+from flexlink.describe.situation import Run
+from flexlink.kernels import clock, controlled
+from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
+from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.rne import rne_workspace
+from flexlink.kernels.shifted import FACTORS
+from flexlink.kernels.shifted_plane import plane_posture
+from flexlink.kernels.shifted_space import space_posture
+from flexlink.motion import balance
+from flexlink.motion.actuation import Inputs
+from flexlink.motion.pace import Pace, Reached
+from flexlink.motion.result import Record, Steps
+from flexlink.motion.watch import Watch, gains_of
+
+Array = NDArray[np.float64]
+
+OF_A_STEP = 0.1
+"""Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less."""
+
+OF_THE_ITERATION = 0.05
+"""What Newton's iteration may leave of the error of a step."""
+
+EXACT = 1e-13
+"""What it may leave of a fixed step, as a part of the arm's reach: what is left drives the energy away."""
+
+SHORTEST = 1e-14
+"""Part of the duration below which a step is none."""
+
+
+class ControlledSteps:
+    """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
+
+    def __init__(self, watch: Watch, name: str, largest: float = np.inf, why: str = "") -> None:
+        record, run = watch.record, watch.run
+        self.name, self.why, self.failure, self.record, self.run = name, why, "", record, run
+        self.method = method(name)
+        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
+        self.work = workspace(self.method, record)
+        self.count = np.zeros(clock.COUNTS, np.int64)
+        self.count[clock.ROW] = 1
+        self.knots = knots(record.inputs, run.duration)
+        self.samples = record.t, record.q, record.qd, record.works
+        self.settings = settings(run, self.method, balance.reach(record.chain), largest)
+        controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
+        controlled.first_step(self.work, self.state, self.settings, run.duration)
+        self._advance(0)  # compiles, while no signal is deferred
+
+    def __iter__(self) -> Iterator[Reached]:
+        duration, pace, how = self.run.duration, Pace(), controlled.GOES_ON
+        yield Reached(1, 0.0 if duration else 1.0)
+        while duration and how == controlled.GOES_ON:
+            how = self._advance(pace.start())
+            pace.end()
+            if how == controlled.STUCK:
+                self.failure = self._stuck()
+            yield Reached(int(self.count[clock.ROW]), self.work.clock[clock.TIME] / duration)
+
+    @property
+    def steps(self) -> Steps:
+        """What was done so far."""
+        taken, rejected, failed, passes = (int(n) for n in self.count[:4])
+        return Steps(self.name, taken, passes * self.method.stages, rejected, failed, self.why)
+
+    def _advance(self, most: int) -> int:
+        return int(
+            controlled.advance(
+                self.work, self.record.inputs, self.settings, self.count, self.state, self.knots, self.samples, most
+            )
+        )
+
+    def _stuck(self) -> str:
+        now, h = self.work.clock[clock.TIME], self.work.clock[clock.STEP]
+        joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
+        return (
+            f"no step is found at t = {now:.6g} s, down to {h:.3g} s: Newton's iteration does not end (joint {joint!r})"
+            if self.count[clock.FAILED]
+            else f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s (joint {joint!r})"
+        )
+
+
+def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[float, ...]:
+    """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
+    if not run.controlled:
+        return np.inf, 0.0, EXACT * reach, 0.0, 1.0, run.step, run.step
+    absolute, part = run.tolerance or 0.0, run.relative_tolerance or 0.0
+    if run.accuracy == "tip":
+        absolute, part = absolute + part * reach, 0.0
+    order = float(method.order if method.explicit else method.stages + 1)
+    errors = OF_A_STEP * absolute, OF_A_STEP * part, np.inf, OF_THE_ITERATION
+    return *errors, order, SHORTEST * run.duration, largest
+
+
+def knots(inputs: Inputs, duration: float) -> Array:
+    """Times where a step ends [s]: of the inputs' pieces, and the end."""
+    given = np.concatenate([inputs.drive.knots, inputs.motion.knots])
+    return np.array([*np.unique(given[(given > 0) & (given < duration)]), duration])
+
+
+def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:
+    """Scratch of the steps of a method on the chain of a record."""
+    chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
+    posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
+    about = arrays, record.scratch
+    slowest = 1.0 / slowest_frequency(chain, record.q[0])
+    new, W, numbers = np.zeros((3, n)), np.zeros(2), np.zeros(clock.CLOCK_SIZE)
+    if method.explicit:
+        K, L = np.zeros((2, s + 1, n))
+        coefficients = EmbeddedMethod(*method.arrays, method.error)
+        Q, tau = np.zeros((2, n))
+        return EmbeddedWork(coefficients, *about, posture, slowest, new, W, numbers, K, L, Q, tau, np.zeros((2, n)))
+    gains, r, p = gains_of(chain, record.inputs), len(method.modes.real), len(method.modes.complex)
+    K, K_before, stage_angles, V, R = np.zeros((5, s, n))
+    reals = np.zeros((2, n)), np.zeros((r, n)), np.zeros((r, n, FACTORS))
+    pairs = np.zeros((2, n), complex), np.zeros((p, n), complex), np.zeros((p, n, FACTORS), complex)
+    return ImplicitWork(
+        coefficients_of(method), *about, rne_workspace(arrays), posture, gains.kp, gains.kd, slowest, new, W, numbers,
+        K, K_before, stage_angles, V, R, np.zeros(s), np.zeros(n), np.zeros((2, n)), *reals, *pairs,
+    )  # fmt: skip
+
+
+def coefficients_of(method: Method) -> ImplicitMethod:
+    """An implicit method as its kernel takes it."""
+    (A, b, c), modes = method.arrays, method.modes
+    γ, d = method.embedded if method.controlled else (0.0, np.empty(0))
+    return ImplicitMethod(
+        A, modes.A2, b, modes.bA, c, modes.real, modes.T_real, modes.Tinv_real,
+        modes.complex, modes.T_complex, modes.Tinv_complex, γ, d,
+    )  # fmt: skip
