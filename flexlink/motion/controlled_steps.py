@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
+from flexlink.analysis.stability import stable_step
 from flexlink.describe.methods import Method, method
-from flexlink.describe.situation import Run
+from flexlink.describe.situation import AUTO, Run
 from flexlink.kernels import clock, controlled
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
@@ -17,8 +18,8 @@ from flexlink.kernels.rne import rne_workspace
 from flexlink.kernels.shifted import FACTORS
 from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
-from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
+from flexlink.motion.choice import Choice, cheapest
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
 from flexlink.motion.watch import Watch, gains_of
@@ -27,6 +28,9 @@ Array = NDArray[np.float64]
 
 OF_A_STEP = 0.1
 """Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less."""
+
+LONG = 100
+"""Number of steps in a run from which the error of one step must be smaller: it may have 1/√n of that of few steps."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -41,18 +45,21 @@ SHORTEST = 1e-14
 class ControlledSteps:
     """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
 
-    def __init__(self, watch: Watch, name: str, largest: float = np.inf, why: str = "") -> None:
+    def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
-        self.name, self.why, self.failure, self.record, self.run = name, why, "", record, run
-        self.method = method(name)
+        self.failure, self.record, self.run = "", record, run
+        self.name, self.why = choose(run, record)
+        self.method = method(self.name)
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
         self.work = workspace(self.method, record)
         self.count = np.zeros(clock.COUNTS, np.int64)
         self.count[clock.ROW] = 1
         self.knots = knots(record.inputs, run.duration)
         self.samples = record.t, record.q, record.qd, record.works
-        self.settings = settings(run, self.method, balance.reach(record.chain), largest)
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
+        self.settings = settings(
+            run, self.method, rounding.reach(record.chain), longest_step(self.method, self.name, record)
+        )
         controlled.first_step(self.work, self.state, self.settings, run.duration)
         self._advance(0)  # compiles, while no signal is deferred
 
@@ -89,15 +96,32 @@ class ControlledSteps:
         )
 
 
+def choose(run: Run, record: Record) -> Choice:
+    """The method of a run, and, if it is not named, why."""
+    if run.method != AUTO:
+        return Choice(run.method, "")
+    part = run.relative_tolerance or 0.0
+    return cheapest(record, run.tolerance or part * rounding.reach(record.chain))
+
+
+def longest_step(method: Method, name: str, record: Record) -> float:
+    """Of an explicit method its largest stable step at the start [s], beyond which its error only grows."""
+    if not method.explicit:
+        return np.inf
+    inputs = record.inputs
+    gains = gains_of(record.chain, inputs)
+    return stable_step(record.chain, record.q[0], record.qd[0], method=name, tip_wrench=inputs.wrench, gains=gains)
+
+
 def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[float, ...]:
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     if not run.controlled:
-        return np.inf, 0.0, EXACT * reach, 0.0, 1.0, run.step, run.step
+        return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
     absolute, part = run.tolerance or 0.0, run.relative_tolerance or 0.0
     if run.accuracy == "tip":
         absolute, part = absolute + part * reach, 0.0
     order = float(method.order if method.explicit else method.stages + 1)
-    errors = OF_A_STEP * absolute, OF_A_STEP * part, np.inf, OF_THE_ITERATION
+    errors = OF_A_STEP * absolute, OF_A_STEP * part, run.duration / LONG, np.inf, OF_THE_ITERATION
     return *errors, order, SHORTEST * run.duration, largest
 
 

@@ -122,7 +122,7 @@ def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
     run = watch.run
     if not run.controlled and method(run.method).explicit:
         return FixedSteps(watch)
-    return ControlledSteps(watch, "Radau5" if run.method == AUTO else run.method)
+    return ControlledSteps(watch)
 
 
 def prepare(scene: Scene, chain: Chain) -> Watch:

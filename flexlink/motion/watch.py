@@ -134,7 +134,7 @@ class Watch:
         ε = one * (1 + self._steps_up_to(rows))
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
-        garbage = np.abs(r) > balance.SHARE * X + ε
+        garbage = np.abs(r) > balance.SHARE * X + ε + self._allowed(energy[0])
         share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
         self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
         if garbage.any():
@@ -146,6 +146,20 @@ class Watch:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _allowed(self, kinetic: Array) -> Array | float:
+        """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
+
+        τ, in which a body gets δ off its way, is a hundredth of the run: a long step.
+        """
+        if not self.run.controlled:
+            return 0.0
+        chain, reach = self.record.chain, rounding.reach(self.record.chain)
+        δ = self.run.tolerance or (self.run.relative_tolerance or 0.0) * reach
+        mass = float(chain.bodies["mass"].sum())
+        return δ * (
+            mass * float(np.linalg.norm(chain.gravity)) + np.sqrt(2 * mass * np.abs(kinetic)) * 100 / self.run.duration
+        )
 
     def _steps_up_to(self, rows: slice) -> Array | int:
         """Number of steps up to each of these samples; where steps differ, up to now."""
