@@ -11,6 +11,7 @@ from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.stability import stable_step
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
+from flexlink.dynamics import rounding
 from flexlink.kernels import clock, controlled
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
@@ -57,9 +58,8 @@ class ControlledSteps:
         self.knots = knots(record.inputs, run.duration)
         self.samples = record.t, record.q, record.qd, record.works
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
-        self.settings = settings(
-            run, self.method, rounding.reach(record.chain), longest_step(self.method, self.name, record)
-        )
+        longest = longest_step(self.method, self.name, record)
+        self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
         controlled.first_step(self.work, self.state, self.settings, run.duration)
         self._advance(0)  # compiles, while no signal is deferred
 
