@@ -145,7 +145,7 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
         ) from None
     record.q[0], record.qd[0] = start = initial_state(scene, chain)
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
-    watch.look(1, watch.steps)
+    watch.look(1)
     return watch
 
 

@@ -96,9 +96,9 @@ class Watch:
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
 
-    def look(self, stop: int, steps: Steps) -> bool:
-        """Derive and judge the samples before `stop` that were not looked at; whether all are good."""
-        first, self.steps = self.good, steps
+    def look(self, stop: int, steps: Steps | None = None) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good."""
+        first, self.steps = self.good, steps or self.steps
         if stop == first or self.fault:
             return not self.fault
         with np.errstate(all="ignore"):
