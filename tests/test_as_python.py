@@ -19,7 +19,7 @@ from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
 from flexlink.kernels.planar import planar_workspace
 from flexlink.kernels.rne import rne_workspace
 
-CHAINS = {"spatial": nasty_scene().chain(), "planar": make_scene(flexible("a", segments=3)).chain()}
+CHAINS = {"spatial": fl.lump(nasty_scene()), "planar": fl.lump(make_scene(flexible("a", segments=3)))}
 WRENCH = np.array([1.0, -2.0, 3.0, 0.3, -0.2, 0.1])
 
 

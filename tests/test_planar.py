@@ -46,7 +46,7 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 def test_bodies_without_hinges_hang_on_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
-    chain = make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)).chain()
+    chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
     bodies = np.concatenate([chain.bodies[:place], fixed_bodies(chain, place), chain.bodies[place:]])
     assert_solves_its_equation_of_motion(dataclasses.replace(chain, bodies=bodies), rng)
 
@@ -60,7 +60,7 @@ def random_chain(rng: np.random.Generator) -> fl.Chain:
         joint = fl.Joint(armature=rng.uniform(0, 2)) if k == 0 or rng.random() < 0.7 else fl.Joint(locked=True)
         links.append(flexible(f"l{k}", segments=int(rng.integers(2, 6)), mount=over if k else skew, joint=joint))
     tip = fl.Payload(mass=rng.uniform(0.1, 2), inertia=(0.1, 0.2, 0.25))
-    chain = make_scene(*links, tip=tip, gravity=tuple(rng.normal(0, 8, 3))).chain()
+    chain = fl.lump(make_scene(*links, tip=tip, gravity=tuple(rng.normal(0, 8, 3))))
     hinges, bodies = chain.hinges.copy(), chain.bodies.copy()
     hinges["armature"] += rng.uniform(0, 0.1, chain.n) * rng.integers(2)
     bodies["center"] += rng.normal(0, 0.1, bodies["center"].shape)
