@@ -274,7 +274,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr("flexlink.cli.terminal.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130

@@ -147,8 +147,7 @@ def from_file(fields: dict) -> Method:
     return decode(msgspec.to_builtins({"about": "mine", "source": "-", "order": 2} | fields), Method)
 
 
-def test_a_run_of_fixed_steps_takes_no_implicit_method() -> None:
-    with pytest.raises(
-        SceneError, match=r"^run.method = 'Radau5': implicit; a run of fixed steps takes an explicit method"
-    ):
-        simulate(make_scene(flexible("a"), run=Run(method="Radau5")))
+def test_a_tolerance_takes_no_method_without_an_error_estimate() -> None:
+    allowed = "run.method = 'Gauss4': does not estimate its error; with a tolerance allowed are auto, DOP853, Radau5, "
+    with pytest.raises(SceneError, match=f"^{allowed}"):
+        simulate(make_scene(flexible("a"), run=Run(method="Gauss4", tolerance=1e-4)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import msgspec
@@ -178,3 +179,27 @@ def whole(name: str, value: float, unit_name: str, unit: float) -> None:
         raise SceneError(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
     if abs(ratio - round(ratio)) > 1e-9 * max(1.0, ratio) or (value > 0 and round(ratio) == 0):
         raise SceneError(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+
+
+def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
+    """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
+
+    Raises
+    ------
+    SceneError
+        Both are given.
+    """
+    said = {path for path, value in changes.items() if value is not None}
+    tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
+    if tolerances and step:
+        raise SceneError(
+            f"run.step = {short(changes['run.step'])}: steps follow from {min(tolerances)}; give one of both"
+        )
+    gone: list[str] = []
+    if tolerances or step:
+        gone += ["run.tolerance", "run.relative_tolerance"]
+    if step:
+        gone += ["run.accuracy"]
+    if (tolerances and not run.controlled) or (step and run.method == AUTO):
+        gone += ["run.method"]
+    return dict.fromkeys(gone)

@@ -24,10 +24,9 @@ from typing import Any, NamedTuple
 from flexlink.kernels.clock import ACCEPTED, LAST, WORST
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.joint_torques import elastic, friction
-from flexlink.kernels.rne import rne
 from flexlink.kernels.shifted import displacement, factor, place_bodies, solve
-from flexlink.kernels.vec3 import vector
 
 MOST_ITERATIONS = 12
 FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to
@@ -58,7 +57,7 @@ class ImplicitWork(NamedTuple):
     method: ImplicitMethod
     chain: Any
     forward: Any  # scratch of forward dynamics
-    rne: Any
+    inverse: Any  # scratch of inverse dynamics
     posture: Any
     kp: Any
     kd: Any
@@ -206,7 +205,7 @@ def residual(t, inputs, q, qd, qdd, R, work):
     for k in range(len(q)):
         tau[k] = 0.0
     drive_torque(inputs.drive, t, q, qd, tau)
-    power = rne(chain, vector(chain.gravity), inputs.wrench, q, qd, qdd, R, work.rne)
+    power = inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])

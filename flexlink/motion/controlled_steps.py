@@ -15,6 +15,7 @@ from flexlink.dynamics import rounding
 from flexlink.kernels import clock, controlled
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.planar import planar_workspace
 from flexlink.kernels.rne import rne_workspace
 from flexlink.kernels.shifted import FACTORS
 from flexlink.kernels.shifted_plane import plane_posture
@@ -143,12 +144,13 @@ def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         Q, tau = np.zeros((2, n))
         return EmbeddedWork(coefficients, *about, posture, slowest, new, W, numbers, K, L, Q, tau, np.zeros((2, n)))
+    inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
     gains, r, p = gains_of(chain, record.inputs), len(method.modes.real), len(method.modes.complex)
     K, K_before, stage_angles, V, R = np.zeros((5, s, n))
     reals = np.zeros((2, n)), np.zeros((r, n)), np.zeros((r, n, FACTORS))
     pairs = np.zeros((2, n), complex), np.zeros((p, n), complex), np.zeros((p, n, FACTORS), complex)
     return ImplicitWork(
-        coefficients_of(method), *about, rne_workspace(arrays), posture, gains.kp, gains.kd, slowest, new, W, numbers,
+        coefficients_of(method), *about, inverse, posture, gains.kp, gains.kd, slowest, new, W, numbers,
         K, K_before, stage_angles, V, R, np.zeros(s), np.zeros(n), np.zeros((2, n)), *reals, *pairs,
     )  # fmt: skip
 

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
-from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.methods import check_method, method
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import AUTO, Accuracy, Dynamics, Run, Unstable
-from flexlink.describe.spec import meant
+from flexlink.describe.situation import Accuracy, Dynamics, Unstable
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import InterruptedRunError
@@ -85,8 +82,8 @@ def simulate(
         "dynamics": dynamics, "unstable": unstable,
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
     }  # fmt: skip
-    said = {name: value for name, value in settings.items() if value is not None}
-    run = SingleRun(override(given("scene", scene, Scene), said))
+    said = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    run = SingleRun(given("scene", scene, Scene).varied(said) if said else scene)
     with deferred() as stop:
         return run.finish(stop, progress)
 
@@ -147,26 +144,3 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
     watch.look(1)
     return watch
-
-
-def override(scene: Scene, overrides: dict[str, Any]) -> Scene:
-    """The scene with other run settings; errors as in `simulate`.
-
-    A tolerance takes the place of fixed steps, with the cheapest method unless one is named, and a step that of a
-    tolerance.
-    """
-    for name in overrides:
-        if name not in Run.__struct_fields__:
-            allowed = Run.__struct_fields__
-            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(allowed)}{meant(name, allowed)}")
-    tolerances = {"tolerance", "relative_tolerance"} & overrides.keys()
-    if tolerances and "step" in overrides:
-        raise ArgumentError(f"step = {overrides['step']}: steps follow from {tolerances.pop()}; give one of the two")
-    implied: dict[str, Any] = {}
-    if tolerances or "step" in overrides:
-        implied = dict.fromkeys(("tolerance", "relative_tolerance"))
-    if tolerances and not (scene.run.method != AUTO and method(scene.run.method).controlled):
-        implied["method"] = AUTO
-    if "step" in overrides:
-        implied |= {"accuracy": "tip"} | ({"method": ""} if scene.run.method == AUTO else {})
-    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **implied | overrides))
