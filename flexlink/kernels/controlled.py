@@ -23,12 +23,15 @@ from flexlink.kernels.clock import (
     ITERATIONS,
     KNOT,
     LAST,
+    POWER,
     REFUSED,
     REJECTED,
     ROW,
+    SLOWEST,
     STEP,
     TAKEN,
     TIME,
+    WORK,
 )
 from flexlink.kernels.compiler import INLINED, inlined, kernel, recursion
 from flexlink.kernels.embedded import EmbeddedWork, embedded_step
@@ -45,7 +48,7 @@ ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by th
 
 
 def take_step(t, h, inputs, state, accurate, work):
-    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`, `work.W`; returns its error [m] and iterations."""
+    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
     return ALGORITHMS[type(work)](t, h, inputs, state, accurate, work)
 
 
@@ -56,8 +59,10 @@ def _take_step(t, h, inputs, state, accurate, work):
 
 
 @kernel
-def advance(work, inputs, settings, count, state, knots, samples, most):
+def advance(work, forward, inputs, settings, count, state, knots, samples, most):
     """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
+
+    `work` is scratch of the method, `forward` of forward dynamics.
 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
     a step is long [s], a shorter one may have √(its part of that length) of it, so that errors of random sign add up to
@@ -91,7 +96,7 @@ def advance(work, inputs, settings, count, state, knots, samples, most):
             count[KNOT] += 1
             if count[KNOT] == len(knots):
                 return ENDED
-            begin(end, inputs, state, tau, work.forward)
+            begin(end, inputs, state, tau, forward)
     return GOES_ON
 
 
@@ -100,11 +105,11 @@ def first_step(work, state, settings, duration):
     """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
     absolute, part, largest = settings[0], settings[1], settings[7]
     q, qd, qdd = state[0], state[1], state[2]
-    bent, clock = np.zeros(len(q)), work.clock
+    bent, clock, slowest = np.zeros(len(q)), work.clock, work.clock[SLOWEST]
     place_bodies(q, work.posture)
     clock[DEFLECTION] = deflection(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
-        bent[k] = work.slowest * (qd[k] + work.slowest * qdd[k]) if work.chain.hinges[k].stiffness > 0.0 else 0.0
+        bent[k] = slowest * (qd[k] + slowest * qdd[k]) if work.chain.hinges[k].stiffness > 0.0 else 0.0
     clock[DEFLECTION] = max(clock[DEFLECTION], displacement(bent, work.posture))
     moves = displacement(qdd, work.posture)
     clock[STEP] = min(largest, 0.01 * duration)
@@ -138,7 +143,7 @@ def take_on(state, work):
     q, qd, qdd, done = state
     for k in range(len(q)):
         q[k], qd[k], qdd[k] = work.new[0, k], work.new[1, k], work.new[2, k]
-    done[0], done[1] = work.W[0], work.W[1]
+    done[0], done[1] = work.clock[WORK], work.clock[POWER]
     work.clock[ACCEPTED] = 1.0
 
 
@@ -187,7 +192,8 @@ def sample(t, h, inputs, state, work, count, samples, spare):
         for k in range(n):
             start, end = (q[k], qd[k], qdd[k]), (new[0, k], new[1, k], new[2, k])
             qs[row, k], qds[row, k] = (end[0], end[1]) if at_end else quintic(x, h, start, end)
-        works[row] = work.W[0] if at_end else cubic(x, h, (done[0], done[1]), (work.W[0], work.W[1]))
+        ends = work.clock[WORK], work.clock[POWER]
+        works[row] = ends[0] if at_end else cubic(x, h, (done[0], done[1]), ends)
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
         count[ROW] += 1
 

@@ -11,6 +11,7 @@ Differential Equations I, II.10).
 import math
 from typing import Any, NamedTuple
 
+from flexlink.kernels.clock import POWER, SLOWEST, WORK
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
@@ -28,16 +29,14 @@ class EmbeddedMethod(NamedTuple):
 
 
 class EmbeddedWork(NamedTuple):
-    """Scratch of `embedded_step`, with 1 / ω₁ of a chain."""
+    """Scratch of `embedded_step`, with the constants of a chain."""
 
     method: EmbeddedMethod
     chain: Any
     forward: Any  # scratch of forward dynamics
     posture: Any
-    slowest: Any  # 1 / ω₁ [s], ω₁ the lowest frequency
-    new: Any  # (3, n) q, q̇, q̈ at the end of the step
-    W: Any  # (2,) work up to there, and its power there
     clock: Any  # see there
+    new: Any  # (3, n) q, q̇, q̈ at the end of the step
     K: Any  # (s + 1, n), and so L
     L: Any
     Q: Any  # (n,)
@@ -47,7 +46,7 @@ class EmbeddedWork(NamedTuple):
 
 @recursion
 def embedded_step(t, h, inputs, state, accurate, work):
-    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new` and `work.W`; returns its error [m] and 1, as one pass.
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1, as one pass.
 
     `accurate` has no say.
     """
@@ -56,10 +55,10 @@ def embedded_step(t, h, inputs, state, accurate, work):
     K, L, s = work.K, work.L, len(c)
     for k in range(len(q)):
         L[0, k], K[0, k] = qd[k], qdd[k]
-    work.W[0] = done[0] + h * b[0] * done[1]
+    work.clock[WORK] = done[0] + h * b[0] * done[1]
     for i in range(1, s):
-        work.W[0] += h * b[i] * evaluate(t + c[i] * h, h, inputs, q, qd, A[i], i, work.Q, work)
-    work.W[1] = evaluate(t + h, h, inputs, q, qd, b, s, work.new[0], work)
+        work.clock[WORK] += h * b[i] * evaluate(t + c[i] * h, h, inputs, q, qd, A[i], i, work.Q, work)
+    work.clock[POWER] = evaluate(t + h, h, inputs, q, qd, b, s, work.new[0], work)
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
@@ -93,5 +92,5 @@ def error_by(row, h, work):
     for k in range(len(e_q)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
-        e_v[k] *= max(h, work.slowest)
+        e_v[k] *= max(h, work.clock[SLOWEST])
     return max(displacement(e_q, work.posture), displacement(e_v, work.posture))

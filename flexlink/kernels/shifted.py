@@ -25,7 +25,7 @@ PLACE = {PlanePosture: place_in_plane, SpacePosture: place_in_space}
 FACTOR = {PlanePosture: factor_in_plane, SpacePosture: factor_in_space}
 SOLVE = {PlanePosture: solve_in_plane, SpacePosture: solve_in_space}
 DISPLACEMENT = {PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space}
-FACTORS = 8  # numbers that `factor` keeps of a hinge, at most
+A, FACTORS = 0, 8  # where A of a hinge stands among its factors, and how many they are
 
 
 def place_bodies(q, posture):
@@ -33,14 +33,14 @@ def place_bodies(q, posture):
     PLACE[type(posture)](q, posture)
 
 
-def factor(A, factors, posture):
-    """Prepare `solve` for a diagonal A (n,) in `factors` (n, 8) of the same kind of numbers."""
-    FACTOR[type(posture)](A, factors, posture)
+def factor(factors, posture):
+    """Prepare `solve` for the diagonal A in the first column of `factors` (n, 8)."""
+    FACTOR[type(posture)](factors, posture)
 
 
-def solve(A, factors, r, x, posture):
+def solve(factors, r, x, posture):
     """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; after `factor`."""
-    SOLVE[type(posture)](A, factors, r, x, posture)
+    SOLVE[type(posture)](factors, r, x, posture)
 
 
 def displacement(δ, posture):
@@ -55,15 +55,15 @@ def _place_bodies(q, posture):
 
 
 @overload(factor, jit_options=INLINED)
-def _factor(A, factors, posture):
+def _factor(factors, posture):
     algorithm = FACTOR[posture.instance_class]
-    return lambda A, factors, posture: algorithm(A, factors, posture)  # noqa: PLW0108
+    return lambda factors, posture: algorithm(factors, posture)  # noqa: PLW0108
 
 
 @overload(solve, jit_options=INLINED)
-def _solve(A, factors, r, x, posture):
+def _solve(factors, r, x, posture):
     algorithm = SOLVE[posture.instance_class]
-    return lambda A, factors, r, x, posture: algorithm(A, factors, r, x, posture)  # noqa: PLW0108
+    return lambda factors, r, x, posture: algorithm(factors, r, x, posture)  # noqa: PLW0108
 
 
 @overload(displacement, jit_options=INLINED)

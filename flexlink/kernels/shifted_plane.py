@@ -18,6 +18,8 @@ from flexlink.kernels.compiler import kernel, recursion
 from flexlink.kernels.planar import INERTIA, MASS, RX, RY, SIGN, SX, SY, planar_workspace
 from flexlink.kernels.sincos import cos_sin_all
 
+A, HX, HY, INVERSE, BETA = range(5)  # of the factors of a hinge; β = A / D
+
 
 class PlanePosture(NamedTuple):
     """Posture of a chain in a plane, with its constants."""
@@ -52,48 +54,48 @@ def place_in_plane(q, posture):
 
 
 @recursion
-def factor_in_plane(A, factors, posture):
-    """Keep H, 1 / D and A / D of every hinge in `factors` (n, 8) for `solve_in_plane`."""
+def factor_in_plane(factors, posture):
+    """From A in the first column of `factors` (n, 8) keep H, 1 / D and A / D in the others."""
     links, given, d, h = posture.links, posture.given, posture.d, posture.h
-    o = A.dtype.type(0)
+    o = factors.dtype.type(0)
     Mxx = Mxy = Myy = j = gx = gy = o
-    for k in range(len(A) - 1, -1, -1):
+    for k in range(len(factors) - 1, -1, -1):
         dx, dy, m = d[k, 0], d[k, 1], links[k, MASS]
-        D = links[k, INERTIA] + A[k] + j + 2.0 * (dx * gx + dy * gy)
+        D = links[k, INERTIA] + factors[k, A] + j + 2.0 * (dx * gx + dy * gy)
         D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
         Hx, Hy = h[k, 0] + gx + Mxx * dx + Mxy * dy, h[k, 1] + gy + Mxy * dx + Myy * dy
         Mxx, Myy = Mxx + m, Myy + m
         if given[k]:
-            j, gx, gy = D - A[k], Hx, Hy
+            j, gx, gy = D - factors[k, A], Hx, Hy
         else:
             inverse = 1.0 / D
-            β = A[k] * inverse
+            β = factors[k, A] * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
-            j, gx, gy = A[k] * (1.0 - β), β * Hx, β * Hy
-            factors[k, 0], factors[k, 1], factors[k, 2], factors[k, 3] = Hx, Hy, inverse, β
+            j, gx, gy = factors[k, A] * (1.0 - β), β * Hx, β * Hy
+            factors[k, HX], factors[k, HY], factors[k, INVERSE], factors[k, BETA] = Hx, Hy, inverse, β
 
 
 @recursion
-def solve_in_plane(A, factors, r, x, posture):
+def solve_in_plane(factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
     links, given, d = posture.links, posture.given, posture.d
-    o = A.dtype.type(0)
+    o = factors.dtype.type(0)
     fx = fy = n = o
-    for k in range(len(A) - 1, -1, -1):
+    for k in range(len(factors) - 1, -1, -1):
         n += d[k, 0] * fx + d[k, 1] * fy
         if not given[k]:
             τ = links[k, SIGN] * r[k]
-            α = (τ - n) * factors[k, 2]
+            α = (τ - n) * factors[k, INVERSE]
             x[k] = α
-            n = τ - A[k] * α
-            fx, fy = fx + factors[k, 0] * α, fy + factors[k, 1] * α
+            n = τ - factors[k, A] * α
+            fx, fy = fx + factors[k, HX] * α, fy + factors[k, HY] * α
     ax = ay = before = o
-    for k in range(len(A)):
+    for k in range(len(factors)):
         if given[k]:
             x[k] = o
         else:
-            pull = factors[k, 0] * ax + factors[k, 1] * ay
-            α = x[k] + factors[k, 3] * before - factors[k, 2] * pull
+            pull = factors[k, HX] * ax + factors[k, HY] * ay
+            α = x[k] + factors[k, BETA] * before - factors[k, INVERSE] * pull
             x[k] = links[k, SIGN] * (α - before)
             before = α
         ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]

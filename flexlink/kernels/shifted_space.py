@@ -30,6 +30,8 @@ from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_add_dyad, sym_apply, sym_from_axes
 from flexlink.kernels.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
+A, JE, HE, INVERSE = 0, 1, 4, 7  # of the factors of a hinge
+
 
 class SpacePosture(NamedTuple):
     """Posture of a chain in space, axes of frame 0, with its constants."""
@@ -79,10 +81,10 @@ def place_in_space(q, posture):
 
 
 @recursion
-def factor_in_space(A, factors, posture):
-    """Keep J e, Hᵀ e and 1 / D of every hinge in `factors` (n, 8) for `solve_in_space`."""
+def factor_in_space(factors, posture):
+    """From A in the first column of `factors` (n, 8) keep J e, Hᵀ e and 1 / D in the others."""
     layout, rows, given, es, rs = posture.layout, posture.rows, posture.given, posture.e, posture.r
-    o = A.dtype.type(0)
+    o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     for i in range(len(layout) - 1, -1, -1):
         r, mc, m, I = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, MASS], inertia_of(posture.inertias, i, 0)
@@ -99,35 +101,35 @@ def factor_in_space(A, factors, posture):
             if not given[k]:
                 e = vec_of(es, k, 0)
                 Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-                inverse = 1.0 / (dot(e, Je) + A[k])
-                put_vec_of(factors, Je, k, 0)
-                put_vec_of(factors, He, k, 3)
-                factors[k, 6] = inverse
+                inverse = 1.0 / (dot(e, Je) + factors[k, A])
+                put_vec_of(factors, Je, k, JE)
+                put_vec_of(factors, He, k, HE)
+                factors[k, INVERSE] = inverse
                 u = scale(inverse, Je)
                 J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
                 H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
 
 
 @recursion
-def solve_in_space(A, factors, r, x, posture):
+def solve_in_space(factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
     layout, given, es, rs = posture.layout, posture.given, posture.e, posture.r
-    o = A.dtype.type(0)
+    o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i, 0), f))
         for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
             if not given[k]:
-                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, 6]
+                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, INVERSE]
                 x[k] = T
-                n, f = add_scaled(n, T, vec_of(factors, k, 0)), add_scaled(f, T, vec_of(factors, k, 3))
+                n, f = add_scaled(n, T, vec_of(factors, k, JE)), add_scaled(f, T, vec_of(factors, k, HE))
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
         for k in range(layout[i, FIRST], layout[i, STOP]):
             if given[k]:
                 x[k] = o
             else:
-                x[k] -= factors[k, 6] * (dot(vec_of(factors, k, 0), α) + dot(vec_of(factors, k, 3), a))
+                x[k] -= factors[k, INVERSE] * (dot(vec_of(factors, k, JE), α) + dot(vec_of(factors, k, HE), a))
                 α = add_scaled(α, x[k], vec_of(es, k, 0))
         a = add(a, cross(α, vec_of(rs, i, 0)))
 

@@ -12,7 +12,7 @@ from flexlink.analysis.stability import stable_step
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
-from flexlink.kernels import clock, controlled
+from flexlink.kernels import clock, controlled, implicit
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
 from flexlink.kernels.planar import planar_workspace
@@ -40,6 +40,9 @@ OF_THE_ITERATION = 0.05
 EXACT = 1e-13
 """What it may leave of a fixed step, as a part of the arm's reach: what is left drives the energy away."""
 
+FEW_PASSES, MANY_PASSES = 12, 50
+"""Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
+
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
 
@@ -58,6 +61,7 @@ class ControlledSteps:
         self.count[clock.ROW] = 1
         self.knots = knots(record.inputs, run.duration)
         self.samples = record.t, record.q, record.qd, record.works
+        self.work.clock[clock.PASSES] = FEW_PASSES if run.controlled else MANY_PASSES
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         longest = longest_step(self.method, self.name, record)
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
@@ -83,7 +87,15 @@ class ControlledSteps:
     def _advance(self, most: int) -> int:
         return int(
             controlled.advance(
-                self.work, self.record.inputs, self.settings, self.count, self.state, self.knots, self.samples, most
+                self.work,
+                self.record.scratch,
+                self.record.inputs,
+                self.settings,
+                self.count,
+                self.state,
+                self.knots,
+                self.samples,
+                most,
             )
         )
 
@@ -136,30 +148,27 @@ def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:
     """Scratch of the steps of a method on the chain of a record."""
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
-    about = arrays, record.scratch
-    slowest = 1.0 / slowest_frequency(chain, record.q[0])
-    new, W, numbers = np.zeros((3, n)), np.zeros(2), np.zeros(clock.CLOCK_SIZE)
+    numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
+    numbers[clock.SLOWEST] = 1.0 / slowest_frequency(chain, record.q[0])
     if method.explicit:
-        K, L = np.zeros((2, s + 1, n))
         coefficients = EmbeddedMethod(*method.arrays, method.error)
+        K, L = np.zeros((2, s + 1, n))
         Q, tau = np.zeros((2, n))
-        return EmbeddedWork(coefficients, *about, posture, slowest, new, W, numbers, K, L, Q, tau, np.zeros((2, n)))
-    inverse = planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays)
-    gains, r, p = gains_of(chain, record.inputs), len(method.modes.real), len(method.modes.complex)
-    K, K_before, stage_angles, V, R = np.zeros((5, s, n))
-    reals = np.zeros((2, n)), np.zeros((r, n)), np.zeros((r, n, FACTORS))
-    pairs = np.zeros((2, n), complex), np.zeros((p, n), complex), np.zeros((p, n, FACTORS), complex)
+        return EmbeddedWork(coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, np.zeros((2, n)))
+    r, p, vectors = len(method.modes.real), len(method.modes.complex), np.zeros((implicit.VECTORS, n))
+    vectors[implicit.KP], vectors[implicit.KD] = gains_of(chain, record.inputs)
     return ImplicitWork(
-        coefficients_of(method), *about, inverse, posture, gains.kp, gains.kd, slowest, new, W, numbers,
-        K, K_before, stage_angles, V, R, np.zeros(s), np.zeros(n), np.zeros((2, n)), *reals, *pairs,
+        coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
+        posture, numbers, new, np.zeros((5, s, n)), np.zeros(s), vectors, np.zeros((r, n, FACTORS)),
+        np.zeros((2, n), complex), np.zeros((p, n, FACTORS), complex),
     )  # fmt: skip
 
 
 def coefficients_of(method: Method) -> ImplicitMethod:
     """An implicit method as its kernel takes it."""
     (A, b, c), modes = method.arrays, method.modes
-    γ, d = method.embedded if method.controlled else (0.0, np.empty(0))
+    γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
     return ImplicitMethod(
-        A, modes.A2, b, modes.bA, c, modes.real, modes.T_real, modes.Tinv_real,
-        modes.complex, modes.T_complex, modes.Tinv_complex, γ, d,
+        np.array([A, modes.A2]), np.array([b, modes.bA, c, d]), γ, modes.real, modes.T_real, modes.Tinv_real,
+        modes.complex, modes.T_complex, modes.Tinv_complex,
     )  # fmt: skip
