@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import signal
 from typing import Any
 
@@ -41,11 +42,12 @@ def reference(scene: fl.Scene) -> np.ndarray:
 
     start, y = np.concatenate(fl.initial_state(scene, chain)), []
     ends = [0.0, *(t for t in drive.knots if 0 < t < scene.run.duration), scene.run.duration]
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
-        times = [t for t in scene.run.times if a <= t < b or (t == b == ends[-1])]
+    for a, b in itertools.pairwise(ends):
+        times = [t for t in scene.run.times if a <= t < b - 1e-12]
         found = solve_ivp(slope, (a, b), start, "DOP853", [*times, b], rtol=1e-11, atol=1e-12)
         start = found.y[:, -1]
         y += list(found.y[:, : len(times)].T)
+    y.append(start)
     return np.array(y)
 
 
@@ -67,7 +69,7 @@ def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) ->
     """The tip is never off by more than twice the tolerance, at any sample, whatever drives the arm."""
     scene = swinging(**DRIVES[drive])
     chain, n = fl.lump(scene), fl.lump(scene).n
-    tips = fl.tip_position(chain, reference(scene)[:, :n])
+    tips = np.array([fl.tip_position(chain, q) for q in reference(scene)[:, :n]])
     for name in CONTROLLED:
         for tolerance in (1e-3, 1e-5):
             run = fl.simulate(scene, method=name, tolerance=tolerance)
@@ -115,12 +117,15 @@ def test_gauss_keeps_the_energy_of_an_undamped_arm() -> None:
 
 
 def test_many_runs_with_a_tolerance_are_those_of_single_runs() -> None:
-    scenes = [swinging(**{"initial.joint_deg.a": angle, "run.tolerance": 1e-4}) for angle in (10.0, 35.0)]
+    scenes = [
+        swinging(**{"initial.joint_deg.a": angle, "run.tolerance": 1e-4, "run.method": "Radau5"})
+        for angle in (10.0, 35.0)
+    ]
     many = fl.simulate_many(scenes)
     for scene, run in zip(scenes, many, strict=True):
         np.testing.assert_array_equal(run.q, fl.simulate(scene).q)
     assert many[0].steps is not None
-    assert many[0].steps != many[1].steps
+    assert many[0].steps != many[1].steps  # each at its own pace
 
 
 def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_try() -> None:
@@ -131,7 +136,7 @@ def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_t
 
 
 def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
-    run = fl.simulate(swinging(), tolerance=1e-4)
+    run = fl.simulate(swinging(**{"run.duration": 2.0}), tolerance=1e-4)
     assert run.steps is not None
     assert run.steps.method == "Radau5"
     assert run.steps.evaluations > run.steps.taken > 0

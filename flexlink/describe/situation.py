@@ -192,9 +192,7 @@ def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
     said = {path for path, value in changes.items() if value is not None}
     tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
     if tolerances and step:
-        raise SceneError(
-            f"run.step = {short(changes['run.step'])}: steps follow from {min(tolerances)}; give one of both"
-        )
+        raise SceneError(f"run.step = {short(changes['run.step'])}: {min(tolerances)} is given, too")
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]
