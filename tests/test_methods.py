@@ -5,9 +5,11 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
+from conftest import flexible, make_scene
 from mpmath import mp, mpf
 from scipy.integrate._ivp import dop853_coefficients as published
 
+from flexlink import simulate
 from flexlink.common.errors import SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import Run
@@ -147,6 +149,6 @@ def from_file(fields: dict) -> Method:
 
 def test_a_run_of_fixed_steps_takes_no_implicit_method() -> None:
     with pytest.raises(
-        SceneError, match=r"^method = 'Radau5': implicit; a run of fixed steps takes an explicit method"
+        SceneError, match=r"^run.method = 'Radau5': implicit; a run of fixed steps takes an explicit method"
     ):
-        Run(method="Radau5")
+        simulate(make_scene(flexible("a"), run=Run(method="Radau5")))

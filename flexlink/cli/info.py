@@ -11,11 +11,13 @@ import numpy as np
 from flexlink.analysis.modal import modes
 from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about
 from flexlink.describe import catalogue, methods
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.motion.notes import notes
-from flexlink.motion.scene import Scene, load_scene
+from flexlink.motion.start import initial_state
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
@@ -33,8 +35,8 @@ def show_info(options: argparse.Namespace) -> int:
 
 
 def _show(scene: Scene) -> None:
-    chain = scene.chain()
-    q0, _ = scene.initial_state(chain)
+    chain = lump(scene)
+    q0, _ = initial_state(scene, chain)
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     for k in range(min(chain.n, LISTED)):

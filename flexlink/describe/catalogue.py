@@ -4,17 +4,31 @@ from __future__ import annotations
 
 import errno
 import functools
+import os
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.spec import decode, meant, short
 
 T = TypeVar("T")
 
 DATA = Path(__file__).parent / "data"
 LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
+
+
+def given_path(name: str, value: object) -> Path:
+    """`value`, a str or a Path, as a Path.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither; the message says what it is.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
+    return Path(value)
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue, collocation
+from flexlink.describe.situation import Run
 from flexlink.describe.spec import Spec, short
 
 Array = NDArray[np.float64]
@@ -208,6 +209,22 @@ def method(name: str) -> Method:
         Unknown name, or a file that is not a valid method.
     """
     return catalogue.load("methods", "method", name, Method)
+
+
+def check_method(run: Run) -> None:
+    """The method of a run is there, and explicit.
+
+    Raises
+    ------
+    SceneError
+        The message names the key, the value and what is allowed.
+    """
+    try:
+        explicit = method(run.method).explicit
+    except SceneError as error:
+        raise SceneError(f"run.{error}") from None
+    if not explicit:
+        raise SceneError(f"run.method = {short(run.method)}: implicit; a run of fixed steps takes an explicit method")
 
 
 def _check_number(where: str, x: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-from flexlink.describe import catalogue, methods
+from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 
 Array = NDArray[np.float64]
@@ -117,8 +117,6 @@ class Run(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
-        if not methods.method(self.method).explicit:
-            raise SceneError(f"method = {short(self.method)}: implicit; a run of fixed steps takes an explicit method")
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
 

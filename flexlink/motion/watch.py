@@ -11,6 +11,7 @@ from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.methods import method
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
@@ -19,7 +20,6 @@ from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,12 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
+from flexlink.chain.lumping import lump
 from flexlink.describe import methods
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -80,9 +82,9 @@ def _float64(scene: Scene, method: str, duration: float, steps: int) -> list[flo
 
 
 def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mpf]:
-    chain = scene.chain()
+    chain = lump(scene)
     oracle = PlanarChain(chain)
-    q, qd = (part.tolist() for part in scene.initial_state(chain))
+    q, qd = (part.tolist() for part in initial_state(scene, chain))
     with mp.workdps(DIGITS):
         return exact_runge_kutta.integrate(oracle.forward_dynamics, methods.method(method), (q, qd), duration, steps)[0]
 

@@ -10,10 +10,10 @@ import numpy as np
 
 from flexlink.analysis.stability import stable_step
 from flexlink.describe import methods
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
