@@ -53,8 +53,9 @@ def _show(scene: Scene) -> None:
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
     for method in catalogue.names("methods"):
-        cost = "" if bare is chain else f"; {_step(stable_step_of(free, method))} without structural damping"
-        print(f"largest stable step, {method:<6} {_step(stable_step_of(λ, method))}{cost}")
+        h, undamped = stable_step_of(λ, method), stable_step_of(free, method)
+        cost = "" if undamped == h else f"; {_step(undamped)} without structural damping"
+        print(f"largest stable step, {method:<6} {_step(h)}{cost}")
     if bare is not chain and chain.n <= LARGEST_MODAL:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")
