@@ -116,7 +116,7 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
         (lambda: chain().index(3, 0, 0), r"link = 3: must be 1 … 2"),
-        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q has 1 dimensions; many chains take 2, of shape"),
+        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], method="uper"),
             "unknown; allowed are .*; did you mean 'upper'",

@@ -21,8 +21,8 @@ FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
 
 
-def vector(name: str, value: ArrayLike, size: int) -> Array:
-    """`value` as a finite float64 array of shape (size,).
+def vector(name: str, value: ArrayLike, size: int, *, many: bool = False) -> Array:
+    """`value` as a finite float64 array of shape (size,); `many` says that the function would also take (b, size).
 
     Raises
     ------
@@ -32,19 +32,12 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
     if value.shape != (size,):
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
+        also = f", or (b, {size}) for b states" if many else ""
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}")
     if not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
         raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
     return value
-
-
-def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
-    """`value` as a finite float64 array of shape (b, n); errors as in `vector`."""
-    array = real_array(name, value, shape)
-    if array.shape != shape:
-        raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
-    return vector(name, array.reshape(-1), array.size).reshape(shape)
 
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
