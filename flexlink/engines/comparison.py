@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import all_given, given, integer
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import in_units
 from flexlink.engines import Engine, load
 from flexlink.engines.diagnosis import diagnosis
 from flexlink.engines.states import State, mixed_states
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -191,7 +192,7 @@ def compare(
     given("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MOST_SAMPLES), integer("seed", seed, 0)
     engines = all_given("engines", engines, str)
-    chain = msgspec.structs.replace(scene, motion=()).chain()  # prescribed joints are free in the exported files
+    chain = lump(msgspec.structs.replace(scene, motion=()))  # prescribed joints are free in the exported files
     native = load("native", chain)
     loaded = [load(name, chain) for name in engines]
     rows = compare_engines(chain, native, loaded, mixed_states(chain, samples, seed=seed), progress=progress)

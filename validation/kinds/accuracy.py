@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from flexlink.engines.states import State, random_states
@@ -49,7 +50,7 @@ class Arms(Family, frozen=True):
         """The arm with so many segments a link, with each of the loads."""
         scene = self.scene(case, segments)
         tips = [replace(scene.arm.tip, mass=load) for load in self.loads] or [scene.arm.tip]
-        return [replace(scene, arm=replace(scene.arm, tip=tip)).chain() for tip in tips]
+        return [lump(replace(scene, arm=replace(scene.arm, tip=tip))) for tip in tips]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
         """Random states; of arms near gimbal lock so many at every distance from it."""
