@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.analysis.tangent import Locked, load_torque, stiffness_matrix, tangent, unlocked
-from flexlink.chain.arguments import flag, given, positive, vector, wrench_vector
+from flexlink.analysis.tangent import load_torque, stiffness_matrix, tangent, unlocked
+from flexlink.chain.arguments import Joints, flag, given, positive, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ConvergenceError
 
@@ -63,7 +63,7 @@ def solve_static(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
     tolerance: float = 1e-9,
 ) -> Equilibrium:
     """Posture in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
@@ -151,7 +151,7 @@ def buckling_loads(
     q: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Array:
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 

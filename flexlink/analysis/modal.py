@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.analysis import eigenproblem
-from flexlink.analysis.tangent import Locked, gyroscopic_matrix, point_jacobian, tangent, unlocked
-from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.analysis.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
+from flexlink.chain.arguments import Joints, flag, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.dynamics.terms import frames, mass_matrix
@@ -80,7 +80,7 @@ def modes(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
 
@@ -137,7 +137,7 @@ def natural_frequencies(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Array:
     """Natural angular frequencies [rad/s], shape (modes,), slowest first, nan for a motion that just falls.
 

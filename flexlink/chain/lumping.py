@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import all_given, given, vector
+from flexlink.chain.arguments import given, sequence, vector
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.chain.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.common.errors import SceneError
@@ -26,7 +26,7 @@ def lump(
     *,
     locked_deg: Sequence[float] | None = None,
     name: str = "arm",
-    prescribed: Collection[str] = (),
+    prescribed: Iterable[str | int] = (),
 ) -> Chain:
     """Cut an arm into rigid segments joined by hinges.
 
@@ -41,7 +41,7 @@ def lump(
     name
         Name of the chain.
     prescribed
-        Names of the links whose joint moves as given in time.
+        Names or numbers of the links whose joint moves as given in time.
 
     Returns
     -------
@@ -52,21 +52,20 @@ def lump(
     Raises
     ------
     SceneError
-        The dimensions lead to a mass, inertia or stiffness beyond float64, or `prescribed` names no link.
+        The dimensions lead to a mass, inertia or stiffness beyond float64.
     ArgumentError
-        `locked_deg` does not have one angle per link, or `gravity` is not three finite numbers.
+        `locked_deg` does not have one angle per link, `gravity` is not three finite numbers, or `prescribed` holds
+        something that is no link.
     """
     links = len(given("arm", arm, Arm).links)
     angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
     given("name", name, str)
     g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
-    prescribed = all_given("prescribed", prescribed, str)
-    for link_name in prescribed:
-        arm.number(link_name)
+    moved = [arm.number(link) for link in sequence("prescribed", prescribed, "link")]
     builder = _Builder()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for number, link in enumerate(arm.links, start=1):
-            _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
+            _add_link(builder, arm, link, number, float(angles[number - 1]), number in moved)
         builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
     builder.start_body()
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base

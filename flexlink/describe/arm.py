@@ -7,11 +7,12 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.names import link_number
 from flexlink.describe.rules import hinges
 from flexlink.describe.sections import SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -196,7 +197,10 @@ class Link(Spec, frozen=True):
             raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
-        nodes, _ = hinges(self.lumping, self.segments)
+        try:
+            nodes, _ = hinges(self.lumping, self.segments)
+        except ArgumentError as error:
+            raise SceneError(str(error)) from None
         if nodes[0] == 0 and not (self.joint.locked or self.joint.armature or self.hub.inertia[2]):
             raise SceneError(
                 f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
@@ -244,15 +248,12 @@ class Arm(Spec, frozen=True):
             return 0.0
         return (link.damping or self.materials[link.material]).loss_time
 
-    def number(self, name: str) -> int:
-        """Number of the link called `name`, from 1.
+    def number(self, link: str | int) -> int:
+        """Number, from 1, of a link given by its name or number.
 
         Raises
         ------
-        SceneError
-            There is none.
+        ArgumentError
+            There is no such link.
         """
-        names = [link.name for link in self.links]
-        if not isinstance(name, str) or name not in names:
-            raise SceneError(f"link = {short(name)}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
-        return names.index(name) + 1
+        return link_number("link", link, [each.name for each in self.links])

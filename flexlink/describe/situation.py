@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 from flexlink.describe.tableaus import tableau
@@ -78,7 +78,7 @@ class Motion(Spec, frozen=True):
     between, then on at the last rate.
     """
 
-    link: str
+    link: str | int  # name, or number from 1
     times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
     angle_deg: tuple[float, ...]
     rate_deg: tuple[float, ...]
@@ -118,7 +118,10 @@ class Run(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
-        tableau(self.method)
+        try:
+            tableau(self.method)
+        except ArgumentError as error:
+            raise SceneError(str(error)) from None
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
 

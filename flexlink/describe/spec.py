@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -28,6 +28,8 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     ------
     SceneError
         A field has the wrong type, lies outside its range, or is not finite.
+    DataFileError
+        A file that a field names is not valid.
     """
 
     def __post_init__(self) -> None:
@@ -40,7 +42,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
             except msgspec.ValidationError as error:
-                raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
+                raise _refused(value, field.type, field.encode_name, error) from None
             msgspec.structs.force_setattr(self, field.name, kept)
 
 
@@ -81,6 +83,8 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     ------
     SceneError
         Unknown key, wrong type, value out of range or not finite.
+    DataFileError
+        A file that is named in it is not valid.
     """
     try:
         _check_finite(raw, path)
@@ -91,7 +95,13 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise SceneError(_explain(raw, kind, path, error)) from None
+        raise _refused(raw, kind, path, error) from None
+
+
+def _refused(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> SceneError | DataFileError:
+    """What is wrong with `raw`, or with a file of data that it names."""
+    of_file = isinstance(error.__cause__, DataFileError)
+    return (DataFileError if of_file else SceneError)(_explain(raw, kind, path, error))
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:

@@ -76,7 +76,9 @@ def tableau(name: str) -> Tableau:
 
     Raises
     ------
-    SceneError
-        Unknown name, or a file that is not a valid tableau.
+    ArgumentError
+        Unknown name.
+    DataFileError
+        A file that is not a valid tableau.
     """
     return catalogue.load("tableaus", "method", name, Tableau)

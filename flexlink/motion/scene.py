@@ -13,7 +13,7 @@ from flexlink.analysis.equilibrium import solve_static
 from flexlink.chain.arguments import given, given_path
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
@@ -55,24 +55,28 @@ class Scene(Spec, frozen=True):
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+        moved: set[int] = set()
         for k, motion in enumerate(self.motion):
-            self._check_motion(motion, f"motion[{k}]")
+            number = self._check_motion(motion, f"motion[{k}]")
+            if number in moved:
+                raise SceneError(f"motion[{k}].link = {motion.link!r}: has two motions")
+            moved.add(number)
 
-    def _check_motion(self, motion: Motion, path: str) -> None:
+    def _check_motion(self, motion: Motion, path: str) -> int:
+        """Number of the link that moves."""
         try:
             number = self.arm.number(motion.link)
-        except SceneError as error:
+        except ArgumentError as error:
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
-        if [other.link for other in self.motion].count(motion.link) > 1:
-            raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
         for key, start, first in (
             ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
             ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
         ):
             if start != first:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+        return number
 
     def chain(self) -> Chain:
         """Lump the arm into its chain; locked joints stay at their initial angle."""
@@ -128,6 +132,8 @@ def load_scene(path: str | Path) -> Scene:
         `path` is no path.
     SceneError
         The message names the file, the key path, the value and what is allowed.
+    DataFileError
+        The file of a rule or method that the scene names is not valid.
     """
     path = given_path("path", path)
     raw = catalogue.read_toml(path)
@@ -136,8 +142,8 @@ def load_scene(path: str | Path) -> Scene:
         _find_beside(path, link, "lumping")
     try:
         return scene_from(raw)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    except (SceneError, DataFileError) as error:
+        raise type(error)(f"{path}: {error}") from None
 
 
 def _find_beside(scene: Path, table: object, key: str) -> None:

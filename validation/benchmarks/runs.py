@@ -34,7 +34,7 @@ def told(run: Run) -> dict[str, Fact]:
 def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
-    names = [chain.joint_name(k) for k in range(chain.n)]
+    names = chain.joint_names
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
     links = [chain.coordinate(k).link for k in range(chain.n)]
 
