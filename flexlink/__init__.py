@@ -24,6 +24,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import (
@@ -43,8 +44,8 @@ from flexlink.formats import to_mjcf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene, load_scene
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
@@ -94,6 +95,7 @@ __all__ = [
     "frames",
     "friction_torque",
     "gravity_torque",
+    "initial_state",
     "inverse_dynamics",
     "load_scene",
     "lump",

@@ -16,7 +16,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
 
-CHAINS = {"spatial": nasty_scene().chain(), "planar": make_scene(flexible("a", segments=3)).chain()}
+CHAINS = {"spatial": fl.lump(nasty_scene()), "planar": fl.lump(make_scene(flexible("a", segments=3)))}
 
 
 def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:

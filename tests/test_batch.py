@@ -195,4 +195,4 @@ def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     assert len(runs[-1].t) < 10_001
     for start, run in zip(starts, runs, strict=True):
         assert np.isfinite(run.q).all()
-        np.testing.assert_array_equal(run.q[0], start.initial_state(run.chain)[0])
+        np.testing.assert_array_equal(run.q[0], fl.initial_state(start, run.chain)[0])

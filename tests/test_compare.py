@@ -23,7 +23,7 @@ SCENES = sorted([*MODELS.glob("*.toml"), *(ROOT / "validation" / "scenes").glob(
 
 @pytest.fixture(scope="module")
 def chain():
-    return fl.load_scene(MODELS / "t3_spatial.toml").chain()
+    return fl.lump(fl.load_scene(MODELS / "t3_spatial.toml"))
 
 
 def against(chain, engine):
@@ -72,7 +72,7 @@ def test_a_stiffness_wrong_by_1e_9_in_an_engine_s_file_is_found(scene, k, engine
     path = ROOT / f"{scene}.toml"
     assert main(["compare", str(path), "--engines", engine, "--samples", "40"]) == 1
     told = capsys.readouterr().out
-    name = msgspec.structs.replace(fl.load_scene(path), motion=()).chain().joint_name(k)
+    name = fl.lump(msgspec.structs.replace(fl.load_scene(path), motion=())).joint_name(k)
     assert f"T_FL differs: at joint {name!r} by stiffness k" in told
     assert "(factor 1 +1e-09)" in told
 

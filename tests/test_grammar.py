@@ -24,7 +24,8 @@ OF_A_STATE = [
     *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),
 ]
 OF_OTHERS = {
-    fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["arm", "gravity"],
+    fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
+    fl.initial_state: ["scene", "chain"],
     fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.load_scene: ["path"], load: ["name", "chain"],
 }  # fmt: skip
 
@@ -59,7 +60,7 @@ def test_options_of_one_name_stand_in_one_order() -> None:
 
 def test_engines_speak_the_same_grammar() -> None:
     for engine in ENGINES:
-        kind = type(load(engine, fl.load_scene(MODELS[0]).chain()))
+        kind = type(load(engine, fl.lump(fl.load_scene(MODELS[0]))))
         for name in ("mass_matrix", "bias_torque", "gravity_torque", "elastic_torque", "friction_torque"):
             function = getattr(kind, name)
             assert positional(function) == positional(getattr(fl, name))[1:]

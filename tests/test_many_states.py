@@ -23,7 +23,7 @@ CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
     "tip_position": (fl.tip_position, ["q"], {}),
     "forward_dynamics": (fl.forward_dynamics, ["q", "qd", "tau"], {"tip_wrench": WRENCH}),
 }
-NASTY = nasty_scene().chain()
+NASTY = fl.lump(nasty_scene())
 
 
 def batch(chain: fl.Chain, rng: np.random.Generator, b: int) -> dict[str, np.ndarray]:

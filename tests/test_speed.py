@@ -23,8 +23,8 @@ from validation.case import CASES, Case, load_case
 from validation.kinds import speed_calls, speed_steps
 from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-from validation.oracles.spatial_chain import SpatialChain, numbers
-from validation.runner import judge
+from validation.oracles.spatial_chain import SpatialChain, exactly
+from validation.runner import judged
 from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
 from validation.timing.families import Family, of_steps, timed_states
@@ -41,7 +41,7 @@ def family(kind: str, *segments: int, **limits: int) -> Family:
 
 @pytest.fixture(params=FLEX)
 def chain(request: pytest.FixtureRequest) -> fl.Chain:
-    return family(request.param, 3).scene(CASE, 3).chain()
+    return fl.lump(family(request.param, 3).scene(CASE, 3))
 
 
 # families
@@ -49,14 +49,14 @@ def chain(request: pytest.FixtureRequest) -> fl.Chain:
 
 @pytest.mark.parametrize(("kind", "segments", "n"), [("T1", 5, 10), ("T1", 200, 400), ("T2", 5, 18), ("T3", 50, 296)])
 def test_a_family_has_the_degrees_of_freedom_of_the_paper_s_equation_1(kind: str, segments: int, n: int) -> None:
-    assert family(kind, segments).scene(CASE, segments).chain().n == n
+    assert fl.lump(family(kind, segments).scene(CASE, segments)).n == n
 
 
 @pytest.mark.parametrize("kind", FLEX)
 def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
-    assert scene.run.step <= fl.stable_step(scene.chain(), np.linspace(0.1, 0.4, scene.chain().n), method="RK4")
+    assert scene.run.step <= fl.stable_step(fl.lump(scene), np.linspace(0.1, 0.4, fl.lump(scene).n), method="RK4")
 
 
 def test_a_run_of_so_many_steps_keeps_two_states() -> None:
@@ -126,9 +126,9 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
     """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
     work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
     for costly in (
-        "flexlink.motion.scene.Scene.chain",
+        "flexlink.chain.lumping.hinges_of",  # of lump
         "flexlink.formats.to_urdf",
-        "flexlink.motion.scene.Scene.initial_state",
+        "flexlink.motion.start.spread",  # of initial_state
     ):
         monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
     work(2)
@@ -183,10 +183,10 @@ def test_the_exponent_is_of_the_long_chains_only() -> None:
 
 
 def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
-    chain = family("T1", 3).scene(CASE, 3).chain()
+    chain = fl.lump(family("T1", 3).scene(CASE, 3))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
-        q, qd, tau = (numbers(part) for part in state[:3])
+        q, qd, tau = (exactly(part) for part in state[:3])
         one, other = SpatialChain(chain), PlanarChain(chain)
         pairs = zip(one.forward_dynamics(q, qd, tau), other.forward_dynamics(q, qd, tau), strict=True)
         assert max(abs(a - b) for a, b in pairs) < mpf("1e-35")
@@ -194,10 +194,10 @@ def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
 
 @pytest.mark.parametrize("model", ["t2_spatial", "t3_spatial"])
 def test_the_spatial_judge_agrees_with_every_term(model: str, models: Path) -> None:
-    chain = fl.load_scene(models / f"{model}.toml").chain()
+    chain = fl.lump(fl.load_scene(models / f"{model}.toml"))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
-        M, bias = SpatialChain(chain).equations(numbers(state.q), numbers(state.qd))
+        M, bias = SpatialChain(chain).equations(exactly(state.q), exactly(state.qd))
         M, bias = np.array(M.tolist(), float), np.array(bias, float)
     np.testing.assert_allclose(M, fl.mass_matrix(chain, state.q), rtol=0, atol=of_mass_matrix(chain, state.q))
     allowed = of_bias_torque(chain, state.q, state.qd)
@@ -214,7 +214,7 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     entries = [("T1", Time("native", n, 1e-8 * n)) for n in (10, 100, 1000)] + [("T1", Time("mujoco", 10, 1e-6))]
     store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
     for row in speed_calls.exponents("T1", "forward dynamics", [each for _, each in entries]):
-        store.append(judge(case, row, 0.0, "key"))
+        store.append(judged(case, row, 0.0, "key"))
     store.note_environment(Environment())
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})
     store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))

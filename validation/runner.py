@@ -114,14 +114,14 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case takes of what its kind measures
-            yield judge(case, result, time.perf_counter() - start, key)
+            yield judged(case, result, time.perf_counter() - start, key)
             missing.discard(result.quantity)
             start = time.perf_counter()
     if missing:  # a limit that nobody measured must not look like a limit that was kept
         raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 
 
-def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
+def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale

@@ -32,7 +32,7 @@ CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; 
 STEPS = 500
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Equilibrium:
     """A posture in which all torques balance.
 
@@ -53,6 +53,13 @@ class Equilibrium:
     residual: float
     stable: bool
     path: Array
+
+    def __repr__(self) -> str:
+        most = np.degrees(np.abs(self.q).max())
+        return (
+            f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at angles up to {most:.4g}°, "
+            f"{self.residual:.2g} N m left over>"
+        )
 
 
 def solve_static(

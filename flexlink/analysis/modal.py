@@ -19,13 +19,14 @@ from flexlink.analysis.tangent import gyroscopic_matrix, point_jacobian, tangent
 from flexlink.chain.arguments import Joints, flag, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.describe.spec import short_list
 from flexlink.dynamics.terms import frames, mass_matrix
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Modes:
     """Modes of small motion about a posture, slowest first.
 
@@ -49,6 +50,10 @@ class Modes:
     paths: NDArray[np.inexact]
     points: Array
     rounding: Array
+
+    def __repr__(self) -> str:
+        told = short_list([f"{f:.4g}" for f in self.hertz])
+        return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
 
     @property
     def frequencies(self) -> Array:

@@ -20,7 +20,8 @@ from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_m
 from flexlink.analysis.tangent import gyroscopic_matrix, stiffness_matrix
 from flexlink.chain.arguments import given, vector, wrench_vector
 from flexlink.chain.chain import Chain
-from flexlink.describe.tableaus import Tableau, tableau
+from flexlink.describe import methods
+from flexlink.describe.methods import Method
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import bias_torque, inverse_dynamics
 
@@ -176,7 +177,7 @@ def largest_frequency(chain: Chain, q: ArrayLike) -> float:
     return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
 
 
-def stability_polynomial(method: Tableau) -> Array:
+def stability_polynomial(method: Method) -> Array:
     """Coefficients of R(z) = 1 + z b·(1 − zA)⁻¹·1 = Σ r_k z^k, r_0 first (Hairer & Wanner, II, eq. IV.2.11)."""
     A, b, _ = method.arrays
     coefficients, power = [1.0], np.ones(method.stages)
@@ -227,7 +228,7 @@ def stable_step(
 
 def stable_step_of(λ: Complex, method: str) -> float:
     """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
-    r = stability_polynomial(tableau(method))
+    r = stability_polynomial(methods.method(method))
     fastest = float(np.abs(λ).max(initial=0.0))
     if fastest == 0:
         return np.inf

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import difflib
-import os
 import sys
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -197,13 +195,6 @@ def callable_or_none(name: str, value: object) -> None:
     """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
     if value is not None and not callable(value):
         raise ArgumentError(f"{name} = {short(value)}: expected a function, or None")
-
-
-def given_path(name: str, value: object) -> Path:
-    """`value`, a str or a Path, as a Path; errors as in `given`."""
-    if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
-    return Path(value)
 
 
 def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:

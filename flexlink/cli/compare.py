@@ -6,8 +6,8 @@ import argparse
 
 from flexlink.cli.shared import about
 from flexlink.cli.terminal import Progress
+from flexlink.describe.scene import load_scene
 from flexlink.engines.comparison import compare
-from flexlink.motion.scene import load_scene
 
 
 def compare_engines(options: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, plain, short
+from flexlink.describe.spec import meant, plain, short, short_list
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:
@@ -30,8 +30,7 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
         return names.index(wanted) + 1
     if type(wanted) is int and 1 <= wanted <= len(names):
         return wanted
-    links = ", ".join(names) if len(names) <= 8 else ", ".join([*names[:4], "…", *names[-2:]])
     raise ArgumentError(
-        f"{argument} = {short(value)}: no link of this arm; allowed are 1 … {len(names)}, or {links}"
+        f"{argument} = {short(value)}: no link of this arm; allowed are 1 … {len(names)}, or {short_list(names)}"
         f"{meant(wanted, names)}"
     )

@@ -8,10 +8,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
-from flexlink.describe.tableaus import tableau
 
 Array = NDArray[np.float64]
 Dynamics = Literal["articulated", "lu", "cholesky"]
@@ -118,10 +117,6 @@ class Run(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
-        try:
-            tableau(self.method)
-        except ArgumentError as error:
-            raise SceneError(str(error)) from None
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
 

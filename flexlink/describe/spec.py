@@ -5,20 +5,25 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import SceneError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Vector3 = tuple[float, float, float]
 
 T = TypeVar("T")
+
+BRIEF = reprlib.Repr()
+BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
+BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
 class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -28,8 +33,6 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     ------
     SceneError
         A field has the wrong type, lies outside its range, or is not finite.
-    DataFileError
-        A file that a field names is not valid.
     """
 
     def __post_init__(self) -> None:
@@ -42,8 +45,22 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
             except msgspec.ValidationError as error:
-                raise _refused(value, field.type, field.encode_name, error) from None
+                raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+    def __repr__(self) -> str:
+        """What is not as by default, long texts and tables cut."""
+        said = [
+            f"{field.name}={BRIEF.repr(getattr(self, field.name))}"
+            for field in msgspec.structs.fields(self)
+            if getattr(self, field.name) != _default(field)
+        ]
+        return f"{type(self).__name__}({', '.join(said)})"
+
+
+def _default(field: msgspec.structs.FieldInfo) -> object:
+    made = field.default_factory
+    return field.default if made is msgspec.NODEFAULT else made()
 
 
 def plain(value: object) -> object:
@@ -83,8 +100,6 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     ------
     SceneError
         Unknown key, wrong type, value out of range or not finite.
-    DataFileError
-        A file that is named in it is not valid.
     """
     try:
         _check_finite(raw, path)
@@ -95,13 +110,7 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise _refused(raw, kind, path, error) from None
-
-
-def _refused(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> SceneError | DataFileError:
-    """What is wrong with `raw`, or with a file of data that it names."""
-    of_file = isinstance(error.__cause__, DataFileError)
-    return (DataFileError if of_file else SceneError)(_explain(raw, kind, path, error))
+        raise SceneError(_explain(raw, kind, path, error)) from None
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
@@ -163,7 +172,7 @@ def _type_below(kind: Any, key: str) -> Any:
 
 def _bare(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
-    while get_origin(kind) is Annotated or get_origin(kind) is UnionType:
+    while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)
     return kind
 
@@ -194,3 +203,8 @@ def short(value: object) -> str:
     except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
         return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+def short_list(items: Sequence[str]) -> str:
+    """Items with commas, those in the middle of many left out."""
+    return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])

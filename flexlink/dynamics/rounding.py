@@ -167,3 +167,55 @@ def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
     rotor = np.abs(chain.hinges["armature"]).max()
     tip = (np.linalg.norm(points[-1] - points, axis=1) + away).max()
     return Sizes(float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes)
+
+
+# Of many postures at once: of arms stretched out, whose sizes no posture exceeds.
+
+
+def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
+    """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
+
+    Unlike the torque itself it cannot cancel, and it holds for all postures at once.
+    """
+    bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
+    Ω = np.abs(qd).sum()
+    at = np.cumsum(np.linalg.norm(bodies["translation"], axis=1))  # way from the base to each body's hinges
+    far = at + np.linalg.norm(bodies["center"], axis=1)
+    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
+    moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
+    beyond_force, beyond_moment = (np.cumsum(part[::-1])[::-1] for part in (force, moment))
+    tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
+    load = beyond_moment - at * beyond_force + (at[-1] - at) * tip_force + tip_moment
+    return np.repeat(np.maximum(load, 0.0), hinges)
+
+
+def of_load_stiffness(chain: Chain) -> float:
+    """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i.
+
+    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of; the four
+    weights of Riesz's formula add up to 2: |δK_ij| ≤ 16 b eps · load_i.
+    """
+    return 16 * len(chain.bodies) * EPS
+
+
+def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Array:
+    """Of E(t) − E(0) − W(t) in one step [J], shape (samples,), from T, V_g, V_e (3, samples), W and q (samples, n).
+
+    A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
+    gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
+    """
+    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * reach(chain)
+    size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
+    return np.asarray(4 * EPS * size)
+
+
+def of_position(chain: Chain) -> float:
+    """Of where a step puts the tip [m], 10 eps of the arm's reach."""
+    return ROUNDINGS * EPS * reach(chain)
+
+
+def reach(chain: Chain) -> float:
+    """How far from the origin of frame 0 any of the arm's masses can get [m], at most."""
+    bodies = chain.bodies
+    offsets, centers = (np.linalg.norm(bodies[name], axis=1) for name in ("translation", "center"))
+    return float(offsets.sum() + centers.max())

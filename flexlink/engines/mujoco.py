@@ -17,9 +17,9 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
 from flexlink.formats import to_mjcf
-from flexlink.motion.scene import Scene
 
 Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import flexlink
 from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
 from flexlink.engines.base import Array, Samples
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 
 

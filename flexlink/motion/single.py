@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.interruption import Stop, deferred
+from flexlink.describe.methods import check_method
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Dynamics, Run, Unstable
 from flexlink.describe.spec import meant
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
 Array = NDArray[np.float64]
@@ -67,6 +70,8 @@ def simulate(
         `scene` is no Scene, or `progress` no function.
     SceneError
         A run setting with a value that is not allowed.
+    DataFileError
+        The method's own file is not valid.
     UnstableStepError
         The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
     DivergenceError
@@ -90,7 +95,7 @@ class SingleRun:
     """A run that is judged and compiled, and has not started; errors as in `simulate`."""
 
     def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
-        self.watch = prepare(scene, scene.chain()) if watch is None else watch
+        self.watch = prepare(scene, lump(scene)) if watch is None else watch
         record = self.watch.record
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         samples = record.q, record.qd, record.works
@@ -123,18 +128,19 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     Raises
     ------
     SceneError
-        The samples do not fit into memory.
+        The method is unknown or implicit, or the samples do not fit into memory.
     UnstableStepError
         As in `simulate`.
     """
     run, inputs = scene.run, input_arrays(scene, chain)
+    check_method(run)
     try:
         record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
-    record.q[0], record.qd[0] = start = scene.initial_state(chain)
+    record.q[0], record.qd[0] = start = initial_state(scene, chain)
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
     watch.look(1)
     return watch

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import msgspec
 import numpy as np
 
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Drive, Motion
-from flexlink.motion.scene import Scene
 
 
 def torque_pulse(scene: Scene, knots: int = 241) -> Scene:

@@ -41,6 +41,6 @@ def look_up(name: str, *keys: str) -> Any:
     return found
 
 
-def numbers(name: str, *keys: str) -> Array:
+def reference_array(name: str, *keys: str) -> Array:
     """A number or list of numbers of a reference file as float64, rounded once."""
     return np.array(look_up(name, *keys), dtype=np.float64)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from validation.facts import Fact
 from validation.store import Series
 
@@ -31,7 +31,7 @@ def told(run: Run) -> dict[str, Fact]:
     return {"method": run.method, "step": run.step, "duration": run.duration}
 
 
-def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
+def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
     names = chain.joint_names

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.planar_chain import DIGITS
-from validation.oracles.spatial_chain import SpatialChain, numbers
+from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.timing.families import Family
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class Arms(Family, frozen=True):
         """The arm with so many segments a link, with each of the loads."""
         scene = self.scene(case, segments)
         tips = [replace(scene.arm.tip, mass=load) for load in self.loads] or [scene.arm.tip]
-        return [replace(scene, arm=replace(scene.arm, tip=tip)).chain() for tip in tips]
+        return [lump(replace(scene, arm=replace(scene.arm, tip=tip))) for tip in tips]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
         """Random states; of arms near gimbal lock so many at every distance from it."""
@@ -113,7 +114,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 def _exact(chain: Chain, states: list[State]) -> list[Array]:
     oracle = SpatialChain(chain)
     with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
-        exact = [oracle.forward_dynamics(numbers(s.q), numbers(s.qd), numbers(s.tau)) for s in states]
+        exact = [oracle.forward_dynamics(exactly(s.q), exactly(s.qd), exactly(s.tau)) for s in states]
         return [np.array(values, dtype=np.float64) for values in exact]  # rounds once
 
 

@@ -51,7 +51,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():
-        chain = scene.chain()
+        chain = fl.lump(scene)
         states = random_states(chain, settings.samples, seed=settings.seed)
         for quantity, (violation, worst) in IDENTITIES.items():
             found = worst([violation(chain, state) for state in states])

@@ -19,15 +19,15 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import choice
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import look_up, numbers
+from validation.benchmarks.reference_values import look_up, reference_array
 from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
@@ -58,7 +58,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
-    exact = numbers(settings.reference, "values")[:, list(settings.columns)]
+    exact = reference_array(settings.reference, "values")[:, list(settings.columns)]
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
     tried = [at for at in grid(settings.rules) if existing(case, Variant(), at) is not None]
     points = [Point(at, _errors(settings, run(at), exact)) for at in tried]
@@ -79,8 +79,8 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     """The scene with its input and a step that divides the time between samples."""
     with_input = choice(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
-    chain = scene.chain()
-    stable = fl.stable_step(chain, scene.initial_state(chain)[0], method=scene.run.method)
+    chain = fl.lump(scene)
+    stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
     return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))
 
 
@@ -123,7 +123,7 @@ def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
     facts: Facts = {**at.facts, **told(scene.run)}
     if scene.motion:
-        free = msgspec.structs.replace(scene, motion=()).chain()
+        free = fl.lump(msgspec.structs.replace(scene, motion=()))
         value = max(_acceleration_errors(scene, ours, free))
         yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", facts)
         return

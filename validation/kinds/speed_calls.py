@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Fact, Facts
@@ -49,7 +50,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for name, family in settings.chain.items():
         own: dict[str, list[Time]] = {}
         for segments in family.segments:
-            chain = family.scene(case, segments).chain()
+            chain = lump(family.scene(case, segments))
             for job, times in _times(chain, segments, family, settings):
                 yield from _rows(name, job, times, segments == family.segments[0])
                 own.setdefault(job, []).extend(times.values())

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
 
@@ -39,7 +40,7 @@ class Family(Spec, frozen=True):
         The fastest mode bends from hinge to hinge; its frequency grows as the square of their number, or slower.
         """
         first = min(self.segments)
-        chain = self.scene(case, first).chain()
+        chain = lump(self.scene(case, first))
         step = 0.5 * stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") * (first / segments) ** 2
         return of_steps(self.scene(case, segments), 0, step)
 
