@@ -15,6 +15,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import (
     ArgumentError,
     ConvergenceError,
+    DataFileError,
     FlexlinkError,
     MissingDependencyError,
     OutputError,
@@ -59,6 +60,7 @@ __all__ = [
     "ConvergenceError",
     "Coordinate",
     "Damping",
+    "DataFileError",
     "DivergenceError",
     "Drive",
     "Energy",

@@ -11,7 +11,7 @@ from conftest import ROOT, nasty_scene
 
 import flexlink as fl
 from flexlink.analysis.tangent import stiffness_matrix
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.rules import lumping_rule
 from flexlink.describe.spec import decode
 from flexlink.engines import load
@@ -124,7 +124,7 @@ def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(n
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
 def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
-    with pytest.raises(SceneError, match=r"no.such.*there are"):
+    with pytest.raises(DataFileError, match=r"no.such.*there are"):
         reference_values.look_up(*keys)
 
 

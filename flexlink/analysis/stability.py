@@ -215,10 +215,10 @@ def stable_step(
 
     Raises
     ------
-    SceneError
-        Unknown method.
     ArgumentError
-        An argument has the wrong shape, is not real or not finite.
+        An argument has the wrong shape, is not real or not finite; unknown method.
+    DataFileError
+        The method's own file is not valid.
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """

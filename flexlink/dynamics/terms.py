@@ -47,12 +47,26 @@ class Energy(NamedTuple):
         """Kinetic + gravity + elastic."""
         return self.kinetic + self.gravity + self.elastic
 
+    def __repr__(self) -> str:
+        told = [f"{name} {_span(np.asarray(value))} J" for name, value in self._asdict().items()]
+        return f"<Energy: {', '.join(told)}>"
+
+
+def _span(values: Array) -> str:
+    if values.ndim == 0:
+        return f"{float(values):.9g}"
+    return f"{values.min():.6g} … {values.max():.6g}" if values.size else "–"
+
 
 class Frames(NamedTuple):
     """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
 
     rotations: Array  # (…, bodies, 3, 3), R: v_0 = R v_body
     points: Array  # (…, bodies, 3), origins [m]
+
+    def __repr__(self) -> str:
+        *states, bodies, _ = self.points.shape
+        return f"<Frames: {bodies} bodies{f' in {states[0]} states' if states else ''}>"
 
 
 def inverse_dynamics(

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from validation.benchmarks.reference_values import look_up, numbers
+from validation.benchmarks.reference_values import look_up, reference_array
 
 Array = NDArray[np.float64]
 ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg, of the Princeton beam
@@ -33,7 +33,7 @@ def elastica() -> Iterator[TipLoad]:
 def roll_up() -> Iterator[TipLoad]:
     """End moment ML/2πEI on a beam with EI = L = 1: a full turn closes the circle."""
     for key in look_up("rollup_end_moment", "continuum"):
-        x, y = (float(numbers("rollup_end_moment", "continuum", key, name)) for name in ("x/L", "y/L"))
+        x, y = (float(reference_array("rollup_end_moment", "continuum", key, name)) for name in ("x/L", "y/L"))
         turns = float(key.split("=")[1])
         yield TipLoad(f"{turns:g} turns", np.array([0, 0, 0, 0, 0, 2 * np.pi * turns]), np.array([x - 1, y, 0]))
 
