@@ -27,18 +27,16 @@ from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Pa
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.placement import Frames, frames, tip_position
 from flexlink.dynamics.terms import (
     Energy,
-    Frames,
     bias_torque,
     elastic_torque,
     energy,
-    frames,
     friction_torque,
     gravity_torque,
     inverse_dynamics,
     mass_matrix,
-    tip_position,
 )
 from flexlink.formats import to_mjcf, to_urdf
 from flexlink.motion.batch import simulate_many

@@ -163,8 +163,23 @@ def buckling_loads(
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 
     Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q, and joints without a spring, too.
-    Only real positive s count, smallest first; loads that soften nothing give none. Arguments are those of
-    `solve_static`.
+    Only real positive s count; loads that soften nothing give none.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Posture [rad], shape (n,); default: springs slack, joints at zero.
+    tip_wrench
+        Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
+    locked
+        Coordinates that do not move, as in `solve_static`.
+
+    Returns
+    -------
+    Array
+        Factors s, smallest first.
 
     Raises
     ------

@@ -20,7 +20,8 @@ from flexlink.chain.arguments import Joints, flag, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.describe.spec import short_list
-from flexlink.dynamics.terms import frames, mass_matrix
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import mass_matrix
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -144,9 +145,28 @@ def natural_frequencies(
     follower: bool = False,
     locked: Joints = (),
 ) -> Array:
-    """Natural angular frequencies [rad/s], shape (modes,), slowest first, nan for a motion that just falls.
+    """Natural angular frequencies, slowest first, nan for a motion that just falls.
 
-    They are `modes(...).frequencies`; arguments and errors as there.
+    They are `modes(...).frequencies`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
+    tip_wrench, follower, locked
+        Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
+
+    Returns
+    -------
+    Array
+        |λ| [rad/s], shape (modes,).
+
+    Raises
+    ------
+    ArgumentError, SingularMassError
+        As in `modes`.
     """
     return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
 

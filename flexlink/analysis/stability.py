@@ -213,6 +213,11 @@ def stable_step(
     method
         Name or file of an explicit Runge-Kutta method.
 
+    Returns
+    -------
+    float
+        The step [s]; inf if nothing holds or brakes any joint.
+
     Raises
     ------
     ArgumentError

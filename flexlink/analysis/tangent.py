@@ -12,7 +12,8 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import short
 from flexlink.dynamics import rounding
-from flexlink.dynamics.terms import bias_torque, frames
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness, turned_with_tip
 
 Array = NDArray[np.float64]

@@ -102,6 +102,11 @@ def load_scene(path: str | Path) -> Scene:
         A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
         from its own folder.
 
+    Returns
+    -------
+    Scene
+        As the file says.
+
     Raises
     ------
     ArgumentError

@@ -36,7 +36,7 @@ def forward_dynamics(
     tip_wrench: ArrayLike | None = None,
     method: str = "articulated",
 ) -> Array:
-    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
     A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
 
@@ -52,6 +52,11 @@ def forward_dynamics(
     method
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
+
+    Returns
+    -------
+    Array
+        q̈, shape (n,), or (b, n) [rad/s²].
 
     Raises
     ------

@@ -22,7 +22,6 @@ from flexlink.dynamics.batches import each, is_batch
 from flexlink.kernels import mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.finite import is_finite
-from flexlink.kernels.kinematics import kinematics
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
@@ -56,17 +55,6 @@ def _span(values: Array) -> str:
     if values.ndim == 0:
         return f"{float(values):.9g}"
     return f"{values.min():.6g} … {values.max():.6g}" if values.size else "–"
-
-
-class Frames(NamedTuple):
-    """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
-
-    rotations: Array  # (…, bodies, 3, 3), R: v_0 = R v_body
-    points: Array  # (…, bodies, 3), origins [m]
-
-    def __repr__(self) -> str:
-        *states, bodies, _ = self.points.shape
-        return f"<Frames: {bodies} bodies{f' in {states[0]} states' if states else ''}>"
 
 
 def inverse_dynamics(
@@ -114,14 +102,44 @@ def _at(what: str, chain: Chain, values: Array) -> str:
 def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> Array:
     """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
 
-    Shape (n,), or (b, n) [N m]; parameters and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo
-    `qfrc_bias`.
+    Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    Array
+        T_GC, shape (n,), or (b, n) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        As in `inverse_dynamics`.
     """
     return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0, shape (n,), or (b, n) [N m].
+    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_G, shape (n,), or (b, n) [N m].
 
     Raises
     ------
@@ -132,7 +150,19 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones, shape (n,), or (b, n) [N m].
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_FL, shape (n,), or (b, n) [N m].
 
     Raises
     ------
@@ -150,10 +180,22 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
-    """T_FR = d q̇ + c tanh(q̇ / w), shape (n,), or (b, n) [N m].
+    """T_FR = d q̇ + c tanh(q̇ / w).
 
     d is viscous friction on active joints and structural damping on passive ones; c is the Coulomb torque and w the
     `coulomb_width` over which the law turns round smoothly.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    qd
+        Rates [rad/s], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_FR, shape (n,), or (b, n) [N m].
 
     Raises
     ------
@@ -172,7 +214,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Array:
-    """Joint-space inertia M(q), symmetric positive definite, shape (n, n), or (b, n, n) [kg m²].
+    """Joint-space inertia M(q), symmetric positive definite.
 
     Parameters
     ----------
@@ -183,6 +225,11 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
     method
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
+
+    Returns
+    -------
+    Array
+        M, shape (n, n), or (b, n, n) [kg m²].
 
     Raises
     ------
@@ -200,7 +247,19 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
-    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy [J], numbers, or (b,) each.
+    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Energy
+        Its three parts [J], numbers, or shape (b,) each.
 
     Raises
     ------
@@ -216,27 +275,3 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
         name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
         raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
     return found
-
-
-def frames(chain: Chain, q: ArrayLike) -> Frames:
-    """Rotation and origin of every body frame in frame 0; the last one is the tip frame; b of each for q (b, n).
-
-    Raises
-    ------
-    ArgumentError
-        `q` has the wrong shape, is not real or not finite.
-    """
-    if is_batch(q):
-        return each(frames, chain, {"q": q})
-    bodies = len(given("chain", chain, Chain).bodies)
-    placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
-    kinematics(
-        chain.arrays, vector("q", q, chain.n, many=True), placed.rotations, placed.points, np.empty((chain.n, 3))
-    )
-    return placed
-
-
-def tip_position(chain: Chain, q: ArrayLike) -> Array:
-    """Origin of the tip frame in frame 0, shape (3,), or (b, 3) [m]; errors as in `frames`."""
-    tip: Array = frames(chain, q).points[..., -1, :]
-    return tip

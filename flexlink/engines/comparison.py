@@ -184,6 +184,11 @@ def compare(
     progress
         Called with the finished fraction, from 0 to 1, now and then.
 
+    Returns
+    -------
+    Comparison
+        For every engine and quantity the largest difference, and what it looks like; prints as a table.
+
     Raises
     ------
     ArgumentError

@@ -36,6 +36,11 @@ def to_urdf(chain: Chain) -> str:
     str
         The document; joints in sequential order, named as `Chain.joint_name` does. Link `tip` is the tip frame.
         Numbers read back exactly, except that placements turn by roll, pitch and yaw.
+
+    Raises
+    ------
+    ArgumentError
+        `chain` is no Chain.
     """
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
