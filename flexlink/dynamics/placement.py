@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import forward_kinematics
 
 Array = NDArray[np.float64]
 
@@ -48,12 +48,9 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     """
     if is_batch(q):
         return each(frames, chain, {"q": q})
-    bodies = len(given("chain", chain, Chain).bodies)
-    placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
-    kinematics(
-        chain.arrays, vector("q", q, chain.n, many=True), placed.rotations, placed.points, np.empty((chain.n, 3))
-    )
-    return placed
+    arrays = given("chain", chain, Chain).arrays
+    placed = forward_kinematics(arrays, vector("q", q, chain.n, many=True))
+    return Frames(placed.rotations, placed.points)
 
 
 def tip_position(chain: Chain, q: ArrayLike) -> Array:
