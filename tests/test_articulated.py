@@ -38,7 +38,7 @@ from flexlink.kernels.lanes import LANES, put_at
 from flexlink.kernels.planar import planar_lanes_workspace
 from flexlink.kernels.sincos import LIMIT, cos_sin_all
 from validation.oracles.planar_chain import DIGITS
-from validation.oracles.spatial_chain import SpatialChain, numbers
+from validation.oracles.spatial_chain import SpatialChain, exactly
 
 SKEW = Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
 ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
@@ -306,7 +306,7 @@ def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.rand
 
 def exact(chain: Chain, *state: np.ndarray) -> np.ndarray:
     with mpmath.workdps(2 * DIGITS):  # M loses up to 36 of them at gimbal lock
-        return np.array(SpatialChain(chain).forward_dynamics(*(numbers(part) for part in state)), float)
+        return np.array(SpatialChain(chain).forward_dynamics(*(exactly(part) for part in state)), float)
 
 
 def relative_error(chain: Chain, *state: np.ndarray) -> float:

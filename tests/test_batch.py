@@ -30,7 +30,7 @@ def test_many_states_have_the_accelerations_of_single_ones(
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected \(3, {chain.n}\)"):
+    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
         fl.forward_dynamics(chain, q, q, q[:2])
 
 

@@ -80,7 +80,7 @@ class Motion(Spec, frozen=True):
     between, then on at the last rate.
     """
 
-    link: str
+    link: str | int  # name, or number from 1
     times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
     angle_deg: tuple[float, ...]
     rate_deg: tuple[float, ...]

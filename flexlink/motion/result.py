@@ -85,7 +85,8 @@ class Trajectory:
 
     def __repr__(self) -> str:
         samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
-        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints>"
+        doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints{doubts}>"
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -129,7 +130,7 @@ class Trajectory:
     @property
     def columns(self) -> dict[str, Array]:
         """Every sampled quantity as a named column with its unit, in the order of the CSV file."""
-        names = [self.chain.joint_name(k) for k in range(self.chain.n)]
+        names = self.chain.joint_names
         return {
             "t [s]": self.t,
             **{f"q {name} [rad]": self.q[:, k] for k, name in enumerate(names)},
@@ -256,7 +257,7 @@ class _Writer:
         run = self.trajectory
         if self.format == ".npz":
             kinetic, gravity, elastic = run.energy
-            joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
+            joints = np.array(run.chain.joint_names)
             with path.open("wb") as file:
                 arrays = {
                     "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,

@@ -68,6 +68,8 @@ def simulate(
         `scene` is no Scene, or `progress` no function.
     SceneError
         A run setting with a value that is not allowed.
+    DataFileError
+        The method's own file is not valid.
     UnstableStepError
         The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
     DivergenceError

@@ -19,7 +19,7 @@ from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.planar_chain import DIGITS
-from validation.oracles.spatial_chain import SpatialChain, numbers
+from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.timing.families import Family
 
 Array = NDArray[np.float64]
@@ -112,7 +112,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 def _exact(chain: Chain, states: list[State]) -> list[Array]:
     oracle = SpatialChain(chain)
     with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
-        exact = [oracle.forward_dynamics(numbers(s.q), numbers(s.qd), numbers(s.tau)) for s in states]
+        exact = [oracle.forward_dynamics(exactly(s.q), exactly(s.qd), exactly(s.tau)) for s in states]
         return [np.array(values, dtype=np.float64) for values in exact]  # rounds once
 
 
