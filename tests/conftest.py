@@ -17,6 +17,8 @@ ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)
 SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control leaves it so in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
 LONGEST_AS_PYTHON = 10.0  # s of processor time
 
