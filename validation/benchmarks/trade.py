@@ -1,0 +1,105 @@
+"""Scenes of the trade between cost and accuracy, their references, and the error that the trade is about.
+
+The error of a run is the largest distance of its tip from the reference at the outputs, over the largest distance of the
+reference's tip from where it started: 1e-2 is a hundredth of the motion.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import choice
+from flexlink.describe import catalogue
+from flexlink.describe.spec import Spec, decode
+from flexlink.motion.scene import Scene, scene_from
+from validation.benchmarks.formulas import INPUTS
+from validation.benchmarks.reference_values import numbers
+from validation.benchmarks.runs import with_run
+from validation.benchmarks.variant import overlay
+from validation.case import BENCHMARKS, MODELS
+
+Array = NDArray[np.float64]
+
+FILE = BENCHMARKS / "trade" / "scenes.toml"
+OUTPUTS = 20  # of every run; the first of the samples is the start
+
+
+class Varied(Spec, frozen=True):
+    """A scene told by what differs from another one: `change` is laid over its tables, `replace` put in their place."""
+
+    about: str
+    base: str
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+    replace: dict[str, Any] = msgspec.field(default_factory=dict)
+    input: Literal["none", "torque_pulse", "torques_of_motion"] = "none"
+
+
+@functools.cache
+def scenes() -> dict[str, Varied]:
+    """What the file says, by name."""
+    return {name: decode(raw, Varied, name) for name, raw in catalogue.read_toml(FILE).items()}
+
+
+@functools.cache
+def trade_scene(name: str) -> Scene:
+    """A scene of the trade, sampled at its outputs.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such scene.
+    SceneError
+        What its file says is no scene.
+    """
+    varied = choice("scene", name, scenes())
+    scene = INPUTS[varied.input](scene_from(_tables(name) | {"name": name, "about": varied.about}))
+    return with_run(scene, step=scene.run.duration / OUTPUTS, sample=scene.run.duration / OUTPUTS)
+
+
+def _tables(name: str) -> dict[str, Any]:
+    """The scene's file with all changes."""
+    varied = scenes()[name]
+    base = _tables(varied.base) if varied.base in scenes() else catalogue.read_toml(_file(varied.base))
+    changed: dict[str, Any] = overlay(base, varied.change) | varied.replace
+    return changed
+
+
+def _file(base: str) -> Path:
+    path = BENCHMARKS / f"{base}.toml"
+    return path if path.is_file() else MODELS / f"{base}.toml"
+
+
+def fingerprint(scene: Scene) -> str:
+    """Of all that its motion depends on; not of method and step."""
+    described = with_run(scene, method="RK4", step=scene.run.sample)
+    return hashlib.sha256(described.to_toml().encode()).hexdigest()[:16]
+
+
+def reference_name(name: str) -> str:
+    """Of the file in `validation/reference/`."""
+    return f"trade/{name}"
+
+
+@functools.cache
+def reference(name: str) -> Array:
+    """Tip at the outputs, start included, shape (OUTPUTS + 1, 3) [m]; two methods agree on it."""
+    return numbers(reference_name(name), "tip")
+
+
+def motion_of(tip: Array) -> float:
+    """Largest distance of the tip from its start [m]."""
+    return float(np.linalg.norm(tip - tip[0], axis=1).max())
+
+
+def tip_error(name: str, tip: Array) -> float:
+    """Largest distance of the tip from the reference's, over the reference's motion; inf where it is not finite."""
+    exact = reference(name)
+    error = float(np.linalg.norm(tip - exact, axis=1).max()) / motion_of(exact)
+    return error if np.isfinite(error) else np.inf
