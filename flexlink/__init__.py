@@ -1,5 +1,8 @@
 """flexlink: arms whose links bend, as chains of rigid segments and springs."""
 
+import importlib
+from typing import TYPE_CHECKING
+
 import flexlink.common.entry  # noqa: F401  first of all
 
 # isort: split
@@ -20,6 +23,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import (
@@ -39,8 +43,11 @@ from flexlink.formats import to_mjcf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene, load_scene
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
+
+if TYPE_CHECKING:
+    from flexlink.engines.comparison import Comparison, compare
 
 __version__ = "0.1.0"
 
@@ -48,6 +55,7 @@ __all__ = [
     "ArgumentError",
     "Arm",
     "Chain",
+    "Comparison",
     "ConvergenceError",
     "Coordinate",
     "Damping",
@@ -78,12 +86,14 @@ __all__ = [
     "Wrench",
     "bias_torque",
     "buckling_loads",
+    "compare",
     "elastic_torque",
     "energy",
     "forward_dynamics",
     "frames",
     "friction_torque",
     "gravity_torque",
+    "initial_state",
     "inverse_dynamics",
     "load_scene",
     "lump",
@@ -98,3 +108,14 @@ __all__ = [
     "to_mjcf",
     "to_urdf",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """What only those load who ask for it: `compare` and its `Comparison`, with the adapters of other engines."""
+    if name in {"Comparison", "compare"}:
+        return getattr(importlib.import_module("flexlink.engines.comparison"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -6,9 +6,9 @@ import json
 from typing import Any
 
 import numpy as np
-from conftest import ROOT
+from conftest import ROOT, chain_of
 
-from flexlink import Arm, Chain, Joint, Link, Material, Payload, Section, lump
+from flexlink import Arm, Chain, Joint, Link, Material, Payload, Section
 
 THIN = 1e-16
 """Second moment of a section without rotary inertia: EI = 1 by E = 1/I, and I is below rounding beside ρ A L²."""
@@ -39,7 +39,7 @@ def thin_arm(
         sections={"thin": Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
         tip=tip or Payload(),
     )
-    return lump(arm, gravity, locked_deg)
+    return chain_of(arm, gravity, locked_deg)
 
 
 def cantilever(rule: str, hinges: int, **fields: Any) -> Chain:
@@ -60,7 +60,7 @@ def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain
         sections={"disc": Section(shape="general", area=1e-6, i_y=0.5, i_z=0.5, torsion=1.0)},
         tip=Payload(inertia=(tip_inertia, 0.0, 0.0)),
     )  # fmt: skip
-    chain = lump(arm, (0.0, 0.0, 0.0))
+    chain = chain_of(arm, (0.0, 0.0, 0.0))
     return chain, [k for k, c in enumerate(chain.coordinates) if c.axis != 1]
 
 
@@ -76,7 +76,7 @@ def princeton_beam(rule: str, hinges: int) -> Chain:
         materials={"al7075": Material(young=71.7e9, poisson=0.31, density=2700.0)},
         sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
     )  # fmt: skip
-    return lump(arm, (0.0, 0.0, 0.0))
+    return chain_of(arm, (0.0, 0.0, 0.0))
 
 
 def order(errors: dict[int, float]) -> float:

@@ -8,7 +8,8 @@ import numba
 import numpy as np
 import pytest
 
-from flexlink import Arm, Chain, Initial, Joint, Link, Material, Mount, Payload, Scene, Section, load_scene
+from flexlink import Arm, Chain, Initial, Joint, Link, Material, Mount, Payload, Scene, Section, load_scene, lump
+from flexlink.describe.spec import Vector3
 
 ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
@@ -29,6 +30,12 @@ def make_scene(*links: Link, tip: Payload | None = None, **fields: object) -> Sc
     return Scene(name="test", arm=arm, **{"initial": Initial(joint_deg=(0.0,) * len(links)), **fields})
 
 
+def chain_of(arm: Arm, gravity: Vector3 = (0.0, 0.0, 0.0), joint_deg: tuple[float, ...] | None = None) -> Chain:
+    """The chain of an arm, by default without gravity and at zero angles."""
+    initial = Initial(joint_deg=joint_deg or (0.0,) * len(arm.links))
+    return lump(Scene(name="arm", arm=arm, gravity=gravity, initial=initial))
+
+
 def nasty_scene() -> Scene:
     """Everything at once: zero-length free waist, skew mounts, mixed flex types, payload, all kinds of friction."""
     return make_scene(
@@ -47,8 +54,8 @@ def nasty_scene() -> Scene:
 def chain(request: pytest.FixtureRequest) -> Chain:
     """Every scene of `models/`, and the nasty one, as chains."""
     if request.param == "nasty":
-        return nasty_scene().chain()
-    return load_scene(ROOT / "models" / f"{request.param}.toml").chain()
+        return lump(nasty_scene())
+    return lump(load_scene(ROOT / "models" / f"{request.param}.toml"))
 
 
 @pytest.fixture

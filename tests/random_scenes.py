@@ -112,7 +112,7 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
 def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
-        prepare(replace(scene, run=fl.Run(step=1e9, sample=1e9, duration=1e9)), scene.chain())
+        prepare(replace(scene, run=fl.Run(step=1e9, sample=1e9, duration=1e9)), fl.lump(scene))
     except fl.UnstableStepError as error:
         return error.largest
     return float("inf")

@@ -24,7 +24,7 @@ def scene() -> fl.Scene:
 
 @functools.cache
 def chain() -> fl.Chain:
-    return scene().chain()
+    return fl.lump(scene())
 
 
 class Unprintable:
@@ -62,7 +62,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "solve_static": (fl.solve_static, {"chain": chain, "follower": False, "tolerance": 1e-9}),
     "buckling_loads": (fl.buckling_loads, {"chain": chain}),
     "stable_step": (fl.stable_step, {"chain": chain, "method": "RK4"}),
-    "lump": (fl.lump, {"arm": scene().arm, "gravity": [0.0, 0.0, 9.81], "prescribed": ["waist"], "name": "arm"}),
+    "lump": (fl.lump, {"scene": scene()}),
     "load_scene": (fl.load_scene, {"path": MODELS[0]}),
     "to_urdf": (fl.to_urdf, {"chain": chain}),
     "to_mjcf": (fl.to_mjcf, {"chain": chain}),
@@ -76,12 +76,14 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "joint_name": (lambda **k: chain().joint_name(**k), {"k": 0}),
     "same_layout": (lambda **k: chain().same_layout(**k), {"other": chain}),
     "number": (scene().arm.number, {"name": "waist"}),
-    "initial_state": (lambda **k: scene().initial_state(**k), {"chain": chain}),
+    "initial_state": (fl.initial_state, {"scene": scene(), "chain": chain}),
 }
 FITS = {
-    ("load_scene", "path", "text"), ("lump", "name", "text"), ("number", "name", "text"),
+    ("load_scene", "path", "text"), ("number", "name", "text"),
     ("solve_static", "tolerance", "number"),
-    ("simulate", "progress", "nothing"), ("simulate", "progress", "class"), ("simulate", "duration", "number"),
+    ("simulate", "method", "nothing"), ("simulate", "step", "nothing"), ("simulate", "duration", "nothing"),
+    ("simulate", "step", "number"), ("simulate", "progress", "nothing"),
+    ("simulate", "progress", "class"), ("simulate", "duration", "number"),
 }  # fmt: skip
 
 
@@ -103,20 +105,23 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
     [
         (lambda: fl.simulate(None), "scene = None: expected a Scene, got NoneType"),
         (lambda: fl.simulate(scene(), progress=5), "progress = 5: expected a function, or None"),
-        (lambda: fl.simulate(scene(), stp=1e-4), "stp: not a run setting; .*; did you mean 'step'"),
-        (lambda: fl.simulate_many(scene()), "scenes = Scene.*: expected a sequence, each item a Scene"),
+        (lambda: fl.simulate_many(scene()), "scenes = .*Scene.*: expected a sequence, each item a Scene"),
         (lambda: fl.simulate_many([scene(), 1]), r"scenes\[1\] = 1: expected a Scene, got int"),
         (lambda: fl.simulate_many([scene()], threads="2"), "threads = '2': must be a whole number, got str"),
         (lambda: fl.simulate_many([scene()], threads=0), "threads = 0: must be at least 1"),
         (lambda: fl.simulate_many([scene()], threads=True), "threads = True: must be a whole number"),
-        (lambda: fl.lump(scene().arm, [0, 0, 9.81], prescribed="waist"), "prescribed = 'waist': expected a sequence"),
+        (lambda: fl.lump(scene().arm), "scene = Arm.*: expected a Scene, got Arm"),
+        (lambda: fl.initial_state(scene(), scene()), "chain = Scene.*: expected a Chain, got Scene"),
         (lambda: fl.load_scene(5), "path = 5: expected a str or a Path, got int"),
         (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
         (lambda: chain().index(3, 0, 0), r"link = 3: must be 1 … 2"),
         (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q has 1 dimensions; many chains take 2, of shape"),
-        (lambda: fl.mass_matrix(chain(), ZERO[: chain().n], "uper"), "unknown; allowed are .*; did you mean 'upper'"),
+        (
+            lambda: fl.mass_matrix(chain(), ZERO[: chain().n], method="uper"),
+            "unknown; allowed are .*; did you mean 'upper'",
+        ),
     ],
 )
 def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
@@ -190,7 +195,7 @@ def test_what_float64_cannot_hold_is_an_error_that_names_the_cause(call: Callabl
 
 
 def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() -> None:
-    arm = make_scene(fl.Link(name="a", joint=fl.Joint(viscous=1e200, coulomb=2.0, coulomb_width=1e-300))).chain()
+    arm = fl.lump(make_scene(fl.Link(name="a", joint=fl.Joint(viscous=1e200, coulomb=2.0, coulomb_width=1e-300))))
     assert fl.friction_torque(arm, [1e50]) == pytest.approx(1e250)
     with pytest.raises(fl.ArgumentError, match="the friction torque of joint 'a' is beyond"):
         fl.friction_torque(arm, [1e200])
@@ -199,7 +204,7 @@ def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() 
 def test_a_mass_matrix_beyond_float64_is_an_error() -> None:
     arm = make_scene(flexible("a"), flexible("b"), tip=fl.Payload(mass=1e308))
     with pytest.raises(fl.ArgumentError, match="the mass matrix of 'test' is beyond float64"):
-        fl.mass_matrix(arm.chain(), np.zeros(arm.chain().n))
+        fl.mass_matrix(fl.lump(arm), np.zeros(fl.lump(arm).n))
 
 
 def test_a_path_may_be_text_or_a_path(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from flexlink import (
     forward_dynamics,
     friction_torque,
     inverse_dynamics,
+    lump,
     mass_matrix,
     simulate,
 )
@@ -53,10 +54,12 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
     for _ in range(states):
         q, qd = random_state(chain, rng)
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
-        lu = forward_dynamics(chain, q, qd, tau, "lu", wrench)
-        chosen = forward_dynamics(chain, q, qd, tau, "articulated", wrench)
+        lu = forward_dynamics(chain, q, qd, tau, method="lu", tip_wrench=wrench)
+        chosen = forward_dynamics(chain, q, qd, tau, method="articulated", tip_wrench=wrench)
         for solution in (chosen, spatial(chain, q, qd, tau, wrench)):
-            assert rounding.acceleration_error(chain, q, qd, tau, (solution, lu), wrench).max() <= 1
+            assert (
+                rounding.acceleration_error(chain, q, qd, tau, solutions=(solution, lu), tip_wrench=wrench).max() <= 1
+            )
 
 
 def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Generator) -> None:
@@ -69,7 +72,7 @@ def test_every_model_has_the_accelerations_of_lu(chain: Chain, rng: np.random.Ge
 @pytest.mark.parametrize("joint", [Joint(), ROTOR])
 def test_two_flexible_links(flex: str, segments: int, mount: Mount, joint: Joint, rng: np.random.Generator) -> None:
     links = flexible("upper", flex, segments, mount=mount, joint=joint), flexible("fore", flex, segments, joint=joint)
-    assert_as_lu(make_scene(*links, gravity=(3.0, -4.0, 8.0)).chain(), rng)
+    assert_as_lu(lump(make_scene(*links, gravity=(3.0, -4.0, 8.0))), rng)
 
 
 def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) -> None:
@@ -80,11 +83,11 @@ def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) ->
         flexible("fore", "yz", 3, lumping="midpoint"),
     )
     tip = Payload(mass=2.0, inertia=(0.1, 0.2, 0.3))
-    assert_as_lu(make_scene(*links, tip=tip, initial=Initial(joint_deg=(0.0, 0.0, 40.0, 0.0))).chain(), rng)
+    assert_as_lu(lump(make_scene(*links, tip=tip, initial=Initial(joint_deg=(0.0, 0.0, 40.0, 0.0)))), rng)
 
 
 def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None:
-    chain = make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)).chain()
+    chain = lump(make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)))
     hinges = chain.hinges.copy()
     hinges["armature"] = rng.uniform(0.0, 1e-3, chain.n) * (rng.uniform(size=chain.n) < 0.4)
     hinges["coulomb"], hinges["coulomb_width"], hinges["rest"] = 0.3, 0.1, rng.normal(size=chain.n)
@@ -97,7 +100,7 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
     With prescribed hinges p and free ones f, M_ff Δq̈_f and Δτ_p − M_pf Δq̈_f are what rounding explains.
     """
-    chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
+    chain = lump(make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)))
     hinges = chain.hinges.copy()
     hinges["prescribed"] = rng.uniform(size=chain.n) < 0.4
     hinges["prescribed"][0] = 1  # which has a rotor, and friction
@@ -109,14 +112,18 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
     for solver, torque, qdd in zip(solvers, taus, results, strict=True):
         solve(wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
-    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, taus[0], results[0], wrench)
+    M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, results[0], taus[0], tip_wrench=wrench)
     carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
     for torque, qdd in zip(taus, results, strict=True):
         np.testing.assert_array_equal(qdd[p], given[p])
         np.testing.assert_array_equal(torque[f], tau[f])
         assert np.abs(M[np.ix_(f, f)] @ (qdd - results[0])[f]).max() <= explained
         assert (np.abs(torque - taus[0])[p] <= carried * explained).all()
-        residual = inverse_dynamics(chain, q, qd, qdd, wrench) + elastic_torque(chain, q) + friction_torque(chain, qd)
+        residual = (
+            inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench)
+            + elastic_torque(chain, q)
+            + friction_torque(chain, qd)
+        )
         assert (np.abs(residual - torque)[p] <= carried * explained).all()
 
 
@@ -129,12 +136,12 @@ def solve(wrench, q, qd, tau, qdd, work, power):
 def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_joint_torques(
     flex: str, rng: np.random.Generator
 ) -> None:
-    chain = make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)).chain()
+    chain = lump(make_scene(flexible("upper", flex, 5, mount=SKEW, joint=ROTOR), flexible("fore", flex, 4)))
     q, qd, tau = rng.uniform(-1, 1, (3, chain.n))
     wrench = rng.normal(size=6)
     moment = np.concatenate([np.zeros(3), wrench[3:]])
-    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, moment))
-    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, moment)
+    power = qd @ (bias_torque(chain, q, qd) - bias_torque(chain, q, qd, tip_wrench=moment))
+    explained = np.abs(qd).sum() * rounding.of_bias_torque(chain, q, qd, tip_wrench=moment)
     assert abs(power) > 1e6 * explained
     given = qd @ (tau - friction_torque(chain, qd))
     explained += 10 * chain.n * rounding.EPS * np.abs(qd * tau).sum()
@@ -157,7 +164,7 @@ def test_eight_chains_side_by_side_give_the_very_numbers_of_single_runs(name: st
     chains = []
     for length in rng.uniform(0.5, 2.0, LANES):
         links = tuple(msgspec.structs.replace(link, length=float(length)) for link in LANE_ARMS[name])
-        chains.append(make_scene(*links, gravity=(1.0, 2.0, float(9 + length))).chain())
+        chains.append(lump(make_scene(*links, gravity=(1.0, 2.0, float(9 + length)))))
     n = chains[0].n
     q, qd, tau = rng.uniform(-3, 3, (3, n, LANES))
     wrench, qdd = rng.normal(size=6), np.empty((n, LANES))
@@ -188,7 +195,7 @@ def test_arms_whose_mounts_turn_and_do_not_turn_go_side_by_side(
     """Working axes begin in some lanes and go on in others: every lane has the very numbers of a single run."""
     *links, last = TURNED_ARMS[name]
     mounts = [Mount(rpy_deg=(angle, 0.0, 0.0), xyz=(0.1, 0.0, 0.2)) for angle in TURNED_BY[::order]]
-    chains = [make_scene(*links, msgspec.structs.replace(last, mount=mount)).chain() for mount in mounts]
+    chains = [lump(make_scene(*links, msgspec.structs.replace(last, mount=mount))) for mount in mounts]
     assert len({tuple(chain.bodies["turned"]) for chain in chains}) == 2
     q, qd, tau = rng.uniform(-3, 3, (3, LANES, chains[0].n))
     for chain, row, *state in zip(chains, forward_dynamics(chains, q, qd, tau), q, qd, tau, strict=True):
@@ -199,7 +206,7 @@ def test_arms_whose_mounts_turn_and_do_not_turn_go_side_by_side(
 def test_tips_with_and_without_mass_go_side_by_side(flex: str, rng: np.random.Generator) -> None:
     """Taken on as a body for the sake of one of them, the frame of the tip leaves the others' numbers alone."""
     links = flexible("a", flex, 3, mount=SKEW), flexible("b", "z", 2, mount=Mount(rpy_deg=(50.0, 0.0, 0.0)))
-    bare = make_scene(*links).chain()
+    bare = lump(make_scene(*links))
     bodies = bare.bodies.copy()
     bodies["mass"][-1] = 2.0
     heavy = dataclasses.replace(bare, bodies=bodies)
@@ -211,7 +218,7 @@ def test_tips_with_and_without_mass_go_side_by_side(flex: str, rng: np.random.Ge
 
 
 def ways(*links: Link, **fields: object) -> list[int]:
-    chain = make_scene(*links).chain()
+    chain = lump(make_scene(*links))
     hinges = chain.hinges.copy()
     for name, value in fields.items():
         hinges[name] = value
@@ -235,13 +242,13 @@ def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
 def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
     roll, yaw = Mount(rpy_deg=(-90.0, 0.0, 0.0)), Mount(rpy_deg=(0.0, 0.0, 30.0))
     bending = flexible("a", "z", 3, mount=roll), flexible("b", "z", 2, mount=yaw)
-    chain = make_scene(Link(name="waist"), *bending, flexible("c", "yz", 2), flexible("d", "z", 2)).chain()
+    chain = lump(make_scene(Link(name="waist"), *bending, flexible("c", "yz", 2), flexible("d", "z", 2)))
     begin = np.flatnonzero(layout_of(chain.bodies, chain.hinges)[:, ANEW])
     assert [chain.joint_name(chain.bodies["first"][i]) for i in begin] == ["a", "d"]
 
 
 def test_pairs_of_hinges_in_either_order_carry_bodies_with_products_of_inertia(rng: np.random.Generator) -> None:
-    chain = make_scene(flexible("a", "yz", 5, mount=SKEW, lumping="gauss")).chain()
+    chain = lump(make_scene(flexible("a", "yz", 5, mount=SKEW, lumping="gauss")))
     assert {tuple(chain.hinges["axis"][b["first"] : b["stop"]]) for b in chain.bodies} >= {(1, 2), (2, 1)}
     bodies = chain.bodies.copy()
     B = rng.normal(size=(len(bodies), 3, 3))
@@ -255,7 +262,7 @@ def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.
     a, b, c = (
         flexible(name, flex, 3, mount=SKEW, joint=held) for name, flex in zip("abc", ("yz", "xyz", "yz"), strict=True)
     )
-    chain = make_scene(a, b, c).chain()
+    chain = lump(make_scene(a, b, c))
     assert layout_of(chain.bodies, chain.hinges)[:, WAY].tolist() == [
         PAIR,
         PAIR,
@@ -270,14 +277,14 @@ def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.
 
 @pytest.mark.parametrize("axes", [(0, 1, 0), (2, 0, 2), (1, 2, 0), (2, 1, 0), (0, 2, 1)])
 def test_groups_of_three_hinges_in_any_order_of_axes(axes: tuple[int, ...], rng: np.random.Generator) -> None:
-    chain = make_scene(flexible("a", "xyz", 5, mount=SKEW)).chain()
+    chain = lump(make_scene(flexible("a", "xyz", 5, mount=SKEW)))
     hinges = chain.hinges.copy()
     hinges["axis"][4:7], hinges["axis"][10:13] = axes, axes
     assert_as_lu(dataclasses.replace(chain, hinges=hinges), rng)
 
 
 def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -> None:
-    chain = make_scene(flexible("a", "xyz", 3)).chain()
+    chain = lump(make_scene(flexible("a", "xyz", 3)))
     for k, alike in ((0, True), (2, False)):  # the joint is alone at its point
         hinges = chain.hinges.copy()
         hinges["armature"][k] = 0.1
@@ -286,15 +293,15 @@ def test_chains_with_and_without_rotors_within_groups_do_not_go_side_by_side() -
 
 def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.random.Generator) -> None:
     """Of chains made by hand, whose last body need not be a mere frame."""
-    light = make_scene(flexible("a", "xyz", 3, mount=SKEW)).chain()
+    light = lump(make_scene(flexible("a", "xyz", 3, mount=SKEW)))
     bodies = light.bodies.copy()
     bodies[-1]["mass"] = 0.5
     heavy = dataclasses.replace(light, bodies=bodies)
     q, qd, tau = rng.uniform(-1, 1, (3, 2, light.n))
     for pair in ((light, heavy), (heavy, light)):
         for chain, row, *state in zip(pair, forward_dynamics(pair, q, qd, tau), q, qd, tau, strict=True):
-            lu = forward_dynamics(chain, *state, "lu")
-            assert rounding.acceleration_error(chain, *state, (row, lu)).max() <= 1
+            lu = forward_dynamics(chain, *state, method="lu")
+            assert rounding.acceleration_error(chain, *state, solutions=(row, lu)).max() <= 1
 
 
 def exact(chain: Chain, *state: np.ndarray) -> np.ndarray:
@@ -314,7 +321,7 @@ def test_long_arms_on_a_turning_waist_keep_their_digits(
 ) -> None:
     """n eps: a rounding a body. Shared with the inertia across its plane, what is left of J was off by 100 eps."""
     links = flexible("a", flex, segments, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))), flexible("b", flex, segments)
-    chain = make_scene(Link(name="waist"), *links).chain()
+    chain = lump(make_scene(Link(name="waist"), *links))
     passive = chain.stiffness > 0
     q, qd = rng.uniform(-1, 1, (2, chain.n)) * np.where(passive, bend, 1.0)
     assert relative_error(chain, q, qd, rng.normal(size=chain.n)) <= chain.n * EPS
@@ -323,14 +330,14 @@ def test_long_arms_on_a_turning_waist_keep_their_digits(
 @pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-8, 0.0])
 def test_free_groups_at_gimbal_lock_keep_their_digits(distance: float, rng: np.random.Generator) -> None:
     """Hinges X and Z of a group line up: M is singular to rounding, the motion itself is harmless."""
-    chain = make_scene(flexible("a", "xyz", 4, mount=SKEW, joint=ROTOR), flexible("b", "xyz", 3)).chain()
+    chain = lump(make_scene(flexible("a", "xyz", 4, mount=SKEW, joint=ROTOR), flexible("b", "xyz", 3)))
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[[2, 8]], q[11] = np.pi / 2 - distance, distance - np.pi / 2
     assert relative_error(chain, q, qd, tau) <= 1e-14
 
 
 def test_bodies_without_hinges_within_the_chain(rng: np.random.Generator) -> None:
-    chain = make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)).chain()
+    chain = lump(make_scene(flexible("upper", "xyz", 5, mount=SKEW), flexible("fore", "z", 4)))
     fixed = chain.bodies[3:4].copy()
     fixed["first"], fixed["stop"] = chain.bodies["first"][4], chain.bodies["first"][4]
     bodies = np.concatenate([chain.bodies[:4], fixed, chain.bodies[4:]])
@@ -364,7 +371,7 @@ def test_any_arm(specs: list[tuple], seed: int) -> None:
         )
         for k, (flex, segments, angles, offset, armature, length) in enumerate(specs)
     ]
-    assert_as_lu(make_scene(*links).chain(), np.random.default_rng(seed), states=2)
+    assert_as_lu(lump(make_scene(*links)), np.random.default_rng(seed), states=2)
 
 
 PLANAR = {
@@ -392,7 +399,7 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
     for joint in (Joint(), ROTOR):
         free = [link if link.joint.locked else msgspec.structs.replace(link, joint=joint) for link in links]
         tip = Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
-        chain = make_scene(*free, tip=tip, gravity=(3.0, -4.0, 8.0)).chain()
+        chain = lump(make_scene(*free, tip=tip, gravity=(3.0, -4.0, 8.0)))
         assert chain.is_planar is planar
         assert_as_lu(chain, rng)
 
@@ -400,7 +407,7 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
 @compiled
 def test_a_stretched_arm_stays_straight() -> None:
     """Hanging at rest, springs slack: every acceleration is zero, without a rounding residue of 10,000 bodies."""
-    chain = make_scene(flexible("a", "xyz", 3334), gravity=(9.81, 0.0, 0.0)).chain()
+    chain = lump(make_scene(flexible("a", "xyz", 3334), gravity=(9.81, 0.0, 0.0)))
     zero = np.zeros(chain.n)
     assert chain.n == 10_000
     np.testing.assert_array_equal(forward_dynamics(chain, zero, zero, zero), zero)
@@ -410,7 +417,7 @@ def test_a_stretched_arm_stays_straight() -> None:
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Generator) -> None:
     """n = 10,000: inverse dynamics of q̈ gives back the torques, to one rounding of |M| |q̈| ≤ m L² Σ |q̈|."""
-    chain = make_scene(flexible("a", flex, 3334 if flex == "xyz" else 10_000, mount=SKEW)).chain()
+    chain = lump(make_scene(flexible("a", flex, 3334 if flex == "xyz" else 10_000, mount=SKEW)))
     q, qd, tau = rng.uniform(-0.01, 0.01, chain.n), rng.uniform(-0.1, 0.1, chain.n), rng.normal(size=chain.n)
     qdd = forward_dynamics(chain, q, qd, tau)
     residual = inverse_dynamics(chain, q, qd, qdd) + elastic_torque(chain, q) + friction_torque(chain, qd) - tau

@@ -16,7 +16,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
 
-CHAINS = {"spatial": nasty_scene().chain(), "planar": make_scene(flexible("a", segments=3)).chain()}
+CHAINS = {"spatial": fl.lump(nasty_scene()), "planar": fl.lump(make_scene(flexible("a", segments=3)))}
 
 
 def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:
@@ -28,7 +28,7 @@ def accelerations(name: str) -> np.ndarray:
     """q̈ of a state by every solver, and by two chains side by side."""
     chain = CHAINS[name]
     state = states(chain)
-    singles = [fl.forward_dynamics(chain, *state, method) for method in SOLVERS]
+    singles = [fl.forward_dynamics(chain, *state, method=method) for method in SOLVERS]
     return np.array([*singles, *fl.forward_dynamics(chain, *(np.stack([part, part]) for part in state))])
 
 
@@ -41,7 +41,7 @@ def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name:
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     subprocess.run([sys.executable, "-c", code, str(file)], env=environment, check=True)
     for as_python, as_machine_code in zip(np.load(file), accelerations(name), strict=True):
-        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), (as_python, as_machine_code))
+        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(as_python, as_machine_code))
         assert error.max() <= 1
 
 

@@ -21,12 +21,12 @@ from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.describe.scene import scene_from
 from flexlink.engines.comparison import compare
-from flexlink.motion.scene import scene_from
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
-RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text(encoding="utf-8"))
+RK4 = tomllib.loads((ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.toml").read_text(encoding="utf-8"))
 
 
 def write(path: Path, edit: Edit = lambda _: None) -> str:
@@ -148,7 +148,7 @@ def test_whatever_stands_at_a_key_is_taken_as_a_whole_or_refused_in_one_line(odd
         functools.reduce(operator.getitem, above, raw)[last] = odd
         try:
             scene = scene_from(raw)
-            scene.chain()
+            fl.lump(scene)
             assert scene_from(tomllib.loads(scene.to_toml())) == scene
         except fl.SceneError as error:
             refused += 1
@@ -174,14 +174,17 @@ def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys)
 @pytest.mark.parametrize(
     ("fields", "wanted"),
     [
-        ({"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]}, "rows of A of 0, 1, …, 3"),
+        (
+            {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
+            "A of 0, 1, …, 3 (explicit) or all of 4 (",
+        ),
         ({"A": [], "b": [], "c": []}, "must sum to 1"),
         ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': a coefficient is a decimal or a fraction"),
         ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': a coefficient"),
         ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': a coefficient"),
         ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': a coefficient"),
     ],
-    ids=["implicit", "no stages", "letter", "zero", "exponent", "beyond float64"],
+    ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
 )
 def test_a_wrong_tableau_is_refused_by_key_and_file(fields: dict, wanted: str, tmp_path: Path, capsys) -> None:
     own = tmp_path / "own.toml"
@@ -330,7 +333,7 @@ def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
 @pytest.mark.parametrize("clone", [lambda c: pickle.loads(pickle.dumps(c)), copy.copy, copy.deepcopy])
 def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain], models) -> None:
     """Writable arrays are another type to numba: a worker process would compile everything anew."""
-    chain = fl.load_scene(models / "t3_spatial.toml").chain()
+    chain = fl.lump(fl.load_scene(models / "t3_spatial.toml"))
     twin = clone(chain)
     assert not any(array.flags.writeable for array in twin.arrays)
     np.testing.assert_array_equal(fl.mass_matrix(twin, np.ones(twin.n)), fl.mass_matrix(chain, np.ones(chain.n)))
@@ -351,31 +354,19 @@ def test_errors_go_through_process_pools_with_what_they_hold(models) -> None:
 )
 @pytest.mark.parametrize("place", range(3))
 def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
-    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     states: list = [np.zeros((2, 10))] * 3
     states[place] = wrong
     with pytest.raises(fl.ArgumentError, match=r"q|qd|tau"):
         fl.forward_dynamics(chain, *states)
 
 
-def test_lump_names_what_it_cannot_use(models) -> None:
-    arm = fl.load_scene(models / "paper_fig5.toml").arm
-    with pytest.raises(fl.ArgumentError, match=r"gravity has shape \(2,\); expected \(3,\)"):
-        fl.lump(arm, [0.0, 0.0])
-    with pytest.raises(fl.ArgumentError, match="gravity has dtype"):
-        fl.lump(arm, "down")  # type: ignore[arg-type]
-    with pytest.raises(fl.ArgumentError, match=r"locked_deg\[0\] = nan"):
-        fl.lump(arm, (0.0, 0.0, 9.81), [np.nan] * 3)
-    with pytest.raises(fl.SceneError, match="link = 'elbow': not in this arm"):
-        fl.lump(arm, (0.0, 0.0, 9.81), prescribed=["elbow"])
-
-
 def test_methods_that_are_no_text_are_refused(models) -> None:
-    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     with pytest.raises(fl.ArgumentError, match="method = \\[\\]: unknown"):
         fl.mass_matrix(chain, np.zeros(10), method=[])  # type: ignore[arg-type]
     with pytest.raises(fl.SceneError, match="method = 5: unknown"):
-        fl.stable_step(chain, 5)  # type: ignore[arg-type]
+        fl.stable_step(chain, method=5)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

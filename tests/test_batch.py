@@ -24,9 +24,9 @@ def test_many_states_have_the_accelerations_of_single_ones(
 ) -> None:
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
     tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
-    many = fl.forward_dynamics(chain, q, qd, tau, method, wrench)
+    many = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
     for row, state in zip(many, zip(q, qd, tau, strict=True), strict=True):
-        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method, wrench))
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method=method, tip_wrench=wrench))
 
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
@@ -58,7 +58,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 @pytest.mark.parametrize("threads", [1, 2])
 def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: int) -> None:
     scenes = members(flex, 11)
-    for scene, many in zip(scenes, fl.simulate_many(scenes, threads), strict=True):
+    for scene, many in zip(scenes, fl.simulate_many(scenes, threads=threads), strict=True):
         one = fl.simulate(scene)
         for name in ("t", "q", "qd", "tau", "tip", "work"):
             np.testing.assert_allclose(getattr(many, name), getattr(one, name), rtol=1e-12, atol=1e-12)
@@ -195,4 +195,4 @@ def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     assert len(runs[-1].t) < 10_001
     for start, run in zip(starts, runs, strict=True):
         assert np.isfinite(run.q).all()
-        np.testing.assert_array_equal(run.q[0], start.initial_state(run.chain)[0])
+        np.testing.assert_array_equal(run.q[0], fl.initial_state(start, run.chain)[0])

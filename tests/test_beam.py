@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from beams import order
-from conftest import ALUMINIUM, flexible
+from conftest import ALUMINIUM, chain_of, flexible
 from numpy.polynomial import legendre
 from scipy import linalg
 
@@ -24,7 +24,7 @@ def tapered(**fields: object) -> fl.Scene:
 
 def test_a_tapered_link_has_the_mass_centre_and_inertia_of_a_cone() -> None:
     R, r, L = 0.03, 0.01, 1.25
-    body = tapered(flex="rigid", segments=1).chain().bodies[0]
+    body = fl.lump(tapered(flex="rigid", segments=1)).bodies[0]
     volume = np.pi * L / 3 * (R * R + R * r + r * r)
     assert body["mass"] == pytest.approx(2700 * volume, rel=1e-14, abs=0)
     assert body["center"][0] == pytest.approx(L / 4 * (R * R + 2 * R * r + 3 * r * r) / (R * R + R * r + r * r))
@@ -39,7 +39,7 @@ def test_a_link_of_unequal_sides_has_the_inertia_of_a_brick() -> None:
         materials={"aluminium": ALUMINIUM},
         sections={"square": fl.Section(shape="rectangle", height=height, width=width)},
     )
-    body = fl.lump(arm, (0.0, 0.0, 0.0)).bodies[0]
+    body = chain_of(arm, (0.0, 0.0, 0.0)).bodies[0]
     mass = 2700 * height * width * length
     squares = [height**2 + width**2, length**2 + width**2, length**2 + height**2]
     np.testing.assert_allclose(body["inertia"], mass / 12 * np.diag(squares), rtol=1e-14)
@@ -47,13 +47,13 @@ def test_a_link_of_unequal_sides_has_the_inertia_of_a_brick() -> None:
 
 
 def test_segments_of_a_tapered_link_add_up_to_the_whole() -> None:
-    whole, parts = tapered(flex="rigid", segments=1).chain(), tapered(flex="xyz", segments=6).chain()
+    whole, parts = fl.lump(tapered(flex="rigid", segments=1)), fl.lump(tapered(flex="xyz", segments=6))
     assert parts.bodies["mass"].sum() == pytest.approx(whole.bodies["mass"][0], rel=1e-14, abs=0)
     assert parts.bodies["inertia"][:, 0, 0].sum() == pytest.approx(whole.bodies["inertia"][0, 0, 0], rel=1e-14, abs=0)
 
 
 def test_stiffness_is_the_rigidity_at_the_node() -> None:
-    chain = tapered(segments=6, lumping="midpoint").chain()
+    chain = fl.lump(tapered(segments=6, lumping="midpoint"))
     x = (np.arange(5) + 0.5) / 5
     diameter = 0.06 - 0.04 * x
     np.testing.assert_allclose(chain.stiffness[1:], 70e9 * np.pi * diameter**4 / 64 / (1.25 / 5), rtol=1e-14)
@@ -61,7 +61,7 @@ def test_stiffness_is_the_rigidity_at_the_node() -> None:
 
 def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
     def first(rule: str, hinges: int) -> float:
-        chain = tapered(segments=hinges + 1, lumping=rule, joint=fl.Joint(locked=True)).chain()
+        chain = fl.lump(tapered(segments=hinges + 1, lumping=rule, joint=fl.Joint(locked=True)))
         return float(fl.natural_frequencies(chain, np.zeros(chain.n))[0])
 
     exact = first("gauss", 80)
@@ -90,7 +90,7 @@ def cone_bar(ratio: float, hinges: int, rule: str = "gauss_matched", length: flo
         segments=hinges + 1, lumping=rule, joint=fl.Joint(locked=True),
     )  # fmt: skip
     sections = {name: fl.Section(shape="circle", diameter=d) for name, d in (("root", 0.04), ("tip", 0.04 * ratio))}
-    return fl.lump(fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections=sections), (0.0, 0.0, 0.0))
+    return chain_of(fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections=sections), (0.0, 0.0, 0.0))
 
 
 def twist_of_a_cone(ratio: float, length: float = 1.5, terms: int = 24) -> float:
@@ -147,10 +147,10 @@ def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: P
     with pytest.raises(fl.SceneError, match=r"link 'bar': lumping = .*heavy.toml'.* at hinge 2 outweighs .*'gauss'"):
         cone_bar(1.0, 2, str(rule))
     link = flexible("a", "yz", 3, lumping=str(rule))  # which has no twist
-    assert fl.Scene(
+    assert fl.lump(fl.Scene(
         name="s", arm=fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]}),
         initial=fl.Initial(joint_deg=(0.0,)),
-    ).chain().n == 5  # fmt: skip
+    )).n == 5  # fmt: skip
 
 
 # --- structural damping -----------------------------------------------------------------------------------------------
@@ -160,7 +160,7 @@ def damping_ratios(damping: fl.Damping, flex: str = "z") -> tuple[np.ndarray, np
     """Frequencies [Hz] and damping ratios of a clamped link."""
     link = flexible("a", flex, 8, damping=damping, joint=fl.Joint(locked=True), lumping="midpoint")
     arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]})
-    chain = fl.Scene(name="s", arm=arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0.0,))).chain()
+    chain = fl.lump(fl.Scene(name="s", arm=arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0.0,))))
     found = fl.modes(chain, np.zeros(chain.n))
     return found.hertz, found.damping_ratios
 
@@ -181,7 +181,7 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
         links=tuple(links), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]},
         tip=fl.Payload(mass=1.0),
     )  # fmt: skip
-    return fl.lump(arm, (0.0, 0.0, 0.0), (0.0, 90.0))
+    return chain_of(arm, joint_deg=(0.0, 90.0))
 
 
 @pytest.mark.slow

@@ -26,7 +26,9 @@ from flexlink import (
     Mount,
     Scene,
     Wrench,
+    initial_state,
     load_scene,
+    lump,
     mass_matrix,
     stable_step,
 )
@@ -48,12 +50,14 @@ def shortened(scene: Scene, duration: float, **run: object) -> Scene:
 
 def rounding_bound(scene: Scene) -> float:
     """Half t² times the error that rounding explains of q̈ along the run, at every tenth sample, by differences."""
-    chain = scene.chain()
+    chain = lump(scene)
     t, q, qd = load("native", chain).integrate(scene)
     qdd = np.gradient(qd, t, axis=0)
     tau = np.array([M @ a for M, a in zip((mass_matrix(chain, row) for row in q), qdd, strict=True)])  # at most
     rows = range(0, len(t), 10)
-    explained = max(rounding.of_acceleration(chain, q[k], qd[k], tau[k], qdd[k], scene.tip_wrench) for k in rows)
+    explained = max(
+        rounding.of_acceleration(chain, q[k], qd[k], qdd[k], tau[k], tip_wrench=scene.tip_wrench) for k in rows
+    )
     return t[-1] ** 2 / 2 * explained
 
 
@@ -75,7 +79,7 @@ def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: 
     q, qd = random_state(chain, rng)
     tau = rng.uniform(-10, 10, chain.n)
     both_ways = other.forward_dynamics(q, qd, tau), native.forward_dynamics(q, qd, tau)
-    assert rounding.acceleration_error(chain, q, qd, tau, both_ways).max() <= 1
+    assert rounding.acceleration_error(chain, q, qd, tau, solutions=both_ways).max() <= 1
 
 
 @both
@@ -84,7 +88,7 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
         for k in range(3)
     ]
-    chain = make_scene(*massless, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))).chain()
+    chain = lump(make_scene(*massless, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))))
     native, other = load("native", chain), load(name, chain)
     for _ in range(STATES):
         q, qd = random_state(chain, rng)
@@ -95,7 +99,7 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
 
 @both
 def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.Generator) -> None:
-    chains = [make_scene(flexible("arm", joint=Joint(armature=armature))).chain() for armature in (0.0, 2.0)]
+    chains = [lump(make_scene(flexible("arm", joint=Joint(armature=armature)))) for armature in (0.0, 2.0)]
     without, heavy = (load(name, chain) for chain in chains)
     q = rng.uniform(-np.pi, np.pi, heavy.n)
     added = heavy.mass_matrix(q) - without.mass_matrix(q)
@@ -104,7 +108,7 @@ def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.
     load_torque = tau - heavy.bias_torque(q, rest) - heavy.elastic_torque(q)
     qdd = heavy.forward_dynamics(q, rest, tau)
     solved = np.linalg.solve(heavy.mass_matrix(q), load_torque)
-    assert rounding.acceleration_error(chains[1], q, rest, tau, (qdd, solved)).max() <= 1
+    assert rounding.acceleration_error(chains[1], q, rest, tau, solutions=(qdd, solved)).max() <= 1
 
 
 SHORT = {
@@ -130,7 +134,7 @@ SHORT = {
 @pytest.mark.parametrize("case", SHORT)
 def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
     scene = SHORT[case]
-    chain = scene.chain()
+    chain = lump(scene)
     t, q, _ = load("native", chain).integrate(scene)
     t2, q2, _ = load(name, chain).integrate(scene)
     bound = rounding_bound(scene)
@@ -142,21 +146,21 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
 @pytest.mark.parametrize(("method", "step"), [("RK2", 5e-6), ("RK10", 1e-4)])
 def test_pinocchio_runs_every_method(method: str, step: float) -> None:
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
-    (_, q, _), (_, other, _) = (load(name, scene.chain()).integrate(scene) for name in ("native", "pinocchio"))
+    (_, q, _), (_, other, _) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
     assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
 
 
 def test_mujoco_says_that_it_has_rk4_only() -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
     with pytest.raises(ArgumentError, match=r"method = 'RK10'.*only 'RK4'"):
-        load("mujoco", scene.chain()).integrate(scene)
+        load("mujoco", lump(scene)).integrate(scene)
 
 
 @both
 def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
-    chain = scene.chain()
-    stable = stable_step(chain, "RK4", scene.initial_state(chain)[0])
+    chain = lump(scene)
+    stable = stable_step(chain, initial_state(scene, chain)[0], method="RK4")
     with pytest.raises(
         FlexlinkError, match=f"step = 0.001 s: more than {stable:.3g} s, the largest stable step of RK4"
     ):
@@ -181,7 +185,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
     monkeypatch.chdir(tmp_path)
     scene = torn(late=20)
     with pytest.raises(DivergenceError, match=f"{name} is no longer finite at t = ") as caught:
-        load(name, scene.chain()).integrate(scene)
+        load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
     assert list(tmp_path.iterdir()) == []
@@ -192,7 +196,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
     scene = torn(late=1, samples=samples)
     with pytest.raises(DivergenceError, match="no longer finite") as caught:
-        load(name, scene.chain()).integrate(scene)
+        load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert len(kept.t) == samples and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
 
@@ -214,7 +218,7 @@ ELBOW = Mount(rpy_deg=(40.0, 0.0, 0.0))
 def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> None:
     scene = moved(flexible("upper", flex, 3, mount=ELBOW), flexible("fore", "z", 3, joint=Joint(viscous=0.5)))
     scene = shortened(scene, 0.15, method=method, step=1e-4)
-    (t, q, qd), (_, q2, qd2) = (load(name, scene.chain()).integrate(scene) for name in ("native", "pinocchio"))
+    (t, q, qd), (_, q2, qd2) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
     assert np.degrees(q2[t >= 0.1, 0]) == pytest.approx(60.0, abs=1e-12)
     assert_array_equal(q2[:, 0], q[:, 0])
     assert_array_equal(qd2[:, 0], qd[:, 0])
@@ -223,12 +227,15 @@ def test_pinocchio_leads_a_prescribed_joint_as_we_do(flex: str, method: str) -> 
 
 
 def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
-    chain = moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")).chain()
+    chain = lump(moved(flexible("upper", "xyz", 3, mount=ELBOW), flexible("fore")))
     native, other = load("native", chain), load("pinocchio", chain)
     for q, qd, tau, wrench in mixed_states(chain, 5):
-        solutions = other.forward_dynamics(q, qd, tau, wrench), native.forward_dynamics(q, qd, tau, wrench)
+        solutions = (
+            other.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+            native.forward_dynamics(q, qd, tau, tip_wrench=wrench),
+        )
         assert solutions[0][0] == solutions[1][0] == 0
-        error = rounding.acceleration_error(chain, q, qd, tau, solutions, wrench)
+        error = rounding.acceleration_error(chain, q, qd, tau, solutions=solutions, tip_wrench=wrench)
         assert error[1:].max() <= 1
 
 
@@ -236,8 +243,8 @@ def test_mujoco_refuses_a_prescribed_joint_and_says_what_to_do() -> None:
     scene = moved(flexible("upper"))
     expected = "motion of joint 'upper' is prescribed, which MuJoCo does not know; use native or pinocchio"
     with pytest.raises(ArgumentError, match=expected):
-        load("mujoco", scene.chain())
-    free = msgspec.structs.replace(scene, motion=()).chain()
+        load("mujoco", lump(scene))
+    free = lump(msgspec.structs.replace(scene, motion=()))
     with pytest.raises(ArgumentError, match=expected):
         load("mujoco", free).integrate(scene)
 
@@ -248,7 +255,7 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
 
     scene = SHORT["coulomb"]
     torn_apart = torn(late=20)
-    engine = load("mujoco", scene.chain())
+    engine = load("mujoco", lump(scene))
     mujoco.set_mjcb_passive(mine)
     try:
         engine.integrate(scene)
@@ -264,7 +271,7 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
 @both
 def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
     scene = SHORT["wrench"]
-    engine = load(name, scene.chain())
+    engine = load(name, lump(scene))
     zero = np.zeros(engine.n)
     before, first = engine.forward_dynamics(zero, zero, zero), engine.integrate(scene)
     assert_array_equal(engine.forward_dynamics(zero, zero, zero), before)
@@ -274,7 +281,7 @@ def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
 
 def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ArgumentError, match=r"engine = 'bullet': unknown; allowed are native, pinocchio, mujoco"):
-        load("bullet", make_scene(flexible("arm")).chain())
+        load("bullet", lump(make_scene(flexible("arm"))))
 
 
 @both
@@ -282,4 +289,4 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
     monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
     with pytest.raises(MissingDependencyError, match=r"flexlink\[engines\]"):
-        load(name, make_scene(flexible("arm")).chain())
+        load(name, lump(make_scene(flexible("arm"))))

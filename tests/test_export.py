@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from conftest import ALUMINIUM, MODELS, ROOT, flexible, make_scene, nasty_scene
+from conftest import ALUMINIUM, MODELS, ROOT, chain_of, flexible, make_scene, nasty_scene
 from numpy.testing import assert_allclose, assert_array_equal
 
 from flexlink import (
@@ -136,7 +136,7 @@ def test_mujoco_places_an_arm_behind_massless_turns_where_it_stands() -> None:
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
         for k in range(3)
     ]
-    chain = make_scene(*turns, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))).chain()
+    chain = lump(make_scene(*turns, flexible("arm", "xyz", mount=Mount(rpy_deg=(0.0, 60.0, 10.0)))))
     engine, posture = MujocoEngine(chain), np.zeros(chain.n)
     engine.mass_matrix(posture)  # places all bodies
     reach = np.linalg.norm(chain.bodies["translation"], axis=1).sum()
@@ -179,7 +179,7 @@ def test_joints_keep_their_names_and_order_in_both_engines(chain: Chain) -> None
 @pytest.mark.parametrize("format", FORMATS)
 @pytest.mark.parametrize("name", HOSTILE_NAMES, ids=ascii)
 def test_any_name_comes_out_as_valid_xml(name: str, format: str) -> None:
-    chain = dataclasses.replace(make_scene(flexible(name, "yz", 3), flexible("fore")).chain(), name=name)
+    chain = dataclasses.replace(lump(make_scene(flexible(name, "yz", 3), flexible("fore"))), name=name)
     root = ET.fromstring(FORMATS[format][0](chain))
     readable = "".join("\ufffd" if c in "\x00\x01\ud800" else c for c in name)
     assert root.get("name", root.get("model")) == readable
@@ -188,7 +188,7 @@ def test_any_name_comes_out_as_valid_xml(name: str, format: str) -> None:
 
 @pytest.mark.parametrize("name", STRANGE_NAMES, ids=ascii)
 def test_names_survive_the_engines(name: str) -> None:
-    chain = make_scene(flexible(name, "yz", 3)).chain()
+    chain = lump(make_scene(flexible(name, "yz", 3)))
     names = [name, f"{name}.1.y", f"{name}.1.z", f"{name}.2.y", f"{name}.2.z"]
     assert list(PinocchioEngine(chain).model.names)[1:] == names
     assert mujoco_joint_names(chain) == names
@@ -197,7 +197,7 @@ def test_names_survive_the_engines(name: str) -> None:
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_names_that_collide_are_told_apart(engine: str) -> None:
     names = ("upper", "upper.1.z", "universe", "world", "tip", "base", "tip_joint")
-    chain = make_scene(*(flexible(name, segments=2) for name in names)).chain()
+    chain = lump(make_scene(*(flexible(name, segments=2) for name in names)))
     assert load(engine, chain).n == chain.n == 2 * len(names)
 
 
@@ -214,7 +214,7 @@ def test_roll_pitch_yaw_are_exact_near_and_at_a_pitch_of_90_degrees(rng: np.rand
 def test_generated_models_are_up_to_date(path: Path, format: str) -> None:
     convert, ending = FORMATS[format]
     file = ROOT / "models" / "generated" / (path.stem + ending)
-    fresh = convert(load_scene(path).chain())
+    fresh = convert(lump(load_scene(path)))
     assert file.exists() and file.read_text("utf-8") == fresh, (
         f"{file.name} is stale; run: flexlink export models/*.toml --out models/generated"
     )
@@ -227,18 +227,18 @@ def test_every_generated_model_has_a_scene() -> None:
 
 def test_export_is_the_same_every_time() -> None:
     for convert, _ in FORMATS.values():
-        assert convert(nasty_scene().chain()) == convert(nasty_scene().chain())
+        assert convert(lump(nasty_scene())) == convert(lump(nasty_scene()))
 
 
 @pytest.mark.slow
 def test_a_chain_too_long_for_mujoco_is_refused_and_the_longest_loads() -> None:
     with pytest.raises(ArgumentError, match="491 bodies: MuJoCo reads at most 490"):
-        MujocoEngine(make_scene(flexible("long", segments=490)).chain())
-    assert MujocoEngine(make_scene(flexible("long", segments=489)).chain()).n == 489
+        MujocoEngine(lump(make_scene(flexible("long", segments=490))))
+    assert MujocoEngine(lump(make_scene(flexible("long", segments=489)))).n == 489
 
 
 def test_mujoco_refuses_last_joints_without_mass() -> None:
-    chain = make_scene(flexible("upper"), Link(name="wrist")).chain()
+    chain = lump(make_scene(flexible("upper"), Link(name="wrist")))
     with pytest.raises(ArgumentError, match="'wrist' moves no mass"):
         MujocoEngine(chain)
 
@@ -247,7 +247,7 @@ def thin_strip(width: float, **fields: object) -> Chain:
     """Planar, a strip of 1 m × 10 mm × `width` in eight segments."""
     strip = Section(shape="rectangle", height=0.01, width=width)
     link = flexible("a", "yz", 9, length=1.0, section="strip", **fields)
-    return lump(Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"strip": strip}), (0.0, 0.0, 9.81))
+    return chain_of(Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"strip": strip}), (0.0, 0.0, 9.81))
 
 
 def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_refused_by_name() -> None:
@@ -264,13 +264,13 @@ def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_r
 
 
 def test_a_point_mass_is_refused_by_name() -> None:
-    point_mass = make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=Payload(mass=1.0)).chain()
+    point_mass = lump(make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=Payload(mass=1.0)))
     with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': mass 1 kg, .* 0, 0, 0 kg m²: .* below 1e-15"):
         to_mjcf(point_mass)
 
 
 def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
-    flat = make_scene(Link(name="rod", length=1.0), tip=Payload(mass=1.0, inertia=(1.0, 1.0, 2.1))).chain()
+    flat = lump(make_scene(Link(name="rod", length=1.0), tip=Payload(mass=1.0, inertia=(1.0, 1.0, 2.1))))
     with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': .* no moment larger than the other two"):
         to_mjcf(flat)
     assert PinocchioEngine(flat).n == 1
@@ -279,7 +279,7 @@ def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
 def test_what_mujoco_refuses_is_an_error_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco_engine, "to_mjcf", lambda _: "<mujoco><nonsense/></mujoco>")
     with pytest.raises(ArgumentError, match="MuJoCo cannot load 'test'"):
-        MujocoEngine(make_scene(flexible("a")).chain())
+        MujocoEngine(lump(make_scene(flexible("a"))))
 
 
 @pytest.mark.slow
@@ -293,7 +293,7 @@ def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping:
             links=(link,), materials={"aluminium": ALUMINIUM},
             sections={"round": Section(shape="circle", diameter=0.04)}, tip=Payload(mass=float(mass)),
         )  # fmt: skip
-        chain = lump(arm, (0.0, 0.0, 9.81))
+        chain = chain_of(arm, (0.0, 0.0, 9.81))
         for work in (to_mjcf, modes, stable_step):
             try:
                 work(chain)

@@ -17,7 +17,7 @@ from flexlink.engines import load
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
 def test_engines_read_products_of_inertia_in_their_places(engine: str, rng: np.random.Generator) -> None:
     pytest.importorskip(engine)
-    chain = nasty_scene().chain()
+    chain = fl.lump(nasty_scene())
     bodies = chain.bodies.copy()
     B = rng.normal(size=(len(bodies), 3, 3))
     S = 0.1 * B @ B.transpose(0, 2, 1)  # ∫ x xᵀ dm of real bodies: their moments meet the triangle inequality
@@ -35,7 +35,7 @@ def test_engines_read_products_of_inertia_in_their_places(engine: str, rng: np.r
 def test_pinocchio_reads_a_wheel_without_mass() -> None:
     pytest.importorskip("pinocchio")
     links = fl.Link(name="a", length=0.5, hub=fl.Payload(inertia=(0.1, 0.2, 0.3))), fl.Link(name="b", length=0.5)
-    chain = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))).chain()
+    chain = fl.lump(make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))))
     q = np.array([0.3, 0.7])
     M = fl.mass_matrix(chain, q)
     assert load("pinocchio", chain).mass_matrix(q) == pytest.approx(M, rel=0, abs=rounding.of_mass_matrix(chain, q))
@@ -43,17 +43,17 @@ def test_pinocchio_reads_a_wheel_without_mass() -> None:
 
 def test_the_time_step_of_an_mjcf_file_is_at_most_half_the_largest_stable_one() -> None:
     for segments in (3, 5, 9):
-        chain = make_scene(flexible("a", segments=segments), flexible("b", "xyz", segments)).chain()
+        chain = fl.lump(make_scene(flexible("a", segments=segments), flexible("b", "xyz", segments)))
         option = ET.fromstring(fl.to_mjcf(chain)).find("option")
         assert option is not None
-        limit = fl.stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n))
+        limit = fl.stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4")
         assert 0.2 * limit < float(option.get("timestep", "nan")) <= 0.5 * limit
 
 
 def test_mujoco_does_not_start_a_run_again_that_has_diverged(tmp_path, monkeypatch) -> None:
     mujoco = pytest.importorskip("mujoco")
     monkeypatch.chdir(tmp_path)  # where MuJoCo leaves its log
-    chain = make_scene(flexible("a")).chain()
+    chain = fl.lump(make_scene(flexible("a")))
     model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
     data = mujoco.MjData(model)
     data.qvel[:] = 1e9  # far beyond what MuJoCo takes for a sound state, 1e10, after a step

@@ -111,7 +111,7 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
             signal.raise_signal(number)
 
     with pytest.raises(fl.InterruptedRunError) as caught:
-        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), stop_soon, duration=20.0, sample=20.0)
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=20.0, sample=20.0)
     assert seen[-1] < 0.1
     assert caught.value.signal == number
     assert caught.value.trajectory.t.tolist() == [0.0]
@@ -123,7 +123,7 @@ def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatc
     seen: list[float] = []
     monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", 1e-3)
     monkeypatch.setattr(sys.modules["flexlink.motion.single"], "time", SimpleNamespace(perf_counter=clock))
-    fl.simulate(fl.load_scene(models / "paper_fig5.toml"), seen.append, duration=5.0, sample=5.0)
+    fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=seen.append, duration=5.0, sample=5.0)
     assert len(seen) > (30 if clock() else 15)
 
 
@@ -200,7 +200,7 @@ def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
             signal.raise_signal(signal.SIGTERM)
 
     with pytest.raises(fl.InterruptedRunError, match=r"terminated at t = 0.02 s; 5 samples kept") as caught:
-        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), stop_at_the_end, duration=0.02)
+        fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_at_the_end, duration=0.02)
     assert len(caught.value.trajectory.t) == 5
 
 

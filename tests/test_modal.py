@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 import pytest
 from beams import cantilever, order, reference, thin_arm, thin_link, torsion_bar
-from conftest import flexible, make_scene, nasty_scene
+from conftest import chain_of, flexible, make_scene, nasty_scene
 from numpy.polynomial import legendre
 from scipy import linalg
 
@@ -26,7 +26,6 @@ from flexlink import (
     Section,
     elastic_torque,
     forward_dynamics,
-    lump,
     modes,
     natural_frequencies,
     tip_position,
@@ -179,7 +178,7 @@ def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
     """The two-link arm of De Luca & Siciliano (1991): EI = 1 N m², ρA = 0.2 kg/m, L = 0.5 m, elbow hub 1 kg."""
     hub = Section(shape="general", area=1e9, i_y=1e-20, i_z=1e8, torsion=1e-20)  # 1 kg, 0.1 kg m² on 1 nm
     flexible_link = {"length": 0.5, "flex": "z", "material": "link", "section": "thin", "segments": hinges + 1}
-    return lump(
+    return chain_of(
         Arm(
             links=(
                 Link(name="upper", lumping=rule, joint=Joint(**root), **flexible_link),
@@ -191,7 +190,7 @@ def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
             tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)),
         ),
         (0.0, 0.0, 0.0),
-        (0.0, elbow_deg, 0.0),
+        joint_deg=(0.0, elbow_deg, 0.0),
     )
 
 
@@ -205,8 +204,8 @@ def test_de_luca_and_sicilianos_clamped_links():
         joint=Joint(locked=True),
     )  # fmt: skip
     beyond = 0.1 + 0.2 * 0.5**3 / 3 + 0.1 * 0.5**2 + 5e-4  # hub, link 2 and payload about the elbow [kg m²]
-    first = lump(Arm(links=(link,), tip=Payload(mass=1.2, inertia=(0.0, 0.0, beyond)), **clamped), (0.0, 0.0, 0.0))
-    second = lump(Arm(links=(link,), tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)), **clamped), (0.0, 0.0, 0.0))
+    first = chain_of(Arm(links=(link,), tip=Payload(mass=1.2, inertia=(0.0, 0.0, beyond)), **clamped), (0.0, 0.0, 0.0))
+    second = chain_of(Arm(links=(link,), tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)), **clamped), (0.0, 0.0, 0.0))
     measured = np.concatenate([modes(first).hertz[:2], modes(second).hertz[:2]])
     published = [0.4797, 1.7966, 2.1783, 15.9145]
     assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # measured 1e-6
@@ -229,7 +228,7 @@ def test_de_luca_and_sicilianos_assembled_arm(angle):
 
 
 def test_tangents_are_slopes_of_the_torques():
-    chain, rng = nasty_scene().chain(), np.random.default_rng(1)
+    chain, rng = fl.lump(nasty_scene()), np.random.default_rng(1)
     q, qd, wrench = rng.uniform(-1, 1, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-5, 5, 6)
     for follower in (False, True):
         K = stiffness_matrix(chain, q, qd, wrench, follower)
@@ -250,7 +249,7 @@ def test_tangents_are_slopes_of_the_torques():
 
 def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
     """Power R f · v + R m · ω of the tip, from the motion of its frame alone, whichever joint turns."""
-    chain, rng = nasty_scene().chain(), np.random.default_rng(2)
+    chain, rng = fl.lump(nasty_scene()), np.random.default_rng(2)
     q, still, none = rng.uniform(-1, 1, chain.n), np.zeros(chain.n), np.zeros(6)
     R = fl.frames(chain, q).rotations[-1]
     for wrench in (np.array([3.0, -2.0, 5.0, 0, 0, 0]), np.array([0, 0, 0, 4.0, -1.0, 2.0])):
@@ -266,7 +265,7 @@ def test_follower_force_and_moment_do_their_work_in_axes_of_the_tip():
 
 def test_rigid_pendulum():
     scene = make_scene(Link(name="rod", length=2.0, material="aluminium", section="square"), gravity=(9.81, 0.0, 0.0))
-    chain = scene.chain()
+    chain = fl.lump(scene)
     I = 2.0**2 / 3 + 0.04**2 / 12 + 0.0  # per mass, about the joint: L²/3 + h²/12
     assert natural_frequencies(chain) == pytest.approx([np.sqrt(9.81 * 1.0 / I)], rel=1e-12)
     upright = modes(chain, [np.pi])
@@ -345,7 +344,7 @@ def test_kelvin_voigt_damping_grows_with_frequency(loss_time):
 
 def test_eigenvalues_are_those_of_the_linearised_forward_dynamics():
     """Gravity, wrench, springs, all friction, joints free: δq̈ = A δq + B δq̇ by differences of `forward_dynamics`."""
-    chain = nasty_scene().chain()
+    chain = fl.lump(nasty_scene())
     n, wrench = chain.n, np.array([3.0, -2.0, 5.0, 1.0, 0.5, -1.0])
     q, rest = np.linspace(-0.3, 0.4, n), np.zeros(n)
     tau = load_torque(chain, q, rest, wrench) + elastic_torque(chain, q)  # holds the arm: an equilibrium
@@ -383,7 +382,7 @@ def l_arm(ratio, segments=9, gravity=(0.0, 0.0, 0.0), loss_time=0.0):
     ]  # fmt: skip
     strip = Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16 * ratio, torsion=1e-16)
     material = Material(young=1e18, density=1.0, loss_time=loss_time)
-    return lump(Arm(links=tuple(links), materials={"m": material}, sections={"s": strip}), gravity)
+    return chain_of(Arm(links=tuple(links), materials={"m": material}, sections={"s": strip}), gravity)
 
 
 def sixty_digits(chain):
@@ -445,7 +444,7 @@ def random_arm(rng, gravity):
     sizes = 10.0 ** rng.uniform(-3, -1, 2)
     section = Section(shape="rectangle", height=float(sizes[0]), width=float(sizes[1]))
     material = Material(young=float(10 ** rng.uniform(7, 12)), density=2000.0)
-    return lump(
+    return chain_of(
         Arm(links=tuple(links), materials={"m": material}, sections={"s": section}, tip=Payload(mass=1.0)), gravity
     )
 
@@ -478,7 +477,7 @@ def test_joints_along_gravity_rest(rng):
         angles = tuple(rng.uniform(-180, 180, 3).tolist())
         links = (flexible("a", mount=Mount(rpy_deg=angles), damping=damping), flexible("b", joint=Joint(viscous=0.5)))
         along = tuple((9.81 * matrix_from_rpy_deg(angles)[:, 2]).tolist())
-        chain = make_scene(*links, tip=Payload(mass=300.0), gravity=along).chain()
+        chain = fl.lump(make_scene(*links, tip=Payload(mass=300.0), gravity=along))
         for _ in range(5):
             found = modes(chain, rng.uniform(-0.5, 0.5, chain.n))
             assert found.stable
@@ -488,7 +487,7 @@ def test_joints_along_gravity_rest(rng):
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.01, at_hz=5.0)])
 def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
     """Nothing depends on its angle, but K has no potential: its double λ = 0 is found as such."""
-    chain = make_scene(flexible("a", "yz", damping=damping)).chain()
+    chain = fl.lump(make_scene(flexible("a", "yz", damping=damping)))
     for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
         found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, follower=True)
         assert found.stable
@@ -502,7 +501,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
 def test_what_falls_however_slowly_is_no_rest(g, viscous):
     """Upright on a joint, a stiff bar: λ = √(g/l') whatever the springs."""
     link = flexible("a", joint=Joint(viscous=viscous), lumping="gauss")
-    chain = make_scene(link, tip=Payload(mass=5.0), gravity=(-g, 0.0, 0.0)).chain()
+    chain = fl.lump(make_scene(link, tip=Payload(mass=5.0), gravity=(-g, 0.0, 0.0)))
     found = modes(chain)
     m, L = float(chain.bodies["mass"].sum()), 1.25
     beam = m - 5.0
@@ -528,7 +527,7 @@ def test_falling_resting_and_swinging_modes_are_as_many_as_sylvester_says(gravit
 
 
 def test_paths_are_the_displacements_of_the_points():
-    chain = nasty_scene().chain()
+    chain = fl.lump(nasty_scene())
     q = np.linspace(-1, 1, chain.n)
     found = modes(chain, q)
     h = 1e-6
@@ -540,7 +539,7 @@ def test_paths_are_the_displacements_of_the_points():
 
 
 def test_locked_coordinates_do_not_move():
-    chain = nasty_scene().chain()
+    chain = fl.lump(nasty_scene())
     found = modes(chain, locked=chain.active)
     assert (found.shapes[:, chain.active] == 0).all()
     assert found.shapes.any(axis=1).all()
@@ -555,7 +554,7 @@ def test_locked_coordinates_do_not_move():
 @pytest.mark.parametrize("function", [modes, natural_frequencies, fl.solve_static, fl.buckling_loads])
 def test_what_is_locked_is_given_by_name_index_or_mask(function, locked):
     waist = Link(name="waist", joint=Joint(locked=True))
-    chain = make_scene(waist, flexible("upper"), flexible("fore", segments=4), gravity=(-9.81, 0.0, 0.0)).chain()
+    chain = fl.lump(make_scene(waist, flexible("upper"), flexible("fore", segments=4), gravity=(-9.81, 0.0, 0.0)))
     assert [chain.joint_name(k) for k in (0, 6)] == ["upper", "fore.1.z"]
     found, expected = function(chain, locked=locked), function(chain, locked=[0, 6])
     if function is modes:
@@ -590,9 +589,9 @@ def test_bad_locks_are_named(function, locked, message):
 def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():
     link = flexible("a", segments=5)
     held = fl.Motion(link="a", times=[0.0], angle_deg=[0.0], rate_deg=[0.0], acceleration_deg=[0.0])
-    prescribed = make_scene(link, motion=(held,)).chain()
-    locked = make_scene(msgspec.structs.replace(link, joint=fl.Joint(locked=True))).chain()
+    prescribed = fl.lump(make_scene(link, motion=(held,)))
+    locked = fl.lump(make_scene(msgspec.structs.replace(link, joint=fl.Joint(locked=True))))
     np.testing.assert_allclose(fl.natural_frequencies(prescribed), fl.natural_frequencies(locked), rtol=1e-12)
     assert fl.stable_step(prescribed) == pytest.approx(fl.stable_step(locked), rel=1e-9, abs=0)
-    rigid = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), motion=(held,)).chain()
+    rigid = fl.lump(make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), motion=(held,)))
     assert fl.stable_step(rigid) == np.inf

@@ -21,7 +21,7 @@ UPRIGHT = fl.Mount(rpy_deg=(-90.0, 0.0, 0.0))
 def test_gravity_along_all_axes_is_noted_because_it_moves_nothing() -> None:
     (note,) = notes(STILL)
     assert note.startswith("gravity = [0.0, 0.0, 9.81]: is parallel to the axes of all joints")
-    chain = STILL.chain()
+    chain = fl.lump(STILL)
     q = np.linspace(0.1, 0.9, chain.n)
     assert not fl.gravity_torque(chain, q).any()
 
@@ -33,7 +33,7 @@ def test_its_size_does_not_matter(gravity: tuple[float, ...]) -> None:
 
 def test_axes_that_a_mount_turns_are_parallel_up_to_its_rounding() -> None:
     turned = fl.Mount(rpy_deg=(33.0, 12.0, 5.0))
-    axis = make_scene(fl.Link(name="a", mount=turned), flexible("b")).chain().axes[0]
+    axis = fl.lump(make_scene(fl.Link(name="a", mount=turned), flexible("b"))).axes[0]
     links = fl.Link(name="a", mount=turned), flexible("b")
     assert len(notes(make_scene(*links, gravity=tuple(9.81 * axis)))) == 1
     assert not notes(make_scene(*links, gravity=tuple(9.81 * axis + [0, 1e-9, 0])))
@@ -88,7 +88,7 @@ def test_what_has_no_effect_is_noted_by_key_and_value() -> None:
 def test_a_rigid_arm_has_one_static_posture(passive: str) -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square", mount=UPRIGHT)
     scene = make_scene(link, initial=fl.Initial(joint_deg=(30.0,), passive=passive))
-    q, _ = scene.initial_state(scene.chain())
+    q, _ = fl.initial_state(scene, fl.lump(scene))
     assert q == pytest.approx([np.radians(30.0)], rel=1e-15, abs=0)
 
 

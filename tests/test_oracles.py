@@ -5,10 +5,11 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
+from conftest import chain_of
 from mpmath import mp, mpf
 
 import flexlink as fl
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
@@ -29,7 +30,7 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
         materials={"m": fl.Material(young=1e9, density=1000.0)},
         sections={"s": fl.Section(shape="rectangle", height=0.25, width=0.5)},
     )
-    oracle = PlanarChain(fl.lump(arm, (0.0, -9.81, 0.0)))
+    oracle = PlanarChain(chain_of(arm, (0.0, -9.81, 0.0)))
     m1, m2, l1, l2 = 187.5, 93.75, 1.5, 0.75
     I1, I2 = m1 * (l1**2 + 0.25**2) / 12, m2 * (l2**2 + 0.25**2) / 12
     q, qd = (0.3, -1.1), (2.0, 5.0)
@@ -48,24 +49,24 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
 
 @pytest.mark.slow
 def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
-    chain = fl.load_scene(ROOT / "models" / "paper_fig5.toml").chain()
+    chain = fl.lump(fl.load_scene(ROOT / "models" / "paper_fig5.toml"))
     oracle = PlanarChain(chain)
     with mp.workdps(DIGITS):
         start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
-        end = exact_runge_kutta.integrate(oracle.forward_dynamics, tableau("RK10"), start, mpf("2.5e-5"), 10)
+        end = exact_runge_kutta.integrate(oracle.forward_dynamics, method("RK10"), start, mpf("2.5e-5"), 10)
         assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
         assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
 
 
 def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
-    chain = fl.load_scene(ROOT / "models" / "t2_spatial.toml").chain()
+    chain = fl.lump(fl.load_scene(ROOT / "models" / "t2_spatial.toml"))
     with pytest.raises(fl.ArgumentError, match="not planar"):
         PlanarChain(chain)
 
 
 def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
     ω, h, steps = 700.0, 1e-3, 200  # ω h = 0.7
-    A, b, _ = tableau("RK4").arrays
+    A, b, _ = method("RK4").arrays
     z = 1j * ω * h
     R = 1 + z * b @ np.linalg.solve(np.eye(4) - z * A, np.ones(4))
     assert modal_loss("RK4", np.array([ω * h]), np.array([2.0]), steps) == pytest.approx(2 * (1 - abs(R) ** 400))
@@ -76,7 +77,7 @@ def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
     held = tuple(msgspec.structs.replace(link, joint=fl.Joint(locked=True)) for link in scene.arm.links)
     scene = msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=held))
-    chain = scene.chain()
+    chain = fl.lump(scene)
     ω, E = released_modes(scene)
     load = fl.gravity_torque(chain, np.zeros(chain.n))
     assert len(ω) == chain.n == 8

@@ -140,7 +140,7 @@ def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across(
 
 def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
     scene = formulas.torque_pulse(fl.load_scene(BENCHMARKS / "torque_pulse.toml"))
-    chain = scene.chain()
+    chain = fl.lump(scene)
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
     for t in np.linspace(0, 2, 777):
         drive_torque(drive, t, q, q, tau)
@@ -150,7 +150,7 @@ def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
 
 def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
     scene = formulas.spin_up(fl.load_scene(BENCHMARKS / "spin_up.toml"))
-    motion, (q, qd, qdd) = motion_arrays(scene, scene.chain()), np.zeros((3, scene.chain().n))
+    motion, (q, qd, qdd) = motion_arrays(scene, fl.lump(scene)), np.zeros((3, fl.lump(scene).n))
     for t in np.linspace(0, 20, 777):
         follow(motion, t, q, qd, qdd)
         ramp = 6 / 15 * (t**2 / 2 + (15 / (2 * np.pi)) ** 2 * (np.cos(2 * np.pi * t / 15) - 1))
@@ -161,7 +161,7 @@ def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
 
 
 def test_slopes_by_riesz_of_mujocos_torques_are_the_tangent_of_ours():
-    chain, rng = nasty_scene().chain(), np.random.default_rng(5)
+    chain, rng = fl.lump(nasty_scene()), np.random.default_rng(5)
     q, wrench = rng.uniform(-1, 1, chain.n), rng.uniform(-5, 5, 6)
     engine, rest = load("mujoco", chain), np.zeros(chain.n)
     K = stiffness_matrix(chain, q, rest, wrench)
@@ -191,7 +191,7 @@ def test_closed_forms_are_those_of_the_reference(n):
 @pytest.mark.parametrize("field", ["stiffness", "mass"])
 def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_bar_of_finite_chains(field):
     case = CASES["physics_finite_chains"]
-    chain = Variant().build(case, Rule(rule="midpoint", hinges=6)).chain()
+    chain = fl.lump(Variant().build(case, Rule(rule="midpoint", hinges=6)))
     exact = bending_chain.frequencies(*lumping_rule("midpoint").hinges(6))
     bar = case.quantity["all bending modes, 40 digits"].tolerance
     assert np.abs(fl.natural_frequencies(chain) / exact - 1).max() < bar

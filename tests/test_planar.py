@@ -22,7 +22,7 @@ def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generat
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         qdd = fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)
         joints = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
-        back = fl.inverse_dynamics(chain, q, qd, qdd, wrench) + joints
+        back = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench) + joints
         scale = np.abs(fl.mass_matrix(chain, q)) @ np.abs(qdd) + np.abs(joints) + 1.0
         assert np.abs(back - tau).max() <= 100 * EPS * scale.max()
 
@@ -42,6 +42,6 @@ def fixed_bodies(chain: fl.Chain, place: int) -> np.ndarray:
 def test_bodies_without_hinges_hang_on_the_link_before_them(place: int, rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
     links = flexible("a", segments=4, mount=skew), flexible("b", segments=4, joint=fl.Joint(armature=0.2, coulomb=0.3))
-    chain = make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)).chain()
+    chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
     bodies = np.concatenate([chain.bodies[:place], fixed_bodies(chain, place), chain.bodies[place:]])
     assert_solves_its_equation_of_motion(dataclasses.replace(chain, bodies=bodies), rng)

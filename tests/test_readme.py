@@ -56,7 +56,7 @@ def test_the_boom_of_the_readme_gets_the_damping_that_it_asks_for() -> None:
     assert isinstance(scene, fl.Scene)
     damping = scene.arm.links[0].damping
     assert damping is not None
-    first = fl.modes(scene.chain(), locked=["boom"])
+    first = fl.modes(fl.lump(scene), locked=["boom"])
     assert first.hertz[0] == pytest.approx(damping.at_hz, rel=1e-3)
     assert first.damping_ratios[0] == pytest.approx(damping.ratio, rel=1e-3)
 

@@ -16,6 +16,7 @@ from flexlink import (
     energy,
     forward_dynamics,
     friction_torque,
+    lump,
     mass_matrix,
 )
 from flexlink.describe.catalogue import names
@@ -152,10 +153,12 @@ def test_a_hinge_at_the_links_end_is_refused(tmp_path):
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
 def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
     """Hinges bent up to 50°: far beyond a useful chain, and the most that `gauss_matched` bears."""
-    chain = make_scene(
-        flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
-        flexible("fore", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
-    ).chain()
+    chain = lump(
+        make_scene(
+            flexible("upper", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
+            flexible("fore", flex, 7, lumping=name, joint=Joint(locked=name in TIP_FREE)),
+        )
+    )
     rng = np.random.default_rng(3)
     for _ in range(20):
         q, qd, tau = rng.uniform(-0.87, 0.87, chain.n), rng.uniform(-10, 10, chain.n), rng.uniform(-1, 1, chain.n)
@@ -165,8 +168,8 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
         torque = tau - bias_torque(chain, q, qd) - elastic_torque(chain, q) - friction_torque(chain, qd)
         expected = np.linalg.solve(M, torque)
         for method in SOLVERS:
-            solved = forward_dynamics(chain, q, qd, tau, method)
-            assert rounding.acceleration_error(chain, q, qd, tau, (solved, expected)).max() <= 1
+            solved = forward_dynamics(chain, q, qd, tau, method=method)
+            assert rounding.acceleration_error(chain, q, qd, tau, solutions=(solved, expected)).max() <= 1
 
 
 def test_rotors_of_matched_twist_act_on_relative_motion_alone():
@@ -184,7 +187,7 @@ def test_rotors_of_matched_twist_act_on_relative_motion_alone():
 
 
 def test_axes_alternate_only_where_the_rule_says_so():
-    paper, gauss = (make_scene(flexible("arm", "xyz", 5, lumping=name)).chain() for name in ("paper", "gauss"))
+    paper, gauss = (lump(make_scene(flexible("arm", "xyz", 5, lumping=name))) for name in ("paper", "gauss"))
     assert paper.hinges["axis"].tolist() == [2, 0, 1, 2, 0, 1, 2, 0, 1, 2, 0, 1, 2]
     assert gauss.hinges["axis"].tolist() == [2, 0, 1, 2, 2, 1, 0, 0, 1, 2, 2, 1, 0]
     for chain in (paper, gauss):
@@ -199,10 +202,10 @@ def test_other_engines_load_the_chains_of_every_rule(name, engine):
     """Negative rotors, alternating axes and hinges at the root included: M and q̈ from the exported files."""
     pytest.importorskip(engine)
     locked = Joint(locked=name in TIP_FREE)
-    chain = make_scene(*(flexible(link, "xyz", 7, lumping=name, joint=locked) for link in ("upper", "fore"))).chain()
+    chain = lump(make_scene(*(flexible(link, "xyz", 7, lumping=name, joint=locked) for link in ("upper", "fore"))))
     other, rng = load(engine, chain), np.random.default_rng(4)
     for _ in range(5):
         q, qd, tau = rng.uniform(-0.5, 0.5, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
         assert np.abs(other.mass_matrix(q) - mass_matrix(chain, q)).max() <= rounding.of_mass_matrix(chain, q)
-        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, "lu")
-        assert rounding.acceleration_error(chain, q, qd, tau, solutions).max() <= 1
+        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, method="lu")
+        assert rounding.acceleration_error(chain, q, qd, tau, solutions=solutions).max() <= 1

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
-from flexlink import Arm, Joint, Link, SceneError, Section, load_scene
+from flexlink import Arm, Joint, Link, Run, SceneError, Section, load_scene, lump, simulate
+from flexlink.describe import catalogue
 from flexlink.describe.situation import whole
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
@@ -125,8 +126,8 @@ def one_hinge_rule(node: float) -> str:
 def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
     rule = tmp_path / "rule.toml"
     rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
-    with pytest.raises(SceneError, match=r"^segments = 4, so 3 hinges: rule '.*rule.toml' puts them closer"):
-        flexible("a", segments=4, lumping=str(rule))
+    with pytest.raises(SceneError, match=r"^link\[0\].segments = 4, so 3 hinges: rule '.*rule.toml' puts them"):
+        lump(make_scene(flexible("a", segments=4, lumping=str(rule))))
 
 
 def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_path: Path, monkeypatch) -> None:
@@ -134,7 +135,7 @@ def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_pat
     folder.mkdir()
     (folder / "rule.toml").write_text(one_hinge_rule(0.5), encoding="utf-8")
     (folder / "own.toml").write_text(
-        (ROOT / "flexlink" / "describe" / "data" / "tableaus" / "RK4.toml").read_text("utf-8"), "utf-8"
+        (ROOT / "flexlink" / "describe" / "data" / "methods" / "RK4.toml").read_text("utf-8"), "utf-8"
     )
     text = PAPER.replace('"paper"\n\n', '"rule.toml"\n\n').replace('"RK4"', '"own.toml"')
     (folder / "scene.toml").write_text(text, encoding="utf-8")
@@ -144,7 +145,7 @@ def test_a_scene_with_its_own_rule_and_method_reads_back_from_any_folder(tmp_pat
         copy.write_text(scene.to_toml(), encoding="utf-8")
         assert load_scene(copy) == scene
     monkeypatch.chdir(ROOT)
-    np.testing.assert_array_equal(scene.chain().stiffness, load_scene(folder / "copy.toml").chain().stiffness)
+    np.testing.assert_array_equal(lump(scene).stiffness, lump(load_scene(folder / "copy.toml")).stiffness)
 
 
 def test_a_rule_named_in_python_is_that_of_the_folder_it_was_named_in(tmp_path: Path, monkeypatch) -> None:
@@ -156,7 +157,7 @@ def test_a_rule_named_in_python_is_that_of_the_folder_it_was_named_in(tmp_path: 
         os.utime("rule.toml", ns=(0, 0))  # the same name, time and size
         links.append(flexible("link", segments=2, lumping="rule.toml"))
     monkeypatch.chdir(tmp_path)
-    placed = [make_scene(link).chain().bodies["translation"][1, 0] for link in links]
+    placed = [lump(make_scene(link)).bodies["translation"][1, 0] for link in links]
     assert placed == [0.25 * 1.25, 0.75 * 1.25]
 
 
@@ -179,9 +180,26 @@ def test_python_objects_are_checked_like_files() -> None:
     with pytest.raises(SceneError, match=r"link\[0\].material = 'steel': not defined; defined are aluminium"):
         Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
     with pytest.raises(SceneError, match="every joint is locked"):
-        make_scene(Link(name="a", joint=Joint(locked=True))).chain()
+        lump(make_scene(Link(name="a", joint=Joint(locked=True))))
     with pytest.raises(SceneError, match=r"inner = 0\.2: must be smaller than outer"):
         Section(shape="tube", outer=0.1, inner=0.2)
+
+
+def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The rule and the method are looked for where the chain is cut and where the run starts."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("a file was read")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "open", refuse)
+        patched.setattr(catalogue, "load", refuse)
+        scene = make_scene(flexible("a", lumping="papr"), run=Run(method="RK5"))
+        scene.to_toml()
+    with pytest.raises(SceneError, match=r"^link\[0\]\.lumping = 'papr': unknown; .*did you mean 'paper'"):
+        lump(scene)
+    with pytest.raises(SceneError, match=r"^run.method = 'RK5': unknown; allowed are "):
+        simulate(make_scene(flexible("a"), run=Run(method="RK5")))
 
 
 def test_python_scenes_survive_toml(tmp_path: Path) -> None:

@@ -27,8 +27,7 @@ from validation.oracles.spatial_chain import SpatialChain, numbers
 from validation.runner import judge
 from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
-from validation.timing.families import Family, of_steps
-from validation.timing.families import random_states as states_of
+from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import race
 
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
@@ -42,7 +41,7 @@ def family(kind: str, *segments: int, **limits: int) -> Family:
 
 @pytest.fixture(params=FLEX)
 def chain(request: pytest.FixtureRequest) -> fl.Chain:
-    return family(request.param, 3).scene(CASE, 3).chain()
+    return fl.lump(family(request.param, 3).scene(CASE, 3))
 
 
 # families
@@ -50,14 +49,14 @@ def chain(request: pytest.FixtureRequest) -> fl.Chain:
 
 @pytest.mark.parametrize(("kind", "segments", "n"), [("T1", 5, 10), ("T1", 200, 400), ("T2", 5, 18), ("T3", 50, 296)])
 def test_a_family_has_the_degrees_of_freedom_of_the_paper_s_equation_1(kind: str, segments: int, n: int) -> None:
-    assert family(kind, segments).scene(CASE, segments).chain().n == n
+    assert fl.lump(family(kind, segments).scene(CASE, segments)).n == n
 
 
 @pytest.mark.parametrize("kind", FLEX)
 def test_the_step_carried_over_to_longer_chains_is_stable_there(kind: str) -> None:
     some = family(kind, 5, 30)
     scene = some.released(CASE, 30)
-    assert scene.run.step <= fl.stable_step(scene.chain(), "RK4", np.linspace(0.1, 0.4, scene.chain().n))
+    assert scene.run.step <= fl.stable_step(fl.lump(scene), np.linspace(0.1, 0.4, fl.lump(scene).n), method="RK4")
 
 
 def test_a_run_of_so_many_steps_keeps_two_states() -> None:
@@ -69,19 +68,19 @@ def test_a_run_of_so_many_steps_keeps_two_states() -> None:
 
 
 def test_every_pinocchio_model_has_our_accelerations(chain: fl.Chain) -> None:
-    q, qd, tau, _ = (part[0] for part in states_of(chain))
+    q, qd, tau, _ = (part[0] for part in timed_states(chain))
     ours = fl.forward_dynamics(chain, q, qd, tau)
     net = tau - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
     models = pinocchio_models.build_all(chain)
     for model, sign in models.values():
         theirs = pin.aba(model, model.createData(), q * sign, qd * sign, net * sign) * sign
-        assert acceleration_error(chain, q, qd, tau, (theirs, ours)).max() <= 1
+        assert acceleration_error(chain, q, qd, tau, solutions=(theirs, ours)).max() <= 1
     sizes = {model.njoints for model, _ in models.values()}
     assert len(sizes) == len(models), "each kind joins hinges in its own way"
 
 
 def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> None:
-    states = states_of(chain)
+    states = timed_states(chain)
     q, qd, tau, qdd = states
     last = 5 % len(q)  # of 6 calls
     jobs = contestants.native(chain, states)
@@ -98,7 +97,7 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
 
 
 def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
-    states = states_of(chain)
+    states = timed_states(chain)
     jobs = set(contestants.native(chain, states))
     assert set(contestants.mujoco_calls(chain, states)) == jobs
     forms = contestants.pinocchio(chain, states)
@@ -127,9 +126,9 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
     """An adapter that lumps and parses in every turn is timed by that, not by its steps."""
     work = steps.by_pinocchio(family("T1", 5).released(CASE, 5))
     for costly in (
-        "flexlink.motion.scene.Scene.chain",
+        "flexlink.chain.lumping.hinges_of",  # of lump
         "flexlink.formats.to_urdf",
-        "flexlink.motion.scene.Scene.initial_state",
+        "flexlink.motion.start.spread",  # of initial_state
     ):
         monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
     work(2)
@@ -184,7 +183,7 @@ def test_the_exponent_is_of_the_long_chains_only() -> None:
 
 
 def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
-    chain = family("T1", 3).scene(CASE, 3).chain()
+    chain = fl.lump(family("T1", 3).scene(CASE, 3))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
         q, qd, tau = (numbers(part) for part in state[:3])
@@ -195,7 +194,7 @@ def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
 
 @pytest.mark.parametrize("model", ["t2_spatial", "t3_spatial"])
 def test_the_spatial_judge_agrees_with_every_term(model: str, models: Path) -> None:
-    chain = fl.load_scene(models / f"{model}.toml").chain()
+    chain = fl.lump(fl.load_scene(models / f"{model}.toml"))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
         M, bias = SpatialChain(chain).equations(numbers(state.q), numbers(state.qd))

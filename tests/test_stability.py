@@ -15,7 +15,7 @@ import flexlink as fl
 from flexlink.analysis import stability
 from flexlink.analysis.stability import Gains, eigenvalues, fastest_eigenvalues, stability_polynomial, stable_step_of
 from flexlink.common.interruption import Stop
-from flexlink.describe.tableaus import tableau
+from flexlink.describe import methods
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.single import SingleRun, prepare
 from flexlink.motion.watch import gains_of
@@ -29,16 +29,16 @@ IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
 
 @pytest.mark.parametrize(("method", "limit"), IMAGINARY_LIMIT.items())
 def test_the_stable_step_of_an_undamped_chain_is_the_published_limit(models, method: str, limit: float) -> None:
-    chain = fl.load_scene(models / "paper_fig5.toml").chain()
+    chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     fastest = np.abs(eigenvalues(chain, np.zeros(10))).max()
-    assert fl.stable_step(chain, method) * fastest == pytest.approx(limit, rel=1e-7)
+    assert fl.stable_step(chain, method=method) * fastest == pytest.approx(limit, rel=1e-7)
 
 
 @pytest.mark.parametrize(("method", "limit"), {"RK2": 2.0, "RK4": 2.785293563, "RK10": 2.704679068}.items())
 def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, limit: float) -> None:
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
-    assert fl.stable_step(scene.chain(), method) == pytest.approx(limit / 4.0, rel=1e-5)
+    assert fl.stable_step(fl.lump(scene), method=method) == pytest.approx(limit / 4.0, rel=1e-5)
 
 
 @pytest.fixture
@@ -57,14 +57,14 @@ def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(cheby
     """Of 5 stages none goes further (Markov)."""
     joint = fl.Joint(viscous=8.0)
     scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
-    assert fl.stable_step(scene.chain(), chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
+    assert fl.stable_step(fl.lump(scene), method=chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
 
 
 @pytest.mark.parametrize("slant", [0.01, 0.03, 0.1])
 def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshev: str) -> None:
     """Beside the real axis R is a little above 1 around each extremum of T_5, and below 1 between them."""
     λ = np.array([-1.0 + slant * 1j, -1.0 - slant * 1j])
-    h, r = stable_step_of(λ, chebyshev), stability_polynomial(tableau(chebyshev))
+    h, r = stable_step_of(λ, chebyshev), stability_polynomial(methods.method(chebyshev))
     inside = np.linspace(0, h, 10_001)[:, None] * λ
     assert np.abs(np.polynomial.polynomial.polyval(inside, r)).max() <= 1 + 1.01e-6
     assert 4 < h < 5  # the first extremum: 25 (1 − cos 36°) = 4.8
@@ -72,7 +72,7 @@ def test_no_interval_of_growth_lies_below_the_stable_step(slant: float, chebyshe
 
 @pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
 def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str) -> None:
-    table = tableau(method)
+    table = methods.method(method)
     r = stability_polynomial(table)
     np.testing.assert_allclose(
         r[: table.order + 1], [1 / math.factorial(k) for k in range(table.order + 1)], atol=1e-15
@@ -81,18 +81,18 @@ def test_the_stability_polynomial_is_the_exponential_up_to_the_order(method: str
 
 def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
     scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
-    assert fl.stable_step(scene.chain(), "RK4") == np.inf
+    assert fl.stable_step(fl.lump(scene), method="RK4") == np.inf
 
 
 @pytest.mark.parametrize("damping", [None, fl.Damping(ratio=0.02, at_hz=5.0)])
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_long_chains_take_a_road_of_order_n_to_the_same_step(flex, damping, monkeypatch) -> None:
-    chain = make_scene(*[flexible(name, flex, 12, damping=damping) for name in "ab"]).chain()
+    chain = fl.lump(make_scene(*[flexible(name, flex, 12, damping=damping) for name in "ab"]))
     q = np.linspace(0.1, 0.2, chain.n)
-    dense = fl.stable_step(chain, "RK4", q)
+    dense = fl.stable_step(chain, q, method="RK4")
     monkeypatch.setattr(stability, "DENSE", 0)
     # on the safe side by ω²/δ² = 1/(4ζ²) of a creeping mode; Lanczos stops within 1e-4
-    assert dense * (1 - 1e-3) < fl.stable_step(chain, "RK4", q) < dense * (1 + 1e-4)
+    assert dense * (1 - 1e-3) < fl.stable_step(chain, q, method="RK4") < dense * (1 + 1e-4)
 
 
 def dense(chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -105,7 +105,7 @@ def dense(chain: fl.Chain, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 
 def weightless_pair(flex: str, damping: fl.Damping | None) -> tuple[fl.Chain, np.ndarray]:
     scene = make_scene(*[flexible(name, flex, 6, damping=damping) for name in "ab"], gravity=(0.0, 0.0, 0.0))
-    chain = scene.chain()
+    chain = fl.lump(scene)
     return chain, np.linspace(0.1, 0.2, chain.n)
 
 
@@ -149,7 +149,7 @@ def test_estimates_for_long_chains_are_those_of_short_ones_under_all_that_acts(w
     gravity, prescribed = acts.pop("gravity", (0.0, 0.0, 0.0)), acts.pop("prescribed", 0)
     bend = acts.pop("bend", 0.1)
     links = flexible("a", "yz", 5), flexible("b", "z", 3, joint=fl.Joint(armature=1e-6))
-    chain = make_scene(*links, gravity=gravity).chain()
+    chain = fl.lump(make_scene(*links, gravity=gravity))
     hinges = chain.hinges.copy()
     hinges["prescribed"][chain.active[1]] = prescribed
     if prescribed:
@@ -203,7 +203,7 @@ SITUATIONS = {
 
 def pushed(part: float) -> fl.Scene:
     scene = make_scene(flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(-1.0, 0, 0)))
-    critical = fl.buckling_loads(scene.chain(), tip_wrench=scene.tip_wrench)[0]
+    critical = fl.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
     return msgspec.structs.replace(scene, wrench=fl.Wrench(force=(-part * float(critical), 0, 0)))
 
 
@@ -211,9 +211,9 @@ def pushed(part: float) -> fl.Scene:
 def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situation: str, rng) -> None:
     """About an equilibrium, within 5 %: at 0.95 of the step nothing grows, at 1.05 it grows a hundredfold in 200."""
     scene = SITUATIONS[situation]()
-    chain = scene.chain()
+    chain = fl.lump(scene)
     gains = gains_of(chain, input_arrays(scene, chain))
-    h = fl.stable_step(chain, "RK4", np.zeros(chain.n), tip_wrench=scene.tip_wrench, gains=gains)
+    h = fl.stable_step(chain, np.zeros(chain.n), method="RK4", tip_wrench=scene.tip_wrench, gains=gains)
     disturbance = 1e-9 * rng.standard_normal(chain.n)
     growth = []
     for step in (0.95 * h, 1.05 * h):

@@ -16,6 +16,7 @@ from flexlink import (
     elastic_torque,
     gravity_torque,
     load_scene,
+    lump,
     mass_matrix,
 )
 from flexlink.engines.states import BALANCE, State, mixed_states, random_states
@@ -25,7 +26,7 @@ T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 
 @pytest.fixture(scope="module")
 def chain() -> Chain:
-    return load_scene(T3).chain()
+    return lump(load_scene(T3))
 
 
 def passive(chain: Chain) -> np.ndarray:
@@ -58,7 +59,7 @@ def test_a_quarter_of_the_states_is_balanced_to_a_millionth_but_not_exactly(chai
 
 def test_balanced_springs_are_all_loaded_alike() -> None:
     """A beam 50 times as wide as high: the springs of one plane are 2,500 times as stiff as those of the other."""
-    chain = make_scene(flexible("arm", "yz", 4)).chain()
+    chain = lump(make_scene(flexible("arm", "yz", 4)))
     hinges = chain.hinges.copy()
     hinges["stiffness"][1::2] *= 2500
     chain = Chain(chain.name, chain.bodies.copy(), hinges, chain.gravity.copy(), chain.coordinates, chain.link_names)
@@ -78,7 +79,7 @@ def test_a_quarter_of_the_states_is_stretched_out_and_half_of_these_turn(chain: 
 @pytest.mark.parametrize("segments", [3, 9, 21])
 def test_hinges_with_negative_rotors_are_bent_only_as_far_as_m_stays_positive_definite(segments: int) -> None:
     links = [flexible(name, "xyz", segments, lumping="gauss_matched") for name in ("upper", "fore")]
-    chain = make_scene(*links).chain()
+    chain = lump(make_scene(*links))
     assert chain.hinges["armature"].min() < 0
     states = mixed_states(chain, 24)
     assert all(np.linalg.eigvalsh(mass_matrix(chain, s.q)).min() > 0 for s in states)
@@ -89,16 +90,18 @@ def test_hinges_with_negative_rotors_are_bent_only_as_far_as_m_stays_positive_de
 def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not() -> None:
     """Two joints about one line, with nothing between them, at every multiple of 180°."""
     gimbals = [Link(name="one"), Link(name="two", mount=Mount(rpy_deg=(90.0, 0.0, 0.0)))]
-    chain = make_scene(
-        *gimbals, Link(name="three", mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))), tip=Payload(mass=1.0, inertia=(1, 2, 3))
-    ).chain()
+    chain = lump(
+        make_scene(
+            *gimbals,
+            Link(name="three", mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))),
+            tip=Payload(mass=1.0, inertia=(1, 2, 3)),
+        )
+    )
     for state in mixed_states(chain, 40):
         assert np.linalg.eigvalsh(mass_matrix(chain, state.q)).min() > 1e-9
 
 
 def test_an_arm_that_is_singular_everywhere_is_an_error_that_names_the_joint() -> None:
-    chain = make_scene(
-        Link(name="one", joint=Joint()), Link(name="two"), tip=Payload(mass=1, inertia=(1, 1, 1))
-    ).chain()
+    chain = lump(make_scene(Link(name="one", joint=Joint()), Link(name="two"), tip=Payload(mass=1, inertia=(1, 1, 1))))
     with pytest.raises(SingularMassError, match="joint 'two' moves no inertia of its own"):
         mixed_states(chain, 8)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from beams import cantilever, order, princeton_beam, reference, thin_arm, thin_link
-from conftest import flexible, make_scene, nasty_scene
+from conftest import chain_of, flexible, make_scene, nasty_scene
 from scipy import optimize
 
 from flexlink import (
@@ -112,7 +112,7 @@ def test_a_fixed_order_of_axes_bends_and_twists_to_first_order_only():
 def test_tip_moment_in_space_is_reached_and_balanced():
     chain = princeton_beam("legendre", 6)
     found = solve_static(chain, tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
-    torque = bias_torque(chain, found.q, np.zeros(chain.n), [1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
+    torque = bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=[1.0, 2.0, 3.0, 2.0, 0.5, -4.0])
     assert torque + elastic_torque(chain, found.q) == pytest.approx(np.zeros(chain.n), abs=1e-9)
     assert found.stable
 
@@ -142,10 +142,10 @@ def test_the_path_turns_back_where_the_column_snaps_over():
     """A buckled column leaning left, pushed right a little beyond what the left side can bear."""
     chain = cantilever("midpoint", 8)
     leaning = solve_static(chain, tip_wrench=[-3.0, 0.5, 0, 0, 0, 0])
-    left = solve_static(chain, leaning.q, [-3.0, 0, 0, 0, 0, 0])
+    left = solve_static(chain, leaning.q, tip_wrench=[-3.0, 0, 0, 0, 0, 0])
     assert left.stable
     assert tip_position(chain, left.q)[1] > 0.5
-    right = solve_static(chain, left.q, [-3.0, -0.25, 0, 0, 0, 0])
+    right = solve_static(chain, left.q, tip_wrench=[-3.0, -0.25, 0, 0, 0, 0])
     assert right.stable
     assert tip_position(chain, right.q)[1] < -0.5
     assert (np.diff(right.path[:, 0]) < 0).any()
@@ -166,7 +166,7 @@ def test_load_beyond_a_limit_point_without_another_side_is_refused():
         materials={"m": Material(young=1.0, density=1.0)},
         sections={"s": Section(shape="general", area=1.0, i_y=1e-6, i_z=1e-6, torsion=1e-6)},
     )
-    chain = lump(arm, (10.0, 0.0, 0.0))  # hangs along X; holding torque 5 sin q
+    chain = chain_of(arm, (10.0, 0.0, 0.0))  # hangs along X; holding torque 5 sin q
     assert solve_static(chain, tau=[4.0]).q == pytest.approx([np.arcsin(0.8)], abs=1e-12)
     with pytest.raises(ConvergenceError, match="of the load") as caught:
         solve_static(chain, tau=[6.0])
@@ -175,7 +175,7 @@ def test_load_beyond_a_limit_point_without_another_side_is_refused():
 
 
 def test_free_joints_find_their_place_and_locked_ones_stay():
-    chain = nasty_scene().chain()
+    chain = lump(nasty_scene())
     locked = [int(k) for k in chain.active]
     q0 = np.zeros(chain.n)
     q0[locked] = 0.3
@@ -252,7 +252,7 @@ def test_a_deep_beam_tips_over_sideways_at_the_published_load():
             materials={"m": Material(young=1.0, poisson=0.0, density=1.0)},
             sections={"deep": Section(shape="general", area=1.0, i_y=1.0, i_z=1e8, torsion=2.0)},
         )  # fmt: skip
-        return buckling_loads(lump(arm, (0.0, 0.0, 0.0)), tip_wrench=[0, 1, 0, 0, 0, 0])[0] / exact - 1
+        return buckling_loads(chain_of(arm, (0.0, 0.0, 0.0)), tip_wrench=[0, 1, 0, 0, 0, 0])[0] / exact - 1
 
     errors = {n: error(n) for n in (12, 16, 32)}
     assert abs(errors[32]) < 3e-3
@@ -267,7 +267,7 @@ def test_the_tangent_loses_stability_at_the_buckling_load():
 
 
 def test_joints_without_a_spring_take_no_part_in_buckling():
-    chain = make_scene(flexible("a"), flexible("b"), gravity=(-9.81, 0.0, 0.0)).chain()
+    chain = lump(make_scene(flexible("a"), flexible("b"), gravity=(-9.81, 0.0, 0.0)))
     free, held = buckling_loads(chain), buckling_loads(chain, locked=chain.active.tolist())
     np.testing.assert_array_equal(free, held)
     assert (np.diff(free) > 0).all()
@@ -275,7 +275,7 @@ def test_joints_without_a_spring_take_no_part_in_buckling():
 
 
 def test_a_load_that_stiffens_buckles_nothing():
-    assert len(buckling_loads(make_scene(flexible("a"), gravity=(9.81, 0.0, 0.0)).chain())) == 0
+    assert len(buckling_loads(lump(make_scene(flexible("a"), gravity=(9.81, 0.0, 0.0))))) == 0
 
 
 # --- the path itself -------------------------------------------------------------------------------------------------
@@ -297,6 +297,8 @@ def test_the_residual_is_what_is_left_at_the_end_of_the_path():
     """A coarse tolerance leaves more than rounding."""
     chain, wrench = cantilever("midpoint", 8), [0, 5.0, 0, 0, 0, 0]
     found = solve_static(chain, tip_wrench=wrench, tolerance=0.1)
-    left = np.abs(bias_torque(chain, found.q, np.zeros(chain.n), wrench) + elastic_torque(chain, found.q)).max()
+    left = np.abs(
+        bias_torque(chain, found.q, np.zeros(chain.n), tip_wrench=wrench) + elastic_torque(chain, found.q)
+    ).max()
     assert left > 1e-9
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from random_scenes import verdict
 
 import flexlink as fl
+from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion import balance
 from flexlink.motion.actuation import input_arrays
@@ -114,7 +115,7 @@ def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
 def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
     with pytest.raises(fl.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist") as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
-    assert caught.value.largest == pytest.approx(fl.stable_step(paper.chain(), "RK4"), rel=0.01)
+    assert caught.value.largest == pytest.approx(fl.stable_step(fl.lump(paper), method="RK4"), rel=0.01)
     assert pickle.loads(pickle.dumps(caught.value)).largest == caught.value.largest
 
 
@@ -152,8 +153,8 @@ def test_the_gains_of_a_drive_count() -> None:
 def test_loads_that_stiffen_count() -> None:
     """A string of two point masses under a pull P ≫ k/l: ω² grows with P, and the stable step falls with it."""
     scene = make_scene(flexible("a", "z", 5, joint=fl.Joint(locked=True)), gravity=(0, 0, 0))
-    chain, q = scene.chain(), np.zeros(4)
-    slack, pulled = (fl.stable_step(chain, "RK4", q, tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
+    chain, q = fl.lump(scene), np.zeros(4)
+    slack, pulled = (fl.stable_step(chain, q, method="RK4", tip_wrench=[f, 0, 0, 0, 0, 0]) for f in (0.0, 1e6))
     ω = fl.natural_frequencies(chain, q, tip_wrench=[1e6, 0, 0, 0, 0, 0])[-1]
     assert pulled * ω == pytest.approx(2.828427522, rel=1e-6)
     assert pulled < 0.8 * slack
@@ -165,7 +166,7 @@ def test_a_falling_arm_that_nothing_holds_has_a_stable_step_all_the_same() -> No
     """An upright rod falls, or rises, at the rate √(3g/2l): neither refused nor let off (λ = −rate: 2.785/rate)."""
     scene = make_scene(fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(-9.81, 0.0, 0.0))
     rate = np.sqrt(9.81 * 0.5 / (1 / 3 + 0.04**2 / 12))  # m g l/2 over I of a square bar about its end
-    assert fl.stable_step(scene.chain(), "RK4", [0.0]) * rate == pytest.approx(2.785293563, rel=1e-6)
+    assert fl.stable_step(fl.lump(scene), [0.0], method="RK4") * rate == pytest.approx(2.785293563, rel=1e-6)
     fl.simulate(scene, step=1e-3, sample=1e-2, duration=0.1)
 
 
@@ -201,7 +202,7 @@ def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
 
 def looked_at(scene: fl.Scene, q: np.ndarray) -> Watch:
     """The watch of a run whose only sample is a posture, at rest."""
-    chain, run = scene.chain(), replace(scene.run, duration=0.0)
+    chain, run = fl.lump(scene), replace(scene.run, duration=0.0)
     states = np.array([q]), np.zeros((1, chain.n))
     watch = Watch(run, Record(run, chain, input_arrays(scene, chain), np.zeros(1), *states))
     watch.look(1)
@@ -216,12 +217,12 @@ def test_a_hinge_bent_beyond_84_degrees_is_named_and_none_bent_less() -> None:
         assert not looked_at(scene, q).warnings
         q[k] = -np.radians(85.0)
         (warning,) = looked_at(scene, q).warnings
-        assert f"hinge {scene.chain().joint_name(k)!r} is bent by -85.0°" in warning
+        assert f"hinge {fl.lump(scene).joint_name(k)!r} is bent by -85.0°" in warning
 
 
 def test_a_posture_whose_m_is_indefinite_is_a_fault() -> None:
     scene = make_scene(flexible("a", "xyz", 9, lumping="gauss_matched"))
-    chain = scene.chain()
+    chain = fl.lump(scene)
     q = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
     assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] < 0
     assert "too far for matched twist: M is not positive definite" in looked_at(scene, q).fault
@@ -268,9 +269,9 @@ def test_the_energy_exchanged_is_the_sum_of_what_each_part_has_gained_or_lost() 
 
 def test_no_mass_gets_farther_than_the_reach() -> None:
     links = flexible("a", "rigid", 1), flexible("b", "rigid", 1)
-    chain = make_scene(*links, tip=fl.Payload(mass=1.0)).chain()
+    chain = fl.lump(make_scene(*links, tip=fl.Payload(mass=1.0)))
     stretched = sum(link.length for link in links)
-    assert stretched <= balance.reach(chain) < 2 * stretched
+    assert stretched <= rounding.reach(chain) < 2 * stretched
 
 
 # -- random scenes -----------------------------------------------------------------------------------------------------

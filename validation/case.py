@@ -11,8 +11,8 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
-from flexlink.motion.scene import Scene, load_scene
 from validation.facts import Facts
 from validation.store import Bound
 

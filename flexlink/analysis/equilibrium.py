@@ -57,13 +57,13 @@ class Equilibrium:
 
 def solve_static(
     chain: Chain,
-    q0: ArrayLike | None = None,
-    tip_wrench: ArrayLike | None = None,
+    q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
     tau: ArrayLike | None = None,
     *,
-    locked: Locked = (),
-    qd: ArrayLike | None = None,
+    tip_wrench: ArrayLike | None = None,
     follower: bool = False,
+    locked: Locked = (),
     tolerance: float = 1e-9,
 ) -> Equilibrium:
     """Posture in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
@@ -74,18 +74,19 @@ def solve_static(
     ----------
     chain
         The chain.
-    q0
+    q
         Posture to start from [rad], shape (n,); default: springs slack, joints at zero. Locked ones stay there.
-    tip_wrench
-        Force and moment on the tip [N, N m], shape (6,), axes of frame 0: a dead load, direction fixed.
-    tau
-        Drive torque T_EX [N m], shape (n,).
-    locked
-        Coordinates that do not move: names of joints or links, sequential indices, or a boolean mask, shape (n,).
     qd
         Constant rates [rad/s], shape (n,), for the relative equilibrium of a steadily turning arm.
+    tau
+        Drive torque T_EX [N m], shape (n,).
+    tip_wrench
+        Force and moment on the tip [N, N m], shape (6,), axes of frame 0: a dead load, direction fixed.
     follower
         The wrench is given in axes of the tip frame and turns with it.
+    locked
+        Coordinates that do not move: names or sequential indices of joints, names of links, or a boolean mask,
+        shape (n,).
     tolerance
         Newton's method stops after a correction of no angle by more than this [rad]; the error that is left is of
         the order of its square, or rounding.
@@ -100,18 +101,18 @@ def solve_static(
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     ConvergenceError
-        The path from q0 does not reach the full load; the error holds the posture at the largest part reached.
+        The path from q does not reach the full load; the error holds the posture at the largest part reached.
     """
     n = given("chain", chain, Chain).n
     follower, tolerance = flag("follower", follower), positive("tolerance", tolerance)
-    q = chain.rest.copy() if q0 is None else vector("q0", q0, n).copy()
+    start = chain.rest.copy() if q is None else vector("q", q, n).copy()
     wrench = wrench_vector(tip_wrench)
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     free = unlocked(chain, locked)
 
     def whole(part: Array) -> Array:
-        posture = q.copy()
+        posture = start.copy()
         posture[free] = part
         return posture
 
@@ -123,7 +124,7 @@ def solve_static(
         return (K - np.diag(chain.stiffness))[np.ix_(free, free)]
 
     k, rest = chain.stiffness[free], chain.rest[free]
-    equations = _Equations(k, rest, load, slope, q[free])
+    equations = _Equations(k, rest, load, slope, start[free])
     try:
         path = _follow(equations, tolerance)
     except _LostError as lost:
@@ -131,7 +132,7 @@ def solve_static(
         hint = "; hold free joints with locked=chain.active, if they are meant to stay" if len(loose) else ""
         left = np.abs(equations.value(np.concatenate([[1.0], lost.q]))).max()
         raise ConvergenceError(
-            f"solve_static: no equilibrium found; {lost.steps} steps from q0 reached {lost.part:.6g} of the load, "
+            f"solve_static: no equilibrium found; {lost.steps} steps from q reached {lost.part:.6g} of the load, "
             f"where the full load leaves {left:.3g} N m unbalanced{hint}",
             q=whole(lost.q),
             load=lost.part,
@@ -148,8 +149,8 @@ def solve_static(
 def buckling_loads(
     chain: Chain,
     q: ArrayLike | None = None,
-    tip_wrench: ArrayLike | None = None,
     *,
+    tip_wrench: ArrayLike | None = None,
     locked: Locked = (),
 ) -> Array:
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.

@@ -76,11 +76,11 @@ class Modes:
 def modes(
     chain: Chain,
     q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
     *,
-    locked: Locked = (),
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    qd: ArrayLike | None = None,
+    locked: Locked = (),
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
 
@@ -92,16 +92,16 @@ def modes(
         The chain. Its gravity counts: hanging stiffens, standing softens.
     q
         Posture [rad], shape (n,); default: springs slack, joints at zero.
-    locked
-        Coordinates that do not move, such as servo-held joints: names of joints or links, sequential indices, or a
-        boolean mask, shape (n,). Prescribed joints never do.
+    qd
+        Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
+        rate): centrifugal stiffness and gyroscopic coupling.
     tip_wrench
         Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
     follower
         The wrench is given in axes of the tip frame and turns with it.
-    qd
-        Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
-        rate): centrifugal stiffness and gyroscopic coupling.
+    locked
+        Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
+        or a boolean mask, shape (n,). Prescribed joints never do.
 
     Returns
     -------
@@ -133,17 +133,17 @@ def modes(
 def natural_frequencies(
     chain: Chain,
     q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
     *,
-    locked: Locked = (),
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    qd: ArrayLike | None = None,
+    locked: Locked = (),
 ) -> Array:
     """Natural angular frequencies [rad/s], shape (modes,), slowest first, nan for a motion that just falls.
 
     They are `modes(...).frequencies`; arguments and errors as there.
     """
-    return modes(chain, q, locked=locked, tip_wrench=tip_wrench, follower=follower, qd=qd).frequencies
+    return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
 
 
 def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:

@@ -20,7 +20,8 @@ from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_m
 from flexlink.analysis.tangent import gyroscopic_matrix, stiffness_matrix
 from flexlink.chain.arguments import given, vector, wrench_vector
 from flexlink.chain.chain import Chain
-from flexlink.describe.tableaus import Tableau, tableau
+from flexlink.describe import methods
+from flexlink.describe.methods import Method
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import bias_torque, inverse_dynamics
 
@@ -58,8 +59,8 @@ class _State(NamedTuple):
 def eigenvalues(
     chain: Chain,
     q: ArrayLike,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
 ) -> Complex:
@@ -91,8 +92,8 @@ def eigenvalues(
 def fastest_eigenvalues(
     chain: Chain,
     q: ArrayLike,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
 ) -> Complex:
@@ -142,7 +143,7 @@ def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
-    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, state.wrench) for s in (1, -1))
+    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, tip_wrench=state.wrench) for s in (1, -1))
     return np.asarray((chain.stiffness + state.gains.kp) * φ + (ahead - behind) * (size / (2 * NUDGE)))
 
 
@@ -176,7 +177,7 @@ def largest_frequency(chain: Chain, q: ArrayLike) -> float:
     return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
 
 
-def stability_polynomial(method: Tableau) -> Array:
+def stability_polynomial(method: Method) -> Array:
     """Coefficients of R(z) = 1 + z b·(1 − zA)⁻¹·1 = Σ r_k z^k, r_0 first (Hairer & Wanner, II, eq. IV.2.11)."""
     A, b, _ = method.arrays
     coefficients, power = [1.0], np.ones(method.stages)
@@ -188,12 +189,12 @@ def stability_polynomial(method: Tableau) -> Array:
 
 def stable_step(
     chain: Chain,
-    method: str = "RK4",
     q: ArrayLike | None = None,
-    *,
     qd: ArrayLike | None = None,
+    *,
     tip_wrench: ArrayLike | None = None,
     gains: Gains | None = None,
+    method: str = "RK4",
 ) -> float:
     """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
 
@@ -205,10 +206,12 @@ def stable_step(
     ----------
     chain
         The chain.
+    q, qd
+        Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
+    tip_wrench, gains
+        As in `eigenvalues`.
     method
         Name or file of an explicit Runge-Kutta method.
-    q, qd, tip_wrench, gains
-        As in `eigenvalues`.
 
     Raises
     ------
@@ -220,12 +223,12 @@ def stable_step(
         A coordinate moves no inertia of its own at this posture.
     """
     q = np.zeros(given("chain", chain, Chain).n) if q is None else q
-    return stable_step_of(fastest_eigenvalues(chain, q, qd=qd, tip_wrench=tip_wrench, gains=gains), method)
+    return stable_step_of(fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, gains=gains), method)
 
 
 def stable_step_of(λ: Complex, method: str) -> float:
     """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
-    r = stability_polynomial(tableau(method))
+    r = stability_polynomial(methods.method(method))
     fastest = float(np.abs(λ).max(initial=0.0))
     if fastest == 0:
         return np.inf

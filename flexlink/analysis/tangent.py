@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import short
+from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import bias_torque, frames
 from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness, turned_with_tip
 
@@ -111,7 +112,7 @@ def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool
     """
     if follower:
         wrench = turned_with_tip(chain.arrays, wrench, q)
-    return bias_torque(chain, q, qd, wrench)
+    return bias_torque(chain, q, qd, tip_wrench=wrench)
 
 
 def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
@@ -127,35 +128,13 @@ def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower:
 def tangent(
     chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
 ) -> Stiffness:
-    """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by.
-
-    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of; the four
-    weights of Riesz's formula add up to 2: |δK_ij| ≤ 16 b eps · load_i.
-    """
+    """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by."""
     K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
-    load = _load_size(chain, qd, wrench)[free]
-    entry = 16 * len(chain.bodies) * np.finfo(float).eps
+    load, entry = rounding.largest_loads(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
     S = np.sqrt(chain.stiffness[free] + load)
     S[S == 0] = 1.0  # a row of zeros
     conservative = bool((np.abs(K - K.T) <= entry * np.add.outer(load, load)).all())
     return Stiffness(K, S, conservative, len(free) * entry)
-
-
-def _load_size(chain: Chain, qd: Array, wrench: Array) -> Array:
-    """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
-
-    Unlike the torque itself it cannot cancel, and it holds for all postures at once.
-    """
-    bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
-    Ω = np.abs(qd).sum()
-    at = np.cumsum(np.linalg.norm(bodies["translation"], axis=1))  # way from the base to each body's hinges
-    far = at + np.linalg.norm(bodies["center"], axis=1)
-    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
-    moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
-    beyond_force, beyond_moment = (np.cumsum(part[::-1])[::-1] for part in (force, moment))
-    tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
-    load = beyond_moment - at * beyond_force + (at[-1] - at) * tip_force + tip_moment
-    return np.repeat(np.maximum(load, 0.0), hinges)
 
 
 def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:

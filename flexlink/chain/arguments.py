@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from pathlib import Path
-from typing import TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,7 +64,7 @@ def dimensions(value: ArrayLike) -> int:
         return 1
 
 
-def choice(name: str, value: str, allowed: dict[str, T]) -> T:
+def choice(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """The entry of `allowed` that `value` names.
 
     Raises
@@ -145,13 +144,6 @@ def callable_or_none(name: str, value: object) -> None:
     """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
     if value is not None and not callable(value):
         raise ArgumentError(f"{name} = {short(value)}: expected a function, or None")
-
-
-def given_path(name: str, value: object) -> Path:
-    """`value`, a str or a Path, as a Path; errors as in `given`."""
-    if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
-    return Path(value)
 
 
 def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:

@@ -1,46 +1,32 @@
-"""Arm → Chain: where the hinges sit, their stiffness and damping, and the inertia of the segments."""
+"""Scene → Chain: where the hinges sit, their stiffness and damping, and the inertia of the segments."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import all_given, given, vector
+from flexlink.chain.arguments import given
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.chain.rotation import cos_sin_deg, matrix_from_rpy_deg
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
-from flexlink.describe.rules import LumpingRule, lumping_rule
+from flexlink.describe.rules import LumpingRule, hinges_of, lumping_rule
+from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
 TWIST = 1
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
-def lump(
-    arm: Arm,
-    gravity: Sequence[float],
-    locked_deg: Sequence[float] | None = None,
-    name: str = "arm",
-    prescribed: Collection[str] = (),
-) -> Chain:
-    """Cut an arm into rigid segments joined by hinges.
+def lump(scene: Scene) -> Chain:
+    """Cut the arm of a scene into rigid segments joined by hinges; locked joints stay at their initial angle.
 
     Parameters
     ----------
-    arm
-        The arm.
-    gravity
-        Acceleration of gravity in frame 0 [m/s²], shape (3,).
-    locked_deg
-        One angle per link [deg], used where the joint is locked; 0 by default.
-    name
-        Name of the chain.
-    prescribed
-        Names of the links whose joint moves as given in time.
+    scene
+        The scene: its arm, gravity, angles of locked joints and prescribed joints.
 
     Returns
     -------
@@ -51,21 +37,19 @@ def lump(
     Raises
     ------
     SceneError
-        The dimensions lead to a mass, inertia or stiffness beyond float64, or `prescribed` names no link.
+        A lumping rule does not exist or does not fit its link, or the dimensions lead to a mass, inertia or stiffness
+        beyond float64.
     ArgumentError
-        `locked_deg` does not have one angle per link, or `gravity` is not three finite numbers.
+        `scene` is no Scene.
     """
-    links = len(given("arm", arm, Arm).links)
-    angles = np.zeros(links) if locked_deg is None else vector("locked_deg", locked_deg, links)
-    given("name", name, str)
-    g = vector("gravity", gravity, 3).copy()  # the chain makes it read-only
-    prescribed = all_given("prescribed", prescribed, str)
-    for link_name in prescribed:
-        arm.number(link_name)
+    name, arm = given("scene", scene, Scene).name, scene.arm
+    moved = {motion.link for motion in scene.motion}
+    placed = hinges_of(arm)
     builder = _Builder()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
-        for number, link in enumerate(arm.links, start=1):
-            _add_link(builder, arm, link, number, float(angles[number - 1]), link.name in prescribed)
+        for k, link in enumerate(arm.links):
+            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], link.name in moved)
+            _add_beam(builder, arm, link, k + 1, *placed[k])
         builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
     builder.start_body()
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
@@ -78,13 +62,14 @@ def lump(
         name=name,
         bodies=bodies,
         hinges=hinges,
-        gravity=g,
+        gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
     )
 
 
-def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
+def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
+    """Mount, joint and hub of a link."""
     builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
     if link.joint.locked:
         c, s = cos_sin_deg(locked_deg)
@@ -97,17 +82,16 @@ def _add_link(builder: _Builder, arm: Arm, link: Link, number: int, locked_deg: 
             prescribed,
         )  # fmt: skip
     builder.add_inertia(link.hub.mass, np.zeros(3), np.diag(link.hub.inertia))
+
+
+def _add_beam(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
+    """Segments and hinges of a link, or its massless length."""
     if link.material is None or link.section is None:
         builder.move(np.array([link.length, 0, 0]))
-    else:
-        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-        beam = _Beam(link.length, arm.materials[link.material], root, tip)
-        _add_beam(builder, link, number, beam, arm.loss_time(link))
-
-
-def _add_beam(builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float) -> None:
-    rule = lumping_rule(link.lumping)
-    nodes, weights = rule.hinges(link.segments - 1) if link.flex != "rigid" else (np.empty(0), np.empty(0))
+        return
+    root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+    beam = _Beam(link.length, arm.materials[link.material], root, tip)
+    rule, loss_time = lumping_rule(link.lumping), arm.loss_time(link)
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
     stiffnesses = beam.rigidities(nodes) / (weights * link.length)
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring

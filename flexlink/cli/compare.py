@@ -6,8 +6,8 @@ import argparse
 
 from flexlink.cli.shared import about
 from flexlink.cli.terminal import Progress
+from flexlink.describe.scene import load_scene
 from flexlink.engines.comparison import compare
-from flexlink.motion.scene import load_scene
 
 
 def compare_engines(options: argparse.Namespace) -> int:
@@ -15,7 +15,7 @@ def compare_engines(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     bar = Progress(scene.name)
     with about(options.scene):
-        comparison = compare(scene, tuple(options.engines), options.samples, options.seed, bar)
+        comparison = compare(scene, engines=options.engines, samples=options.samples, seed=options.seed, progress=bar)
     bar.clear()
     print(comparison)
     return 0 if comparison.passed else 1

@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from flexlink.chain.lumping import lump
 from flexlink.cli.shared import about, require_place
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
+from flexlink.describe.scene import load_scene
 from flexlink.formats import FORMATS
-from flexlink.motion.scene import load_scene
 
 
 def export_scenes(options: argparse.Namespace) -> int:
@@ -23,7 +24,7 @@ def export_scenes(options: argparse.Namespace) -> int:
             if target in texts:
                 raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
             with about(path):
-                texts[target] = convert(scene.chain())
+                texts[target] = convert(lump(scene))
     for path, text in texts.items():
         require_place(path)
         write_text(path, text)

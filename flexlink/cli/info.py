@@ -11,11 +11,13 @@ import numpy as np
 from flexlink.analysis.modal import modes
 from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about
-from flexlink.describe import catalogue
+from flexlink.describe import catalogue, methods
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.motion.notes import notes
-from flexlink.motion.scene import Scene, load_scene
+from flexlink.motion.start import initial_state
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
@@ -33,8 +35,8 @@ def show_info(options: argparse.Namespace) -> int:
 
 
 def _show(scene: Scene) -> None:
-    chain = scene.chain()
-    q0, _ = scene.initial_state(chain)
+    chain = lump(scene)
+    q0, _ = initial_state(scene, chain)
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     for k in range(min(chain.n, LISTED)):
@@ -50,7 +52,7 @@ def _show(scene: Scene) -> None:
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    for method in catalogue.names("tableaus"):
+    for method in filter(lambda name: methods.method(name).explicit, catalogue.names("methods")):
         cost = "" if bare is chain else f"; {stable_step_of(free, method):.4g} s without structural damping"
         print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s{cost}")
     if bare is not chain and chain.n <= LARGEST_MODAL:

@@ -98,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     own = "the scene's"
     run = add("simulate", simulate_scene, "Simulate a scene with the native solver.")
     run.add_argument("scene", type=Path, help="scene file (.toml)")
-    run.add_argument("--method", help=f"{', '.join(catalogue.names('tableaus'))}, or a file (.toml); default: {own}")
+    run.add_argument("--method", help=f"{', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}")
     run.add_argument("--step", type=float, help=f"integration step [s]; default: {own}")
     run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
     run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")

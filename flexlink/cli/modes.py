@@ -6,10 +6,12 @@ import argparse
 from collections.abc import Iterable
 
 from flexlink.analysis.modal import Modes, modes
+from flexlink.chain.lumping import lump
 from flexlink.cli.shared import about, draw, require_picture
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.motion.result import plotting
-from flexlink.motion.scene import Scene, load_scene
+from flexlink.motion.start import initial_state
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -30,10 +32,10 @@ def show_modes(options: argparse.Namespace) -> int:
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")
     with about(options.scene):
-        chain = scene.chain()
+        chain = lump(scene)
         names = {*chain.link_names, *(chain.joint_name(k) for k in range(chain.n))}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
-        found = modes(chain, scene.initial_state(chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
+        found = modes(chain, initial_state(scene, chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     if options.plot is not None:
         draw(plotting().plot_modes(found, scene.name, options.count), options.plot)

@@ -14,11 +14,11 @@ from flexlink.cli.shared import about, draw, require_picture, require_place
 from flexlink.cli.terminal import Progress
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Run
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.notes import notes
 from flexlink.motion.result import Trajectory, output_format
-from flexlink.motion.scene import Scene, load_scene
 from flexlink.motion.single import SingleRun, override
 
 

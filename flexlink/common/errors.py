@@ -14,7 +14,7 @@ class FlexlinkError(Exception):
 
 
 class SceneError(FlexlinkError, ValueError):
-    """A description (TOML file or Python object) that is not a valid arm, scene, rule or tableau."""
+    """A description (TOML file or Python object) that is not a valid arm, scene, rule or method."""
 
 
 class ArgumentError(FlexlinkError, ValueError):

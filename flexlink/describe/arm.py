@@ -9,7 +9,6 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
-from flexlink.describe.rules import hinges
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short
 
@@ -180,7 +179,7 @@ class Link(Spec, frozen=True):
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.flex != "rigid":
-            self._check_hinges()
+            self._check_flexible()
         elif self.segments != 1:
             raise SceneError(f"segments = {self.segments}: a rigid link has 1")
         elif self.material is not None and self.length == 0:
@@ -189,21 +188,13 @@ class Link(Spec, frozen=True):
                 "one without length has neither material nor section, but may have a hub"
             )
 
-    def _check_hinges(self) -> None:
+    def _check_flexible(self) -> None:
         if self.segments < 2:
             raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
         if self.length <= 0:
             raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
-        nodes, _ = hinges(self.lumping, self.segments)
-        if nodes[0] == 0 and not (self.joint.locked or self.joint.armature or self.hub.inertia[2]):
-            raise SceneError(
-                f"lumping = {self.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
-                "lock the joint or give it an armature or a hub"
-            )
-        if nodes[-1] == 1:
-            raise SceneError(f"lumping = {self.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
 
 
 class Arm(Spec, frozen=True):

@@ -1,20 +1,34 @@
-"""Data files that a user can add to: Runge-Kutta tableaus and lumping rules, found by name or by path."""
+"""Data files that a user can add to: Runge-Kutta methods and lumping rules, found by name or by path."""
 
 from __future__ import annotations
 
 import errno
 import functools
+import os
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.spec import decode, meant, short
 
 T = TypeVar("T")
 
 DATA = Path(__file__).parent / "data"
 LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
+
+
+def given_path(name: str, value: object) -> Path:
+    """`value`, a str or a Path, as a Path.
+
+    Raises
+    ------
+    ArgumentError
+        It is neither; the message says what it is.
+    """
+    if not isinstance(value, str | os.PathLike):
+        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
+    return Path(value)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -47,7 +61,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def names(folder: str) -> list[str]:
-    """Names that come with flexlink in `folder` ("tableaus" or "lumping")."""
+    """Names that come with flexlink in `folder` ("methods" or "lumping")."""
     return sorted(path.stem for path in (DATA / folder).glob("*.toml"))
 
 
@@ -57,7 +71,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     Parameters
     ----------
     folder
-        "tableaus" or "lumping".
+        "methods" or "lumping".
     key
         Key of the scene that holds `name`, for messages.
     name

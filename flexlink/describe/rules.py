@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.arm import Arm, Link
 from flexlink.describe.spec import NonNegative, Positive, Spec, short
 
 Array = NDArray[np.float64]
@@ -164,21 +165,46 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     return x, np.asarray(weighted / ((1 - x) ** jacobi.tip * x**jacobi.root), dtype=np.float64)
 
 
-def hinges(name: str, segments: int) -> tuple[Array, Array]:
-    """Nodes and weights, (segments − 1,) each, of a link of that many segments by the rule called `name`.
+def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
+    """Nodes and weights, (segments − 1,) each, of every link of an arm by its rule; none on a rigid link.
 
     Raises
     ------
     SceneError
-        No such rule, or it does not exist for that many hinges.
+        No such rule, it does not exist for that many hinges, or a hinge would have no inertia on one of its sides.
     """
-    rule = lumping_rule(name)
+    found = []
+    for k, link in enumerate(arm.links):
+        try:
+            found.append(_hinges_of(link))
+        except SceneError as error:
+            raise SceneError(f"link[{k}].{error}") from None
+    return found
+
+
+def _hinges_of(link: Link) -> tuple[Array, Array]:
+    rule = lumping_rule(link.lumping)
+    if link.flex == "rigid":
+        return np.empty(0), np.empty(0)
+    nodes, weights = _hinges(rule, link)
+    if nodes[0] == 0 and not (link.joint.locked or link.joint.armature or link.hub.inertia[2]):
+        raise SceneError(
+            f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
+            "lock the joint or give it an armature or a hub"
+        )
+    if nodes[-1] == 1:
+        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
+    return nodes, weights
+
+
+def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
+    count = link.segments - 1
     try:
-        nodes, weights = rule.hinges(segments - 1)
+        nodes, weights = rule.hinges(count)
         if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
             raise SceneError("puts them closer, or gives them less weight, than float64 can tell from zero")
     except SceneError as error:
-        raise SceneError(f"segments = {segments}, so {segments - 1} hinges: rule {name!r} {error}") from None
+        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {link.lumping!r} {error}") from None
     return nodes, weights
 
 

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
-from flexlink.describe.tableaus import tableau
 
 Array = NDArray[np.float64]
+Dynamics = Literal["articulated", "lu", "cholesky"]
+"""Solvers of forward dynamics."""
+Unstable = Literal["refuse", "allow"]
+"""What becomes of a run that is not stable."""
 
 
 class Initial(Spec, frozen=True):
@@ -108,13 +111,12 @@ class Run(Spec, frozen=True):
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
-    dynamics: Literal["articulated", "lu", "cholesky"] = "articulated"
-    unstable: Literal["refuse", "allow"] = "refuse"
+    dynamics: Dynamics = "articulated"
+    unstable: Unstable = "refuse"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
-        tableau(self.method)
         whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
 

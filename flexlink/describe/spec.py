@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -153,7 +153,7 @@ def _type_below(kind: Any, key: str) -> Any:
 
 def _bare(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
-    while get_origin(kind) is Annotated or get_origin(kind) is UnionType:
+    while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)
     return kind
 

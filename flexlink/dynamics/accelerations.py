@@ -12,13 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import all_given, choice, dimensions, matrix, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.situation import Dynamics
 from flexlink.dynamics.singularity import no_acceleration
 from flexlink.kernels import forward
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.lanes import LANES
 
 Array = NDArray[np.float64]
-SOLVERS = {"articulated": forward.ARTICULATED, "lu": forward.LU, "cholesky": forward.CHOLESKY}
+SOLVERS: dict[Dynamics, forward.Solver] = {
+    "articulated": forward.ARTICULATED,
+    "lu": forward.LU,
+    "cholesky": forward.CHOLESKY,
+}
 
 
 def forward_dynamics(
@@ -26,8 +31,9 @@ def forward_dynamics(
     q: ArrayLike,
     qd: ArrayLike,
     tau: ArrayLike,
-    method: str = "articulated",
+    *,
     tip_wrench: ArrayLike | None = None,
+    method: str = "articulated",
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
 
@@ -40,11 +46,11 @@ def forward_dynamics(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or all (b, n): "articulated" then takes
         eight states side by side.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
     method
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
 
     Raises
     ------

@@ -62,7 +62,7 @@ def of_mass_matrix(chain: Chain, q: ArrayLike) -> float:
     return _along(chain) * _sizes(chain, q).inertia
 
 
-def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> float:
+def of_bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> float:
     """Of every joint's T_GC, or T_G where q̇ = 0, ε (M* ω² + T_G* + T_W*) [N m]."""
     return _along(chain) * _inertial(chain, q, qd, np.zeros(chain.n), tip_wrench)
 
@@ -78,7 +78,7 @@ def of_friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def of_residual(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
     """Of every joint's torque M Δq̈ when the equation of motion is solved for q̈ [N m].
 
@@ -86,8 +86,8 @@ def of_residual(
     ----------
     chain
         The chain.
-    q, qd, tau, qdd
-        Angles [rad], rates [rad/s], drive torques [N m] and accelerations [rad/s²], shape (n,); of two solutions, the
+    q, qd, qdd, tau
+        Angles [rad], rates [rad/s], accelerations [rad/s²] and drive torques [N m], shape (n,); of two solutions, the
         larger one at every joint.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
@@ -107,11 +107,11 @@ def of_residual(
 
 
 def of_acceleration(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> float:
     """Of every joint's q̈ [rad/s²], ‖M⁻¹‖₂ times `of_residual`, which is the sharper statement where both will do."""
     inverse = 1 / np.linalg.norm(mass_matrix(chain, q), -2)  # −2: the smallest singular value
-    return float(inverse * of_residual(chain, q, qd, tau, qdd, tip_wrench))
+    return float(inverse * of_residual(chain, q, qd, qdd, tau, tip_wrench=tip_wrench))
 
 
 def acceleration_error(
@@ -119,6 +119,7 @@ def acceleration_error(
     q: ArrayLike,
     qd: ArrayLike,
     tau: ArrayLike,
+    *,
     solutions: tuple[ArrayLike, ArrayLike],
     tip_wrench: ArrayLike | None = None,
 ) -> Array:
@@ -127,7 +128,9 @@ def acceleration_error(
     if not (np.isfinite(one).all() and np.isfinite(other).all()):
         return np.full(chain.n, np.nan)
     larger = np.maximum(np.abs(one), np.abs(other))
-    return in_units(mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, tau, larger, tip_wrench))
+    return in_units(
+        mass_matrix(chain, q) @ (one - other), of_residual(chain, q, qd, larger, tau, tip_wrench=tip_wrench)
+    )
 
 
 def in_units(error: Array, explained: Array | float) -> Array:
@@ -164,3 +167,55 @@ def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
     rotor = np.abs(chain.hinges["armature"]).max()
     tip = (np.linalg.norm(points[-1] - points, axis=1) + away).max()
     return Sizes(float(inertia + rotor), float(moment * np.linalg.norm(chain.gravity)), float(tip), axes)
+
+
+# Of many postures at once: of arms stretched out, whose sizes no posture exceeds.
+
+
+def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
+    """What the load torque of each hinge is made of, shape (n,) [N m]: lever times weight with the arm stretched out.
+
+    Unlike the torque itself it cannot cancel, and it holds for all postures at once.
+    """
+    bodies, hinges = chain.bodies, chain.bodies["stop"] - chain.bodies["first"]
+    Ω = np.abs(qd).sum()
+    at = np.cumsum(np.linalg.norm(bodies["translation"], axis=1))  # way from the base to each body's hinges
+    far = at + np.linalg.norm(bodies["center"], axis=1)
+    force = bodies["mass"] * (np.linalg.norm(chain.gravity) + Ω**2 * far)
+    moment = force * far + Ω**2 * np.linalg.norm(bodies["inertia"], axis=(1, 2))
+    beyond_force, beyond_moment = (np.cumsum(part[::-1])[::-1] for part in (force, moment))
+    tip_force, tip_moment = (np.linalg.norm(part) for part in np.split(wrench, 2))
+    load = beyond_moment - at * beyond_force + (at[-1] - at) * tip_force + tip_moment
+    return np.repeat(np.maximum(load, 0.0), hinges)
+
+
+def of_load_stiffness(chain: Chain) -> float:
+    """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i.
+
+    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of; the four
+    weights of Riesz's formula add up to 2: |δK_ij| ≤ 16 b eps · load_i.
+    """
+    return 16 * len(chain.bodies) * EPS
+
+
+def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Array:
+    """Of E(t) − E(0) − W(t) in one step [J], shape (samples,), from T, V_g, V_e (3, samples), W and q (samples, n).
+
+    A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
+    gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
+    """
+    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * reach(chain)
+    size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
+    return np.asarray(4 * EPS * size)
+
+
+def of_position(chain: Chain) -> float:
+    """Of where a step puts the tip [m], 10 eps of the arm's reach."""
+    return ROUNDINGS * EPS * reach(chain)
+
+
+def reach(chain: Chain) -> float:
+    """How far from the origin of frame 0 any of the arm's masses can get [m], at most."""
+    bodies = chain.bodies
+    offsets, centers = (np.linalg.norm(bodies[name], axis=1) for name in ("translation", "center"))
+    return float(offsets.sum() + centers.max())

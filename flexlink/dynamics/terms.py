@@ -54,7 +54,7 @@ class Frames(NamedTuple):
 
 
 def inverse_dynamics(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wrench: ArrayLike | None = None
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
 ) -> Array:
     """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
 
@@ -92,12 +92,12 @@ def _at(what: str, chain: Chain, values: Array) -> str:
     return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
-def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, tip_wrench: ArrayLike | None = None) -> Array:
+def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> Array:
     """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
 
     Parameters, shapes and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
     """
-    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench)
+    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -147,7 +147,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     return torque
 
 
-def mass_matrix(chain: Chain, q: ArrayLike, method: str = "composite") -> Array:
+def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Array:
     """Joint-space inertia M(q), symmetric positive definite, shape (n, n) [kg m²].
 
     Parameters

@@ -14,11 +14,13 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs import drive_torque
 from flexlink.motion.actuation import drive_arrays, input_arrays
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from flexlink.motion.watch import judge_step
 
 Array = NDArray[np.float64]
@@ -38,7 +40,7 @@ class Engine(Protocol):
     def mass_matrix(self, q: Array) -> Array:
         """M(q), full and symmetric, armature on the diagonal, shape (n, n)."""
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC = RNE(q, q̇, 0) − Jᵀ F."""
 
     def gravity_torque(self, q: Array) -> Array:
@@ -50,7 +52,7 @@ class Engine(Protocol):
     def friction_torque(self, qd: Array) -> Array:
         """T_FR = d q̇ + c tanh(q̇ / w)."""
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ from the equation of motion."""
 
     def integrate(self, scene: Scene) -> Samples:
@@ -67,7 +69,7 @@ class Engine(Protocol):
 
 def drive_function(scene: Scene) -> DriveTorque | None:
     """The scene's drive as a function, or None if it never pushes."""
-    chain = scene.chain()
+    chain = lump(scene)
     drive = drive_arrays(scene, chain)
     if len(drive.joints) == 0:
         return None
@@ -88,9 +90,9 @@ def start(scene: Scene) -> Samples:
     UnstableStepError
         The step is past the largest stable one, and `run.unstable` does not allow it.
     """
-    run, chain = scene.run, scene.chain()
+    run, chain = scene.run, lump(scene)
     q, qd = np.empty((2, run.samples, chain.n))
-    q[0], qd[0] = scene.initial_state(chain)
+    q[0], qd[0] = initial_state(scene, chain)
     judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
     return run.times, q, qd
 
@@ -99,4 +101,4 @@ def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> Divergenc
     """The error of a run whose sample `row` is the first that is not finite."""
     message = f"{scene.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
     kept = (array[:row].copy() for array in samples)
-    return DivergenceError(message, Trajectory.from_states(scene, scene.chain(), *kept))
+    return DivergenceError(message, Trajectory.from_states(scene, lump(scene), *kept))

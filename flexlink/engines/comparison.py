@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import all_given, given, integer
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import in_units
 from flexlink.engines import Engine, load
 from flexlink.engines.diagnosis import diagnosis
 from flexlink.engines.states import State, mixed_states
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -54,8 +55,8 @@ QUANTITIES: dict[str, Quantity] = {
         lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd)),
     ),
     "T_GC with tip wrench": Quantity(
-        lambda e, s: e.bias_torque(s.q, s.qd, s.wrench),
-        lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd, s.wrench)),
+        lambda e, s: e.bias_torque(s.q, s.qd, tip_wrench=s.wrench),
+        lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd, tip_wrench=s.wrench)),
     ),
     "T_FL": Quantity(
         lambda e, s: e.elastic_torque(s.q),
@@ -66,8 +67,10 @@ QUANTITIES: dict[str, Quantity] = {
         lambda c, s, one, other: in_units(one - other, rounding.of_friction_torque(c, s.qd)),
     ),
     "q̈": Quantity(
-        lambda e, s: e.forward_dynamics(s.q, s.qd, s.tau, s.wrench),
-        lambda c, s, one, other: rounding.acceleration_error(c, s.q, s.qd, s.tau, (one, other), s.wrench),
+        lambda e, s: e.forward_dynamics(s.q, s.qd, s.tau, tip_wrench=s.wrench),
+        lambda c, s, one, other: rounding.acceleration_error(
+            c, s.q, s.qd, s.tau, solutions=(one, other), tip_wrench=s.wrench
+        ),
     ),
 }
 
@@ -154,6 +157,7 @@ PARTS = {
 
 def compare(
     scene: Scene,
+    *,
     engines: Sequence[str] = ("pinocchio", "mujoco"),
     samples: int = 200,
     seed: int = 0,
@@ -188,10 +192,10 @@ def compare(
     given("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MOST_SAMPLES), integer("seed", seed, 0)
     engines = all_given("engines", engines, str)
-    chain = msgspec.structs.replace(scene, motion=()).chain()  # prescribed joints are free in the exported files
+    chain = lump(msgspec.structs.replace(scene, motion=()))  # prescribed joints are free in the exported files
     native = load("native", chain)
     loaded = [load(name, chain) for name in engines]
-    rows = compare_engines(chain, native, loaded, mixed_states(chain, samples, seed), progress)
+    rows = compare_engines(chain, native, loaded, mixed_states(chain, samples, seed=seed), progress=progress)
     return Comparison(scene.name, samples, rows)
 
 
@@ -200,6 +204,7 @@ def compare_engines(
     native: Engine,
     engines: Sequence[Engine],
     states: Sequence[State],
+    *,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Difference, ...]:
     """Every quantity of every engine against `native` at the given states."""

@@ -17,9 +17,9 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
 from flexlink.formats import to_mjcf
-from flexlink.motion.scene import Scene
 
 Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)
@@ -62,7 +62,7 @@ class MujocoEngine:
         mujoco.mj_fullM(self.model, self.data, M)
         return M
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC: `qfrc_bias`, less the joint torques of the wrench by `mj_applyFT`."""
         self._place(q, qd)
         torque, origin = np.zeros(self.n), self.data.xpos[self.tip]
@@ -85,7 +85,7 @@ class MujocoEngine:
         self._place(np.zeros(self.n), qd)
         return np.array(self._coulomb(qd) - self.data.qfrc_damper)
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by `mj_forward`."""
         data = self.data
         data.qpos[:], data.qvel[:] = q, qd

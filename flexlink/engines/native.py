@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import flexlink
 from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
 from flexlink.engines.base import Array, Samples
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 
 
@@ -24,9 +24,9 @@ class NativeEngine:
         """M(q) by composite rigid bodies."""
         return terms.mass_matrix(self.chain, q)
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC by recursive Newton-Euler."""
-        return terms.bias_torque(self.chain, q, qd, tip_wrench)
+        return terms.bias_torque(self.chain, q, qd, tip_wrench=tip_wrench)
 
     def gravity_torque(self, q: Array) -> Array:
         """T_G by recursive Newton-Euler."""
@@ -40,7 +40,7 @@ class NativeEngine:
         """T_FR."""
         return terms.friction_torque(self.chain, qd)
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the default method of `flexlink.forward_dynamics`."""
         return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 

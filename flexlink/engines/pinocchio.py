@@ -17,13 +17,14 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
+from flexlink.describe.scene import Scene
 from flexlink.engines.base import Array, Samples, diverged, drive_function, start
 from flexlink.formats import to_urdf
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
-from flexlink.motion.scene import Scene
 
 
 class PinocchioEngine:
@@ -65,7 +66,7 @@ class PinocchioEngine:
         """M(q) by composite rigid bodies (`crba`)."""
         return np.array(pin.crba(self.model, self.data, q))
 
-    def bias_torque(self, q: Array, qd: Array, tip_wrench: Array | None = None) -> Array:
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
         """T_GC by `nle`, less Jᵀ F."""
         return np.array(pin.nle(self.model, self.data, q, qd) - self._wrench_torque(q, tip_wrench))
 
@@ -84,7 +85,7 @@ class PinocchioEngine:
             torque += self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
 
-    def forward_dynamics(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None = None) -> Array:
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`aba`); a joint whose motion is prescribed keeps its rate."""
         return self._accelerations(q, qd, tau, tip_wrench, np.zeros(self.n))
 
@@ -105,8 +106,8 @@ class PinocchioEngine:
     def _step(self, scene: Scene) -> Callable[[int, Array], Array]:
         """The state (q, q̇) at (number + 1) · h from the one at number · h."""
         n, h, wrench = self.n, scene.run.step, scene.tip_wrench if scene.tip_wrench.any() else None
-        A, b, c = tableau(scene.run.method).arrays
-        drive, motion = drive_function(scene), motion_arrays(scene, scene.chain())
+        A, b, c = method(scene.run.method).arrays
+        drive, motion = drive_function(scene), motion_arrays(scene, lump(scene))
         F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 
         def step(number: int, y: Array) -> Array:

@@ -36,7 +36,7 @@ class State(NamedTuple):
     wrench: Array
 
 
-def random_states(chain: Chain, samples: int, seed: int = 0) -> list[State]:
+def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     """Independent uniform states: angles over (−π, π), rates, drive torques and wrench up to the ranges above.
 
     Raises
@@ -48,7 +48,7 @@ def random_states(chain: Chain, samples: int, seed: int = 0) -> list[State]:
     return [_at_random(chain, random) for _ in range(samples)]
 
 
-def mixed_states(chain: Chain, samples: int, seed: int = 0) -> list[State]:
+def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     """Half at random, a quarter balanced, an eighth stretched out at rest and an eighth stretched out with rates.
 
     Balanced: T_EX = T_G + T_FL within `BALANCE` at every joint, at rest, every spring loaded alike; what is left to

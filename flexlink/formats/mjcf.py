@@ -99,7 +99,7 @@ def _safe_step(chain: Chain) -> float:
 
     About a slightly bent arm, where no two axes line up.
     """
-    step = min(2e-3, stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n)) / 2)
+    step = min(2e-3, stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
     return float(f"{math.floor(step / digit) * digit:.0e}")
 

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Motion
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import all_given, integer
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.interruption import Stop, deferred
+from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.lanes import LANES
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import SingleRun, pieces, prepare
 from flexlink.motion.watch import Watch
 
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 Outcome = Trajectory | DivergenceError | InterruptedRunError
 
 
-def simulate_many(scenes: Sequence[Scene], threads: int = 1) -> list[Trajectory]:
+def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajectory]:
     """Simulate many scenes; neighbours in the list that are alike run eight side by side.
 
     Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
@@ -95,7 +96,7 @@ def _members(scenes: Sequence[Scene]) -> Iterator[Member]:
         locked = [a for a, link in zip(scene.initial.joint_deg, scene.arm.links, strict=True) if link.joint.locked]
         parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
         if parts != made_of:
-            made_of, chain = parts, scene.chain()
+            made_of, chain = parts, lump(scene)
         yield Member(scene, prepare(scene, chain))
 
 

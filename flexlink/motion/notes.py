@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexlink.chain.arguments import given
+from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Joint, Link
-from flexlink.motion.scene import Scene
+from flexlink.describe.scene import Scene
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
@@ -42,7 +43,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
     ]  # fmt: skip
     if any(pushed) or not g.any():
         return
-    if scene.chain().all_axes_parallel_to(g / np.linalg.norm(g)):
+    if lump(scene).all_axes_parallel_to(g / np.linalg.norm(g)):
         yield (
             f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
             "moves them; turn gravity, or the first joint's axis by link[0].mount.rpy_deg"

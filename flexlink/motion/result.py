@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given_path
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.output import write_whole
+from flexlink.describe.catalogue import given_path
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs, input_arrays
-from flexlink.motion.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

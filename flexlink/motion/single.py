@@ -14,15 +14,18 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.situation import Run
+from flexlink.describe.methods import check_method
+from flexlink.describe.scene import Scene
+from flexlink.describe.situation import Dynamics, Run, Unstable
 from flexlink.describe.spec import meant
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
 Array = NDArray[np.float64]
@@ -31,7 +34,17 @@ Arrays = tuple[Array, Array, Array]
 BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
 
 
-def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **overrides: Any) -> Trajectory:
+def simulate(
+    scene: Scene,
+    *,
+    progress: Callable[[float], None] | None = None,
+    method: str | None = None,
+    step: float | None = None,
+    duration: float | None = None,
+    sample: float | None = None,
+    dynamics: Dynamics | None = None,
+    unstable: Unstable | None = None,
+) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
     Explicit Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12). The run judges itself: its step
@@ -43,8 +56,8 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
         Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
-    **overrides
-        Replace fields of `scene.run` for this run: method, step, duration, sample, dynamics, unstable.
+    method, step, duration, sample, dynamics, unstable
+        In place of those of `scene.run`, times in s; None: as the scene says.
 
     Returns
     -------
@@ -54,7 +67,7 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, `progress` no function, or an override no run setting.
+        `scene` is no Scene, or `progress` no function.
     SceneError
         A run setting with a value that is not allowed.
     UnstableStepError
@@ -66,7 +79,12 @@ def simulate(scene: Scene, progress: Callable[[float], None] | None = None, **ov
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
     callable_or_none("progress", progress)
-    run = SingleRun(override(given("scene", scene, Scene), overrides))
+    settings = {
+        "method": method, "step": step, "duration": duration, "sample": sample,
+        "dynamics": dynamics, "unstable": unstable,
+    }  # fmt: skip
+    said = {name: value for name, value in settings.items() if value is not None}
+    run = SingleRun(override(given("scene", scene, Scene), said))
     with deferred() as stop:
         return run.finish(stop, progress)
 
@@ -75,7 +93,7 @@ class SingleRun:
     """A run that is judged and compiled, and has not started; errors as in `simulate`."""
 
     def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
-        self.watch = prepare(scene, scene.chain()) if watch is None else watch
+        self.watch = prepare(scene, lump(scene)) if watch is None else watch
         record = self.watch.record
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         samples = record.q, record.qd, record.works
@@ -108,18 +126,19 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     Raises
     ------
     SceneError
-        The samples do not fit into memory.
+        The method is unknown or implicit, or the samples do not fit into memory.
     UnstableStepError
         As in `simulate`.
     """
     run, inputs = scene.run, input_arrays(scene, chain)
+    check_method(run)
     try:
         record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
-    record.q[0], record.qd[0] = start = scene.initial_state(chain)
+    record.q[0], record.qd[0] = start = initial_state(scene, chain)
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
     watch.look(1)
     return watch

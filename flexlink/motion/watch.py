@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
+from flexlink.describe.methods import method
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
-from flexlink.describe.tableaus import tableau
+from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.samples import tip_errors
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.scene import Scene
 
 Array = NDArray[np.float64]
-EPS = float(np.finfo(float).eps)
 
 FAR = np.radians(84.0)
 """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
@@ -50,7 +50,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     run = scene.run
     if run.duration == 0:
         return ()
-    λ = fastest_eigenvalues(chain, q, qd=qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()
@@ -92,7 +92,7 @@ class Watch:
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
         self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
-        self.tableau = tableau(run.method).arrays
+        self.tableau = method(run.method).arrays
         self._told: set[str] = set()
 
     def look(self, stop: int) -> bool:
@@ -133,7 +133,7 @@ class Watch:
         energy, start, work = record.energy[:, rows], record.energy[:, 0], record.work(rows)
         r = balance.imbalance(energy, work, start)
         X = _running_largest(self._exchanged, balance.turned_over(energy, work, start))
-        one = _running_largest(self._rounded, balance.rounded(record.chain, energy, work, record.q[rows]))
+        one = _running_largest(self._rounded, rounding.of_energy_balance(record.chain, energy, work, record.q[rows]))
         ε = one * (1 + self.run.steps_per_sample * np.arange(rows.start, rows.stop))
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
@@ -183,7 +183,7 @@ class Watch:
             record.chain.arrays, record.scratch, self.tableau, record.inputs, self.run.step,
             probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
-        errors[errors < 10 * EPS * balance.reach(record.chain)] = 0.0  # rounding
+        errors[errors < rounding.of_position(record.chain)] = 0.0
         self._tip_error += float(errors.sum()) * every * per_sample
 
     def _doubts(self) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """A scene as y' = f(t, y), y = (q, q̇) of the joints that move freely, for solvers that share no code with flexlink's.
 
-Of flexlink only the public `lump` and `forward_dynamics` of a state are used. Drives and motions are evaluated anew, by
-SciPy's splines and Hermite polynomials. A prescribed joint p is free in the chain used here, and held by the torque x that
-gives it its acceleration: q̈ is affine in the torques, so that with columns c_p = q̈(τ + e_p) − q̈(τ)
+Of flexlink only `lump`, `initial_state` and the public `forward_dynamics` are used. Drives and motions are evaluated
+anew, by SciPy's splines and Hermite polynomials. A prescribed joint p is free in the chain used here, and held by the
+torque x that gives it its acceleration: q̈ is affine in the torques, so that with columns c_p = q̈(τ + e_p) − q̈(τ)
 
     (c_p)_p x = q̈_p − q̈(τ)_p,        q̈ = q̈(τ) + Σ c_p x_p.
 """
@@ -20,7 +20,8 @@ from scipy.interpolate import BPoly, CubicSpline
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
-from flexlink.motion.scene import Scene
+from flexlink.describe.scene import Scene
+from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
 OfTime = Callable[[float], Array]
@@ -44,7 +45,7 @@ class FirstOrder:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.chain = msgspec.structs.replace(scene, motion=()).chain()
+        self.chain = fl.lump(msgspec.structs.replace(scene, motion=()))
         self.led = [self.chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
         self.free = np.setdiff1d(np.arange(self.chain.n), self.led)
         self.motions = [_hermite(motion) for motion in scene.motion]
@@ -57,7 +58,7 @@ class FirstOrder:
     @property
     def start(self) -> Array:
         """y at t = 0."""
-        q, qd = self.scene.initial_state(self.chain)
+        q, qd = initial_state(self.scene, self.chain)
         return np.concatenate([q[self.free], qd[self.free]])
 
     def __call__(self, t: float, y: Array) -> Array:

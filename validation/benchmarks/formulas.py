@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Drive, Motion
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
 
@@ -47,14 +49,14 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
 
 def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
     """The scene's motions taken out, driven instead by the torques that they would take of the arm if it were rigid."""
-    chain = scene.chain()
+    chain = lump(scene)
     motion = motion_arrays(scene, chain)
-    q, qd = scene.initial_state(chain)
+    q, qd = initial_state(scene, chain)
     times, torques = np.arange(round(scene.run.duration / step) + 1) * step, []
     for t in times:
         qdd = np.zeros(chain.n)
         follow(motion, t, q, qd, qdd)
-        torque = inverse_dynamics(chain, q, qd, qdd, scene.tip_wrench)
+        torque = inverse_dynamics(chain, q, qd, qdd, tip_wrench=scene.tip_wrench)
         torques.append(tuple(_of_links(scene, chain, torque)))
     drive = Drive(kind="table", smooth=True, times=tuple(times.tolist()), torques=tuple(torques))
     return msgspec.structs.replace(scene, motion=(), drive=drive)

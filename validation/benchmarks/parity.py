@@ -36,7 +36,7 @@ def springs(engine: Engine) -> Array:
 
 def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None) -> Array:
     """Slope of the engine's T_G, less the torques of a dead tip wrench."""
-    return slope(lambda x: engine.bias_torque(x, np.zeros(engine.n), wrench), q)
+    return slope(lambda x: engine.bias_torque(x, np.zeros(engine.n), tip_wrench=wrench), q)
 
 
 def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
@@ -45,7 +45,7 @@ def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
     def torque(x: Array) -> Array:
         engine.gravity_torque(x)  # places the bodies
         R = engine.data.xmat[engine.tip].reshape(3, 3)
-        return engine.bias_torque(x, np.zeros(engine.n), np.concatenate([R @ force, np.zeros(3)]))
+        return engine.bias_torque(x, np.zeros(engine.n), tip_wrench=np.concatenate([R @ force, np.zeros(3)]))
 
     return slope(torque, q)
 

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from validation.facts import Fact
 from validation.store import Series
 

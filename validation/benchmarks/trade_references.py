@@ -1,8 +1,8 @@
 """python -m validation.benchmarks.trade_references: the references of the trade, by two methods that agree to 1e-10.
 
 Both are explicit, at steps within their limits of stability: RK10, and RK4 at half its step; halved until they agree.
-No implicit method that the trade judges has a part in its own reference. A scene whose file is there, of the same scene,
-is skipped: stopped at any time, the program goes on where it was. All of it takes some minutes.
+No implicit method that the trade judges has a part in its own reference. A scene whose file is there, of the same
+scene, is skipped: stopped at any time, the program goes on where it was. All of it takes some minutes.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
-from flexlink.motion.scene import Scene
-from validation.benchmarks.reference_values import FOLDER, look_up
+from flexlink.describe.scene import Scene
+from flexlink.motion.start import initial_state
+from validation.benchmarks.reference_values import FOLDER
 from validation.benchmarks.runs import with_run
-from validation.benchmarks.trade import fingerprint, motion_of, reference_name, scenes, trade_scene
+from validation.benchmarks.trade import is_of, motion_of, probe, reference_name, scenes, trade_scene
 
 Array = NDArray[np.float64]
 
@@ -51,7 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def is_there(name: str) -> bool:
     """Whether the reference of this very scene is stored."""
     path = FOLDER / f"{reference_name(name)}.json"
-    return path.is_file() and look_up(reference_name(name), "scene") == fingerprint(trade_scene(name))
+    return path.is_file() and is_of(trade_scene(name), name)
 
 
 def compute(name: str) -> float:
@@ -76,8 +77,8 @@ def compute(name: str) -> float:
 
 def _tip(scene: Scene, method: str, divided: int) -> tuple[Array, float]:
     """Tip at the outputs, and the step: the largest stable one that divides the time between outputs, divided."""
-    chain, sample = scene.chain(), scene.run.sample
-    stable = fl.stable_step(chain, method, scene.initial_state(chain)[0])
+    chain, sample = fl.lump(scene), scene.run.sample
+    stable = fl.stable_step(chain, initial_state(scene, chain)[0], method=method)
     step = sample / (divided * math.ceil(sample / (OF_STABLE * stable)))
     return fl.simulate(with_run(scene, method=method, step=step)).tip, step
 
@@ -89,7 +90,7 @@ def _store(name: str, scene: Scene, tip: Array, apart: float, methods: dict[str,
         "date": datetime.date.today().isoformat(),
         "cpu_seconds": round(seconds, 1),
         "reference": {
-            "scene": fingerprint(scene),
+            "probe": probe(scene).tolist(),
             "steps_s": methods,
             "agree": apart,
             "t_s": scene.run.times.tolist(),

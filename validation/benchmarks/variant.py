@@ -10,8 +10,8 @@ import msgspec
 from flexlink.chain.arguments import choice
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.scene import Scene, check_named, scene_from
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene, scene_from
 from validation.case import Case
 from validation.facts import Facts
 
@@ -60,7 +60,9 @@ class Variant(Spec, frozen=True):
         for link in raw["link"]:
             if link.get("flex", "rigid") != "rigid":
                 link |= {"lumping": wanted.rule, "segments": wanted.hinges + 1}
-        return scene_from(raw)
+        scene = scene_from(raw)
+        check_named(scene)
+        return scene
 
 
 def overlay(below: Any, above: Any) -> Any:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from flexlink.engines.states import State, random_states
@@ -49,13 +50,15 @@ class Arms(Family, frozen=True):
         """The arm with so many segments a link, with each of the loads."""
         scene = self.scene(case, segments)
         tips = [replace(scene.arm.tip, mass=load) for load in self.loads] or [scene.arm.tip]
-        return [replace(scene, arm=replace(scene.arm, tip=tip)).chain() for tip in tips]
+        return [lump(replace(scene, arm=replace(scene.arm, tip=tip))) for tip in tips]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
         """Random states; of arms near gimbal lock so many at every distance from it."""
         share = np.full(chain.n, self.bend / np.pi)
         share[chain.active] = 1.0
-        states = [s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, self.times * samples, seed)]
+        states = [
+            s._replace(q=s.q * share, qd=s.qd * share) for s in random_states(chain, self.times * samples, seed=seed)
+        ]
         return [_near_lock(chain, s, distance) for distance in self.from_lock for s in states] or states
 
 
@@ -92,7 +95,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             }
             ours = errors["native"]
             residuals = [
-                acceleration_error(chain, s.q, s.qd, s.tau, (one, exact))
+                acceleration_error(chain, s.q, s.qd, s.tau, solutions=(one, exact))
                 for (chain, states, truth), got in zip(arms, found["native"], strict=True)
                 for s, one, exact in zip(states, got, truth, strict=True)
             ]

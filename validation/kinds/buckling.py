@@ -53,7 +53,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for at in grid(settings.rules):
         scenes = [existing(case, load.variant, at) for load in settings.load]
         errors = {
-            load.name: _critical(scene.chain(), load) / exact[load.name] - 1
+            load.name: _critical(fl.lump(scene), load) / exact[load.name] - 1
             for scene, load in zip(scenes, settings.load, strict=True)
             if scene is not None
         }
@@ -62,7 +62,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield from report(settings, points, case.about)
     pairs = []
     for load in settings.load:
-        chain = load.variant.build(case, settings.best).chain()
+        chain = fl.lump(load.variant.build(case, settings.best))
         ours = _critical(chain, load)
         pairs.append(Pair(load.name, exact[load.name], ours))
         note = f"{ours:.8g}, published or exact {exact[load.name]:.8g}."

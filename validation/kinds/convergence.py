@@ -10,10 +10,12 @@ import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
 
+from flexlink.chain.lumping import lump
+from flexlink.describe import methods
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.describe.tableaus import tableau
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -52,7 +54,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             h = settings.duration / np.array(counts)
             errors = [_distance(end(scene, method, settings.duration, count), exact) for count in counts]
             slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
-            order = tableau(method).order
+            order = methods.method(method).order
             facts: Facts = {
                 "method": method, "arithmetic": settings.arithmetic, "step": float(h.max()), "to step": float(h.min()),
             }  # fmt: skip
@@ -80,11 +82,11 @@ def _float64(scene: Scene, method: str, duration: float, steps: int) -> list[flo
 
 
 def _extended(scene: Scene, method: str, duration: float, steps: int) -> list[mpf]:
-    chain = scene.chain()
+    chain = lump(scene)
     oracle = PlanarChain(chain)
-    q, qd = (part.tolist() for part in scene.initial_state(chain))
+    q, qd = (part.tolist() for part in initial_state(scene, chain))
     with mp.workdps(DIGITS):
-        return exact_runge_kutta.integrate(oracle.forward_dynamics, tableau(method), (q, qd), duration, steps)[0]
+        return exact_runge_kutta.integrate(oracle.forward_dynamics, methods.method(method), (q, qd), duration, steps)[0]
 
 
 def _distance(a: list[float], b: list[float]) -> float:

@@ -16,9 +16,9 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink.analysis.stability import largest_frequency
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.engines.mujoco import MujocoEngine
-from flexlink.motion.scene import Scene
 from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
@@ -45,7 +45,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Stable steps with Kelvin-Voigt's law, then one target under refinement."""
     free = _scene(case, settings.chain, {})
-    ω = largest_frequency(free.chain(), np.zeros(free.chain().n))
+    ω = largest_frequency(fl.lump(free), np.zeros(fl.lump(free).n))
     steps = {}
     for ζ in settings.ratios:
         h = _step(_scene(case, settings.chain, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
@@ -69,7 +69,7 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
     for hinges in settings.refined:
         rule = Rule(rule=settings.chain.rule, hinges=hinges)
         bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link": [{"damping": damping}]})
-        found = fl.modes(scene.chain())
+        found = fl.modes(fl.lump(scene))
         facts: Facts = {"damping ratio": settings.target, **rule.facts}
         ratio, asked = float(found.damping_ratios[0]), settings.target * float(found.frequencies[0]) / settings.slowest
         yield Measured("damping ratio of the slowest mode", ratio, scene.name, varied=facts)
@@ -81,7 +81,7 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _difference(scene: Scene) -> float:
     """|λ / λ of MuJoCo − 1| of the eigenvalue that sets the step, from MuJoCo's own M and torques."""
-    chain = scene.chain()
+    chain = fl.lump(scene)
     engine, rest = MujocoEngine(chain), np.zeros(chain.n)
     M, K = engine.mass_matrix(rest), springs(engine)
     D = np.array([engine.friction_torque(e) for e in np.eye(chain.n)]).T
@@ -94,4 +94,4 @@ def _scene(case: Case, rule: Rule, change: dict[str, Any]) -> Scene:
 
 
 def _step(scene: Scene, method: str) -> float:
-    return fl.stable_step(scene.chain(), method)
+    return fl.stable_step(fl.lump(scene), method=method)

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.analysis.stability import stability_polynomial
+from flexlink.chain.lumping import lump
+from flexlink.describe import methods
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.describe.tableaus import tableau
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -60,8 +62,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def released_modes(scene: Scene) -> tuple[Array, Array]:
     """Frequencies ω [rad/s] of the elastic modes at the start, and the energy E [J] that the release gives each."""
-    chain = scene.chain()
-    q, _ = scene.initial_state(chain)
+    chain = lump(scene)
+    q, _ = initial_state(scene, chain)
     squares, Φ = linalg.eigh(np.diag(chain.stiffness), mass_matrix(chain, q))  # Φᵀ M Φ = 1
     force = Φ.T @ (gravity_torque(chain, q) + chain.stiffness * (q - chain.rest))
     elastic = squares > 1e-9 * squares.max()  # the others are rigid: ω² is rounding
@@ -71,5 +73,5 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
 
 def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
     """|energy| that `method` takes from or gives to the modes in so many steps [J]."""
-    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(tableau(method))))
+    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(methods.method(method))))
     return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

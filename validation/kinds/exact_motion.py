@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.scene import Scene
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.runs import told, with_run
 from validation.benchmarks.variant import Rule, Variant

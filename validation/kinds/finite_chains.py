@@ -53,7 +53,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _chain(case: Case, rule: str, cells: int, scene: str = "") -> fl.Chain:
     hinges = cells - 1 if rule == "paper" else cells
-    return Variant(scene=scene).build(case, Rule(rule=rule, hinges=hinges)).chain()
+    return fl.lump(Variant(scene=scene).build(case, Rule(rule=rule, hinges=hinges)))
 
 
 def _relative(found: ArrayLike, exact: ArrayLike) -> float:
@@ -82,7 +82,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule in settings.rules:
         at = Rule(rule=rule, hinges=settings.hinges)
         exact = bending_chain.frequencies(*lumping_rule(rule).hinges(at.hinges))
-        for engine, found in _both(Variant().build(case, at).chain()):
+        for engine, found in _both(fl.lump(Variant().build(case, at))):
             yield Measured("all bending modes, 40 digits", _relative(found, exact), "", engine, at.facts)
 
 

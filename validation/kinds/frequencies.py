@@ -15,9 +15,11 @@ from flexlink import engines
 from flexlink.analysis.modal import natural_frequencies
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference_values import numbers
@@ -92,10 +94,10 @@ def _exact(variant: Variant, settings: Settings) -> Array:
 
 def _state(scene: Scene, variant: Variant, settings: Settings) -> tuple[Chain, Array, list[int], int]:
     """Chain, posture, what does not move, and the number of rigid modes."""
-    chain = scene.chain()
+    chain = lump(scene)
     held = [chain.index(scene.arm.number(link), 0, 0) for link in variant.hold]
     still = [k for k, c in enumerate(chain.coordinates) if c.axis and c.axis not in settings.axes]
-    return chain, scene.initial_state(chain)[0], held + still, len(chain.active) - len(held)
+    return chain, initial_state(scene, chain)[0], held + still, len(chain.active) - len(held)
 
 
 def _frequencies(scene: Scene, variant: Variant, settings: Settings) -> Array:
@@ -124,7 +126,7 @@ def _price(case: Case, settings: Settings, points: Sequence[Point]) -> Iterator[
     """Largest stable RK4 step of every chain of the first variant, and hinges times steps a second at that step."""
     rows = []
     for point in points:
-        step = stable_step(settings.variant[0].build(case, point.at).chain())
+        step = stable_step(lump(settings.variant[0].build(case, point.at)))
         rows.append((point.at.rule, point.at.hinges / step, point.errors["mode 1"]))
         if point.at.hinges == settings.best.hinges:
             yield Measured("stable step of RK4", step, varied=point.at.facts)

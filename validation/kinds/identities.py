@@ -51,15 +51,15 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():
-        chain = scene.chain()
-        states = random_states(chain, settings.samples, settings.seed)
+        chain = fl.lump(scene)
+        states = random_states(chain, settings.samples, seed=settings.seed)
         for quantity, (violation, worst) in IDENTITIES.items():
             found = worst([violation(chain, state) for state in states])
             yield Measured(quantity, found, scene.name, varied={"states": settings.samples})
 
 
 def _asymmetry(chain: Chain, s: State) -> float:
-    M = fl.mass_matrix(chain, s.q, "columns")  # the one method that does not copy one half to the other
+    M = fl.mass_matrix(chain, s.q, method="columns")  # the one method that does not copy one half to the other
     return float(np.abs(M - M.T).max() / np.abs(M).max())
 
 
@@ -69,14 +69,16 @@ def _smallest_eigenvalue(chain: Chain, s: State) -> float:
 
 
 def _methods(chain: Chain, s: State) -> float:
-    M = np.array([fl.mass_matrix(chain, s.q, method) for method in MASS_METHODS])
+    M = np.array([fl.mass_matrix(chain, s.q, method=method) for method in MASS_METHODS])
     return float(in_units(np.ptp(M, axis=0), of_mass_matrix(chain, s.q)).max())
 
 
 def _solvers(chain: Chain, s: State) -> float:
-    qdd = [fl.forward_dynamics(chain, s.q, s.qd, s.tau, method, s.wrench) for method in SOLVERS]
+    qdd = [fl.forward_dynamics(chain, s.q, s.qd, s.tau, method=method, tip_wrench=s.wrench) for method in SOLVERS]
     pairs = itertools.combinations(qdd, 2)
-    return float(np.max([acceleration_error(chain, s.q, s.qd, s.tau, pair, s.wrench) for pair in pairs]))
+    return float(
+        np.max([acceleration_error(chain, s.q, s.qd, s.tau, solutions=pair, tip_wrench=s.wrench) for pair in pairs])
+    )
 
 
 def _kinetic(chain: Chain, s: State) -> float:
@@ -107,7 +109,7 @@ def _inverse(chain: Chain, s: State) -> float:
     """Inverse dynamics of forward dynamics gives the drive torque back."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
     own = fl.elastic_torque(chain, s.q) + fl.friction_torque(chain, s.qd)
-    back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, s.wrench) + own
+    back = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) + own
     size = np.abs(fl.mass_matrix(chain, s.q)) @ np.abs(qdd) + np.abs(own)
     return float(np.abs(back - s.tau).max() / size.max())
 

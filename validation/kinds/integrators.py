@@ -9,11 +9,11 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from flexlink.analysis.stability import stable_step
+from flexlink.describe import methods
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.describe.tableaus import tableau
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
@@ -79,7 +79,7 @@ def _measure(scene: Scene, method: str, step: float, cost: float, exact: Traject
     run = simulate(with_run(scene, method=method, step=step, unstable="allow"))
     total = np.asarray(run.energy.total)
     drift = float(np.abs(total - total[0]).max())
-    return Point(method, step, _distance(run, exact), drift, tableau(method).stages / step, cost / step)
+    return Point(method, step, _distance(run, exact), drift, methods.method(method).stages / step, cost / step)
 
 
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
@@ -118,7 +118,7 @@ def _series(scene: Scene, points: Sequence[Point]) -> Series:
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:
     """Largest stable step, by bisection, over the smallest that the linear theory gives for the postures passed."""
     some = exact.q[:: max(1, len(exact.q) // 50)]
-    predicted = min(stable_step(exact.chain, method, q) for q in some)
+    predicted = min(stable_step(exact.chain, q, method=method) for q in some)
     low, high = 0.5, 2.0
     while high - low > 0.002:
         middle = (low + high) / 2

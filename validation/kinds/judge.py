@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.engines.comparison import QUANTITIES
 from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
@@ -27,9 +28,9 @@ class Settings(pointwise.Settings, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest error of M, T_GC and q̈ of every engine over the states of each scene."""
     for scene in case.load_scenes():
-        chain = scene.chain()
+        chain = lump(scene)
         oracle = PlanarChain(chain)
-        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, settings.seed)]
+        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, seed=settings.seed)]
         with mp.workdps(DIGITS):
             exact = [_exact(oracle, s) for s in states]
         for name in settings.engines:

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import choice
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
 from flexlink.motion.result import Trajectory
-from flexlink.motion.scene import Scene
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference_values import look_up, numbers
@@ -79,8 +79,8 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     """The scene with its input and a step that divides the time between samples."""
     with_input = choice(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
-    chain = scene.chain()
-    stable = fl.stable_step(chain, scene.run.method, scene.initial_state(chain)[0])
+    chain = fl.lump(scene)
+    stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
     return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))
 
 
@@ -123,7 +123,7 @@ def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
     facts: Facts = {**at.facts, **told(scene.run)}
     if scene.motion:
-        free = msgspec.structs.replace(scene, motion=()).chain()
+        free = fl.lump(msgspec.structs.replace(scene, motion=()))
         value = max(_acceleration_errors(scene, ours, free))
         yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", facts)
         return
@@ -139,4 +139,4 @@ def _acceleration_errors(scene: Scene, run: Trajectory, free: fl.Chain) -> Itera
         follow(motion, t, q.copy(), qd.copy(), given)
         wanted[motion.joints] = given[motion.joints]
         theirs = engine.forward_dynamics(q, qd, tau)
-        yield float(in_units(theirs - wanted, of_acceleration(free, q, qd, tau, wanted)).max())
+        yield float(in_units(theirs - wanted, of_acceleration(free, q, qd, wanted, tau)).max())

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.describe import methods
 from flexlink.describe.spec import Spec
-from flexlink.describe.tableaus import tableau
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.rooted_trees import residuals
@@ -20,7 +20,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest residual of all conditions through the order, their number, and the largest one order above."""
     for name in settings.methods:
-        method = tableau(name)
+        method = methods.method(name)
         found = [r for order in range(1, method.order + 1) for r in residuals(method, order)]
         facts: Facts = {"method": name, "order": method.order}
         yield Measured("residual", float(max(found)), varied=facts)

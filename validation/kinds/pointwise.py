@@ -21,7 +21,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest error of each quantity, engine and scene; where it is too large, what differs."""
     for scene in case.load_scenes():
-        for row in compare(scene, settings.engines, settings.samples, settings.seed).rows:
+        for row in compare(scene, engines=settings.engines, samples=settings.samples, seed=settings.seed).rows:
             note = row.hint if row.hint else f"Largest at joint {row.joint!r}."
             facts: Facts = {"states": settings.samples}
             yield Measured(row.quantity, row.error, scene.name, row.engine, facts, note=note)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import engines
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.motion.scene import Scene
 from flexlink.motion.single import simulate
 from validation.benchmarks.runs import panels, points_of, with_run
 from validation.case import Case, Measured

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink import engines
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene
 from validation.benchmarks.runs import told, with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -37,5 +38,5 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _runs(name: str, scene: Scene) -> Work:
-    engine = engines.load(name, scene.chain())
+    engine = engines.load(name, lump(scene))
     return lambda calls: [engine.integrate(scene) for _ in range(calls)]

@@ -8,12 +8,12 @@ import msgspec
 import numpy as np
 
 import flexlink as fl
+from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps
-from validation.timing.families import Family, of_steps, random_states
+from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import clock, race
 
 TIMED = True
@@ -41,7 +41,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         }
         laps = race(works, settings.turns, settings.turn)
         per_member = {e: 1e6 * lap.seconds / (1 if e == "mujoco, mj_step" else len(members)) for e, lap in laps.items()}
-        facts: dict[str, Fact] = {"chain": name, "n": scene.chain().n, "members": len(members)}
+        facts: dict[str, Fact] = {"chain": name, "n": fl.lump(scene).n, "members": len(members)}
         for engine, time in per_member.items():
             yield Measured("time of a step per member", time, "", engine, facts, timed=True)
         ours = per_member.pop("native")
@@ -68,8 +68,8 @@ def _members(scene: Scene, count: int) -> list[Scene]:
 
 def _evaluation(scene: Scene, settings: Settings) -> float:
     """Time of q̈ of all members by one public call, per member [µs]."""
-    chain = scene.chain()
-    q, qd, tau, _ = random_states(chain, settings.members)
+    chain = fl.lump(scene)
+    q, qd, tau, _ = timed_states(chain, settings.members)
 
     def work(calls: int) -> None:
         for _ in range(calls):

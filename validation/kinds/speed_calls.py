@@ -8,13 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Fact, Facts
 from validation.store import Series, table
 from validation.timing import contestants
 from validation.timing.contestants import FORWARD, RNE
-from validation.timing.families import Family, random_states
+from validation.timing.families import Family, timed_states
 from validation.timing.stopwatch import race
 
 OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
@@ -49,7 +50,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for name, family in settings.chain.items():
         own: dict[str, list[Time]] = {}
         for segments in family.segments:
-            chain = family.scene(case, segments).chain()
+            chain = lump(family.scene(case, segments))
             for job, times in _times(chain, segments, family, settings):
                 yield from _rows(name, job, times, segments == family.segments[0])
                 own.setdefault(job, []).extend(times.values())
@@ -62,7 +63,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _times(chain: Chain, segments: int, family: Family, settings: Settings) -> Iterator[tuple[str, dict[str, Time]]]:
     """Job by job, the times of all who take part: native, public, pinocchio, its fastest form, mujoco."""
-    states = random_states(chain)
+    states = timed_states(chain)
     parties = {"native": contestants.native(chain, states), "public": contestants.public(chain, states)}
     forms = contestants.pinocchio(chain, states) if segments <= family.pinocchio else {}
     if segments <= family.mujoco:

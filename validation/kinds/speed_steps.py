@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.motion.single import simulate
 from validation.case import Case, Measured
@@ -61,7 +62,7 @@ def _race(case: Case, family: Family, segments: int, settings: Settings) -> list
     if segments <= family.pinocchio:
         works["pinocchio"] = steps.by_pinocchio(scene)
     laps = race(works, settings.turns, settings.turn)
-    return [Time(name, scene.chain().n, lap.seconds) for name, lap in laps.items()]
+    return [Time(name, lump(scene).n, lap.seconds) for name, lap in laps.items()]
 
 
 def _rows(family: str, times: list[Time]) -> Iterator[Measured]:

@@ -44,11 +44,11 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for at in grid(settings.rules):
         scene = existing(case, Variant(), at)
         if scene is not None:
-            chain = scene.chain()
+            chain = fl.lump(scene)
             worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
             points.append(Point(at, {"tip": worst}))
     yield from report(settings, points, case.about)
-    chain = Variant().build(case, settings.best).chain()
+    chain = fl.lump(Variant().build(case, settings.best))
     engine = engines.load("mujoco", chain)
     pairs = []
     for load in loads:
@@ -74,7 +74,7 @@ def _error(settings: Settings, chain: fl.Chain, load: TipLoad, q: Array) -> floa
 
 def _residual(engine: Engine, chain: fl.Chain, load: TipLoad, q: Array) -> float:
     """Largest torque left over at our equilibrium in the engine, over the largest spring torque."""
-    left = engine.bias_torque(q, np.zeros(chain.n), load.wrench) + engine.elastic_torque(q)
+    left = engine.bias_torque(q, np.zeros(chain.n), tip_wrench=load.wrench) + engine.elastic_torque(q)
     return float(np.abs(left).max() / np.abs(engine.elastic_torque(q)).max())
 
 

@@ -7,14 +7,14 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from flexlink.describe.tableaus import Tableau
+from flexlink.describe.methods import Method
 
 Vector = list[Any]
 
 
 def integrate(
     acceleration: Callable[[Vector, Vector], Vector],
-    method: Tableau,
+    method: Method,
     state: tuple[Sequence[Any], Sequence[Any]],
     duration: Any,
     steps: int,

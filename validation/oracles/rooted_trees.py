@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 from mpmath import mp, mpf
 
-from flexlink.describe.tableaus import Tableau
+from flexlink.describe.methods import Method
 
 Tree: TypeAlias = "tuple[Tree, ...]"
 DIGITS = 80
@@ -57,7 +57,7 @@ def density(tree: Tree) -> int:
     return product
 
 
-def residuals(method: Tableau, order: int) -> list[Any]:
+def residuals(method: Method, order: int) -> list[Any]:
     """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits from the exact coefficients.
 
     The elementary weights of smaller trees are shared, so that a condition costs one product per stage.
@@ -79,6 +79,6 @@ def residuals(method: Tableau, order: int) -> list[Any]:
         @functools.cache
         def below(tree: Tree) -> tuple[Any, ...]:
             u = weight(tree)
-            return tuple(mp.fsum(A[i][j] * u[j] for j in range(i) if A[i][j]) for i in stages)
+            return tuple(mp.fsum(A[i][j] * u[j] for j in stages if A[i][j]) for i in stages)
 
         return [abs(mp.fdot(b, weight(t)) - mpf(1) / density(t)) for t in trees(order)]

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import Spec
-from flexlink.motion.scene import Scene
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
 
@@ -39,8 +40,8 @@ class Family(Spec, frozen=True):
         The fastest mode bends from hinge to hinge; its frequency grows as the square of their number, or slower.
         """
         first = min(self.segments)
-        chain = self.scene(case, first).chain()
-        step = 0.5 * stable_step(chain, "RK4", np.linspace(0.1, 0.4, chain.n)) * (first / segments) ** 2
+        chain = lump(self.scene(case, first))
+        step = 0.5 * stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") * (first / segments) ** 2
         return of_steps(self.scene(case, segments), 0, step)
 
 
@@ -59,7 +60,7 @@ class States(NamedTuple):
     qdd: Array
 
 
-def random_states(chain: Chain, count: int = STATES) -> States:
+def timed_states(chain: Chain, count: int = STATES) -> States:
     """Arrays of shape (count, n)."""
     random = np.random.default_rng(0)
     return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

@@ -1,8 +1,8 @@
 """Runs of MuJoCo's integrators on the exported MJCF, timed without Python in the loop.
 
-What the file does not hold is added as MuJoCo would have it at its best: PD gains as springs and dampers of its own, which
-its implicit integrators know; a constant drive as an applied force; dry friction and a table of torques by a compiled
-callback, without the interpreter.
+What the file does not hold is added as MuJoCo would have it at its best: PD gains as springs and dampers of its own,
+which its implicit integrators know; a constant drive as an applied force; dry friction and a table of torques by a
+compiled callback, without the interpreter.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.motion.actuation import DriveArrays, drive_arrays
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
 
@@ -55,10 +56,10 @@ class MujocoRuns:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.chain = scene, scene.chain()
+        self.scene, self.chain = scene, fl.lump(scene)
         engine = MujocoEngine(self.chain)
         self.model, self.data, self.tip = engine.model, engine.data, engine.tip
-        self.start = scene.initial_state(self.chain)
+        self.start = initial_state(scene, self.chain)
         self.drive = drive_arrays(scene, self.chain)
         self._add_gains()
         changing = len(self.drive.knots) > 1
@@ -139,7 +140,7 @@ def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: DriveA
         else (table.knots, table.coefficients, table.joints)
     )
 
-    @numba.cfunc(types.void(types.voidptr, types.uintp))  # type: ignore[untyped-decorator]
+    @numba.cfunc(types.void(types.voidptr, types.uintp))
     def passive(_model, mjdata):  # type: ignore[no-untyped-def]
         force = numba.carray(_pointer(forces), n)
         rate = numba.carray(_pointer(rates), n)

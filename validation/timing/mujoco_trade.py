@@ -36,7 +36,7 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
 def steps_of_limit(runs: MujocoRuns) -> int:
     """Steps of RK4 between outputs at the largest stable step of the start, as flexlink predicts it."""
-    stable = fl.stable_step(runs.chain, "RK4", runs.start[0])
+    stable = fl.stable_step(runs.chain, runs.start[0], method="RK4")
     return math.ceil(runs.scene.run.sample / stable)
 
 

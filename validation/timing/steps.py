@@ -13,15 +13,17 @@ import pinocchio as pin
 from mujoco import rollout
 from numpy.typing import NDArray
 
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.tableaus import tableau
+from flexlink.describe.methods import method
+from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.kernels.lanes import LANES
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.motion.actuation import input_arrays
-from flexlink.motion.scene import Scene
+from flexlink.motion.start import initial_state
 from validation.timing.stopwatch import Work
 
 Array = NDArray[np.float64]
@@ -29,10 +31,10 @@ Array = NDArray[np.float64]
 
 def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
-    chain, h = scene.chain(), scene.run.step
+    chain, h = lump(scene), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
-    start = scene.initial_state(chain)
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
+    start = initial_state(scene, chain)
     samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
     def take(steps: int) -> None:
@@ -45,10 +47,10 @@ def native(scene: Scene) -> Work:
 def native_batch(members: Sequence[Scene]) -> Work:
     """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
     scene = members[0]
-    chain, h = scene.chain(), scene.run.step
+    chain, h = lump(scene), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, tableau("RK4").arrays, input_arrays(scene, chain), h
-    starts = np.array([member.initial_state(chain) for member in members]).reshape(-1, LANES, 2, chain.n)
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
+    starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
 
@@ -62,12 +64,12 @@ def native_batch(members: Sequence[Scene]) -> Work:
 
 def by_pinocchio(scene: Scene) -> Work:
     """A plain Python loop over `aba`, four a step, of an arm that nothing drives; set up once."""
-    chain, h = scene.chain(), scene.run.step
+    chain, h = lump(scene), scene.run.step
     engine = PinocchioEngine(chain)
     model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping
     if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or engine.coulomb.any():
         raise FlexlinkError(f"{scene.name}: only a fall without drive, wrench and dry friction is timed in Pinocchio")
-    start, rest = scene.initial_state(chain), k * engine.rest
+    start, rest = initial_state(scene, chain), k * engine.rest
 
     def acceleration(q: Array, qd: Array) -> Array:
         found: Array = pin.aba(model, data, q, qd, rest - k * q - d * qd)
@@ -113,7 +115,7 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
     states = np.zeros((len(members), mujoco.mj_stateSize(model, full)))
     for row, member in zip(states, members, strict=True):
         mujoco.mj_resetData(model, data)
-        data.qpos, data.qvel = member.initial_state(scene.chain())
+        data.qpos, data.qvel = initial_state(member, lump(scene))
         mujoco.mj_getState(model, data, row, full)
     pool = rollout.Rollout(nthread=0)
 
@@ -126,10 +128,10 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
 
 
 def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, object]]:
-    chain = scene.chain()
+    chain = lump(scene)
     engine = MujocoEngine(chain)
     engine.model.opt.timestep = scene.run.step
-    return engine.model, engine.data, scene.initial_state(chain)
+    return engine.model, engine.data, initial_state(scene, chain)
 
 
 def _demand(scene: Scene, engine: str, stable: bool) -> None:

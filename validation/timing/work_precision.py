@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -67,7 +68,7 @@ def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
     """
     good = [point for point in points if point.error < 1.0]
     met = [point.seconds for point in good if point.error <= target]
-    for coarse, fine in zip(points, points[1:], strict=False):
+    for coarse, fine in itertools.pairwise(points):
         if coarse.error < 1.0 and fine.error <= target < coarse.error:
             share = math.log(coarse.error / target) / math.log(coarse.error / fine.error)
             met.append(coarse.seconds * (fine.seconds / coarse.seconds) ** share)

@@ -1,4 +1,4 @@
-"""Scene: an arm with gravity, initial state, drive, wrench and run settings; strict TOML in and out."""
+"""Scene: an arm with gravity, initial state, drive, motion, wrench and run settings; strict TOML in and out."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.equilibrium import solve_static
-from flexlink.chain.arguments import given, given_path
-from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm
+from flexlink.describe.methods import check_method
+from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.describe.spec import Spec, Vector3, decode, meant, short
 
@@ -23,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class Scene(Spec, frozen=True):
-    """One arm in one situation: what `simulate`, the exporters and `compare` work on; `gravity` [m/s²] in frame 0."""
+    """One arm in one situation, as plain data: `lump` cuts it, `simulate` runs it; `gravity` [m/s²] in frame 0."""
 
     name: str
     arm: Arm
@@ -74,24 +72,6 @@ class Scene(Spec, frozen=True):
             if start != first:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
 
-    def chain(self) -> Chain:
-        """Lump the arm into its chain; locked joints stay at their initial angle."""
-        moved = [motion.link for motion in self.motion]
-        return lump(self.arm, self.gravity, self.initial.joint_deg, self.name, moved)
-
-    def initial_state(self, chain: Chain) -> tuple[Array, Array]:
-        """Joint angles q0 [rad] and rates q̇0 [rad/s] in sequential order, shape (n,) each.
-
-        Raises
-        ------
-        ConvergenceError
-            passive = "static", and the arm finds no equilibrium.
-        """
-        q = np.radians(spread(given("chain", chain, Chain), self.initial.joint_deg))
-        if self.initial.passive == "static" and len(chain.active) < chain.n:
-            q = solve_static(chain, q, self.tip_wrench, locked=chain.active.tolist()).q
-        return q, np.radians(spread(chain, self.initial.rates))
-
     @property
     def tip_wrench(self) -> Array:
         """Force and moment on the tip, frame 0, shape (6,)."""
@@ -103,14 +83,6 @@ class Scene(Spec, frozen=True):
         plain |= plain.pop("arm")
         document: bytes = msgspec.toml.encode(_without_none(plain))
         return document.decode()
-
-
-def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
-    """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
-    out = np.zeros(chain.n)
-    for k in chain.active:
-        out[k] = per_link[chain.coordinate(int(k)).link - 1]
-    return out
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -129,21 +101,35 @@ def load_scene(path: str | Path) -> Scene:
     SceneError
         The message names the file, the key path, the value and what is allowed.
     """
-    path = given_path("path", path)
+    path = catalogue.given_path("path", path)
     raw = catalogue.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
     try:
-        return scene_from(raw)
+        scene = scene_from(raw)
+        check_named(scene)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
+    return scene
 
 
 def _find_beside(scene: Path, table: object, key: str) -> None:
     """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
     if isinstance(table, dict) and isinstance(table.get(key), str):
         table[key] = catalogue.absolute(table[key], scene.parent)
+
+
+def check_named(scene: Scene) -> None:
+    """What a scene names by name or file is there, and fits it: lumping rules and method.
+
+    Raises
+    ------
+    SceneError
+        The message names the key path, the value and what is allowed.
+    """
+    hinges_of(scene.arm)
+    check_method(scene.run)
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:

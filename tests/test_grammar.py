@@ -1,0 +1,84 @@
+"""One grammar: the chain and its state are positional, in one order, everything else is given by name."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from collections.abc import Callable
+
+import pytest
+from conftest import MODELS
+
+import flexlink as fl
+from flexlink.analysis import stability
+from flexlink.dynamics import rounding
+from flexlink.engines import ENGINES, base, load
+
+STATE = ["q", "qd", "qdd", "tau"]
+OF_A_STATE = [
+    *(fl.inverse_dynamics, fl.bias_torque, fl.gravity_torque, fl.elastic_torque, fl.friction_torque, fl.mass_matrix),
+    *(fl.forward_dynamics, fl.energy, fl.frames, fl.tip_position, fl.modes, fl.natural_frequencies, fl.solve_static),
+    *(fl.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
+    *(stability.largest_frequency, rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
+    *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),
+]
+OF_OTHERS = {
+    fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
+    fl.initial_state: ["scene", "chain"],
+    fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.load_scene: ["path"], load: ["name", "chain"],
+}  # fmt: skip
+
+
+def positional(function: Callable[..., object]) -> list[str]:
+    parameters = inspect.signature(function).parameters.values()
+    return [p.name for p in parameters if p.kind is p.POSITIONAL_OR_KEYWORD and p.name != "self"]
+
+
+def by_name(function: Callable[..., object]) -> list[str]:
+    return [p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+
+
+@pytest.mark.parametrize("function", OF_A_STATE, ids=lambda function: function.__name__)
+def test_chain_and_state_come_first_and_everything_else_is_given_by_name(function: Callable[..., object]) -> None:
+    chain, *state = positional(function)
+    assert chain == "chain"
+    assert state == [name for name in STATE if name in state]
+
+
+@pytest.mark.parametrize("function", OF_OTHERS, ids=lambda function: function.__name__)
+def test_what_a_function_is_about_comes_first_and_everything_else_is_given_by_name(function: Callable) -> None:
+    assert positional(function) == OF_OTHERS[function]
+
+
+def test_options_of_one_name_stand_in_one_order() -> None:
+    order = ["tip_wrench", "follower", "gains", "locked", "method", "tolerance"]
+    for function in OF_A_STATE:
+        options = [name for name in by_name(function) if name in order]
+        assert options == sorted(options, key=order.index), function
+
+
+def test_engines_speak_the_same_grammar() -> None:
+    for engine in ENGINES:
+        kind = type(load(engine, fl.lump(fl.load_scene(MODELS[0]))))
+        for name in ("mass_matrix", "bias_torque", "gravity_torque", "elastic_torque", "friction_torque"):
+            function = getattr(kind, name)
+            assert positional(function) == positional(getattr(fl, name))[1:]
+            assert inspect.signature(function).parameters.keys() == (
+                inspect.signature(getattr(base.Engine, name)).parameters.keys()
+            )
+
+
+def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for() -> None:
+    code = (
+        "import sys; sys.modules['pinocchio'] = sys.modules['mujoco'] = None\n"
+        "import flexlink as fl\n"
+        "assert not [name for name in sys.modules if name.startswith('flexlink.engines')]\n"
+        "assert set(fl.__all__) <= set(dir(fl))\n"
+        "for name in fl.__all__: getattr(fl, name)\n"
+        "assert fl.compare is sys.modules['flexlink.engines.comparison'].compare\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(AttributeError, match="no attribute 'compere'"):
+        fl.compere  # noqa: B018

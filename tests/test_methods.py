@@ -1,0 +1,154 @@
+"""Runge-Kutta methods as data: coefficients to the last bit, what is derived from them, and what is refused."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from mpmath import mp, mpf
+from scipy.integrate._ivp import dop853_coefficients as published
+
+from flexlink import simulate
+from flexlink.common.errors import SceneError
+from flexlink.describe.methods import Method, method
+from flexlink.describe.situation import Run
+from flexlink.describe.spec import decode
+
+EPS = np.finfo(float).eps
+IMPLICIT = ["Radau5", "Radau9", "Gauss4", "Gauss6"]
+TRAPEZOID = {"A": (("0", "0"), ("1/2", "1/2")), "b": ("1/2", "1/2"), "c": ("0", "1")}
+
+
+def own(**fields: object) -> Method:
+    return Method(**({"about": "mine", "source": "-", "order": 2} | fields))  # type: ignore[arg-type]
+
+
+def collocation(name: str) -> tuple[list, list, list]:
+    """A, b, c in mpmath: zeros of its Legendre polynomials, and Σ_j a_ij c_j^(k−1) = c_i^k / k solved."""
+    family, s = name[:-1], method(name).stages
+
+    def p(x: mpf) -> mpf:
+        x = 2 * x - 1
+        return mp.legendre(s, x) - (mp.legendre(s - 1, x) if family == "Radau" else 0)
+
+    guesses = method(name).arrays[2]
+    c = [mp.findroot(p, (mpf(x) - mpf("1e-4"), mpf(x) + mpf("1e-4"))) for x in guesses]
+    V = mp.matrix([[x**k for x in c] for k in range(s)])
+    rows = [[mp.lu_solve(V, mp.matrix([x ** (k + 1) / (k + 1) for k in range(s)]))[j] for j in range(s)] for x in c]
+    b = list(mp.lu_solve(V, mp.matrix([mpf(1) / (k + 1) for k in range(s)])))
+    return rows, b, c
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_coefficients_of_a_family_are_right_to_the_last_bit(name: str) -> None:
+    with mp.workdps(40):
+        wanted = [np.array(x, dtype=float) for x in collocation(name)]
+    for found, exact in zip(method(name).arrays, wanted, strict=True):
+        np.testing.assert_array_equal(found, exact)
+
+
+def test_radau_of_three_stages_is_the_published_one() -> None:
+    """Hairer & Wanner, II, table IV.5.6."""
+    A, b, c = method("Radau5").arrays
+    r = np.sqrt(6)
+    wanted = [
+        [(88 - 7 * r) / 360, (296 - 169 * r) / 1800, (-2 + 3 * r) / 225],
+        [(296 + 169 * r) / 1800, (88 + 7 * r) / 360, (-2 - 3 * r) / 225],
+        [(16 - r) / 36, (16 + r) / 36, 1 / 9],
+    ]
+    np.testing.assert_allclose(A, wanted, rtol=4 * EPS, atol=EPS)
+    np.testing.assert_array_equal(A[-1], b)
+    np.testing.assert_allclose(c, [(4 - r) / 10, (4 + r) / 10, 1], rtol=4 * EPS)
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_the_modes_make_up_the_matrix(name: str) -> None:
+    found, (A, b, _) = method(name).modes, method(name).arrays
+    real = found.T_real @ np.diag(found.real) @ found.Tinv_real
+    pairs = found.T_complex @ np.diag(found.complex) @ found.Tinv_complex
+    s = len(b)
+    assert len(found.real) + 2 * len(found.complex) == s
+    assert (found.complex.imag > 0).all()
+    np.testing.assert_allclose(real + 2 * pairs.real, A, rtol=0, atol=20 * s * EPS)  # the rounding of LAPACK's vectors
+    np.testing.assert_allclose(found.A2, A @ A, rtol=0, atol=s * EPS)
+    np.testing.assert_allclose(found.bA, b @ A, rtol=0, atol=s * EPS)
+
+
+def test_the_real_eigenvalue_of_radau_is_the_published_one() -> None:
+    """1/γ₀ = (6 + ∛81 − ∛9)/30 ⁻¹ in Hairer & Wanner's code RADAU5."""
+    assert method("Radau5").modes.real == pytest.approx([(6 + 81 ** (1 / 3) - 9 ** (1 / 3)) / 30], rel=8 * EPS)
+
+
+@pytest.mark.parametrize("name", ["Radau5", "Radau9"])
+def test_the_error_estimate_sees_no_polynomial_below_its_order(name: str) -> None:
+    γ, d = method(name).embedded
+    c = method(name).arrays[2]
+    for k in range(1, len(c) + 1):
+        assert d @ c ** (k - 1) == pytest.approx(-γ if k == 1 else 0.0, abs=4 * EPS)
+    assert abs(d @ c ** len(c)) > 1e-5  # and the next one it does
+
+
+def test_which_methods_estimate_their_errors() -> None:
+    names = ["RK2", "RK4", "RK10", "DOP853", *IMPLICIT]
+    assert [name for name in names if method(name).controlled] == ["DOP853", "Radau5", "Radau9"]
+    assert [name for name in names if method(name).explicit] == ["RK2", "RK4", "RK10", "DOP853"]
+    for name in ("RK4", "Gauss6"):
+        with pytest.raises(SceneError, match=r"no error estimate by nodes; Radau IIA of 3, 5, … stages has one$"):
+            _ = method(name).embedded
+
+
+def test_dop853_has_the_published_coefficients() -> None:
+    found = method("DOP853")
+    for mine, theirs in zip(found.arrays, (published.A[:12, :12], published.B, published.C[:12]), strict=True):
+        np.testing.assert_array_equal(mine, theirs)
+    np.testing.assert_allclose(found.error, [published.E5, published.E3], rtol=0, atol=EPS)  # theirs is b − b̂, rounded
+
+
+def test_an_implicit_tableau_of_ones_own_has_modes() -> None:
+    rule = own(**TRAPEZOID)
+    assert (rule.explicit, rule.stages, rule.controlled) == (False, 2, False)
+    np.testing.assert_allclose(rule.modes.real, [0.5, 0], atol=EPS)
+    np.testing.assert_allclose(rule.modes.T_real * rule.modes.real @ rule.modes.Tinv_real, rule.arrays[0], atol=4 * EPS)
+
+
+def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
+    assert own(A=(("0", "0"), ("1", "0")), b=("1/2", "1/2"), c=("0", "1")).explicit
+
+
+@pytest.mark.parametrize(
+    ("fields", "wanted"),
+    [
+        ({}, "family, A, b, c: a method is of a family or has all of A, b, c"),
+        ({"family": "Gauss", "stages": 1, "b": ("1",)}, "family, b: a method is of a family or has A, b, c, not both"),
+        ({"family": "Gauss"}, "stages = 0: family 'Gauss' takes 1 to 9"),
+        ({"family": "Gauss", "stages": 10}, "stages = 10: family 'Gauss' takes 1 to 9"),
+        ({"family": "Radau IIA", "stages": 3}, "order = 2: Radau IIA of 3 stages has order 5"),
+        ({"family": "Lobatto"}, "family = 'Lobatto': allowed are 'Radau IIA', 'Gauss'"),
+        (TRAPEZOID | {"stages": 3}, "stages = 3: c has 2"),
+        (TRAPEZOID | {"error": (("1", "-1"),)}, "error: only explicit methods take rows"),
+        (TRAPEZOID | {"A": (("0", "0"), ("1/2", "1/3"))}, "A[1] = ('1/2', '1/3'): must sum to c[1] = '1'"),
+        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1",),)}, "error[0] has 1 weights: expe"),
+        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "1"),)}, "must sum to 0"),
+        ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1", "x"),)}, "error[0]: 'x': a coeffi"),
+        ({"A": (("1/4", "0"), ("1/2", "1/4")), "b": ("1/2", "1/2"), "c": ("1/4", "3/4")}, "A: no basis of eigen"),
+        ({"A": (("-1",),), "b": ("1",), "c": ("-1",)}, "A: eigenvalue -1: its real part must be positive"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_method_is_refused_in_one_line(fields: dict, wanted: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        from_file(fields)
+    assert wanted in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def from_file(fields: dict) -> Method:
+    """As a file gives them, where `error` is the key of the rows."""
+    return decode(msgspec.to_builtins({"about": "mine", "source": "-", "order": 2} | fields), Method)
+
+
+def test_a_run_of_fixed_steps_takes_no_implicit_method() -> None:
+    with pytest.raises(
+        SceneError, match=r"^run.method = 'Radau5': implicit; a run of fixed steps takes an explicit method"
+    ):
+        simulate(make_scene(flexible("a"), run=Run(method="Radau5")))
