@@ -17,14 +17,14 @@ from typing import Any
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
-from validation.case import Case, Measured, load_cases
+from validation.case import ALL, Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED
 from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
-PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath")
+PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath", "scikit-sundae")
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
@@ -38,10 +38,12 @@ def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) 
     FlexlinkError
         A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
     """
-    shared = _hash_of_sources()
-    keys = {case.name: _key(case, shared) for case in load_cases()}
+    shared, known = _hash_of_sources(), load_cases(*ALL)
+    keys = {case.name: _key(case, shared) for case in known}
     wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store)]
-    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in load_cases()})
+    named = {case.name for case in cases} | set(store.finished())
+    planned = [case for case in known if not case.by_name or case.name in named]
+    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in planned})
     if wanted:
         store.note_environment(environment())
     for case, results in _in_order_of_completion(wanted, keys, report):
@@ -148,9 +150,15 @@ def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *folder.glob("reference/*.json")]):
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest.digest()
+
+
+def _study_data(folder: Path) -> Iterator[Path]:
+    """References, and what tells scenes by what differs from others."""
+    yield from folder.glob("reference/**/*.json")
+    yield from folder.glob("scenes/*/*.toml")
 
 
 def versions() -> dict[str, str]:
