@@ -59,7 +59,7 @@ class Case(Spec, frozen=True):
     by_name: bool = False  # runs only when it is asked for: it takes long
 
     def is_meant_by(self, pattern: str) -> bool:
-        """Whether the name, the kind, or the words either begins with match a glob pattern; of `by_name` the name only."""
+        """Whether the name, the kind, or the words either begins with match a glob pattern; of `by_name` its name."""
         if self.by_name:
             return fnmatchcase(self.name, pattern)
         return any(fnmatchcase(text, p) for text in (self.name, self.kind) for p in (pattern, f"{pattern}_*"))
