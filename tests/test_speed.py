@@ -6,7 +6,6 @@ import datetime
 import itertools
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -35,8 +34,7 @@ FLEX = {"T1": "z", "T2": "yz", "T3": "xyz"}
 
 
 def family(kind: str, *segments: int, **limits: int) -> Family:
-    links = [{}, {"flex": FLEX[kind]}, {"flex": FLEX[kind]}]
-    return Family(segments=segments, change={"link": links}, **limits)
+    return Family(segments=segments, change={"link.*.flex": FLEX[kind]}, **limits)
 
 
 @pytest.fixture(params=FLEX)
@@ -135,7 +133,7 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_only_a_fall_is_timed_in_the_loop_over_pinocchio() -> None:
-    driven = msgspec.structs.replace(family("T1", 5).released(CASE, 5), wrench=fl.Wrench(force=(1.0, 0.0, 0.0)))
+    driven = family("T1", 5).released(CASE, 5).varied({"wrench.force": [1.0, 0.0, 0.0]})
     with pytest.raises(FlexlinkError, match="only a fall without drive"):
         steps.by_pinocchio(driven)
 

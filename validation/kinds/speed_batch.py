@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 
 import flexlink as fl
@@ -58,12 +57,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _members(scene: Scene, count: int) -> list[Scene]:
     """The scene from different angles, up to 10° apart."""
-    *before, last = scene.initial.joint_deg
-    starts = [
-        msgspec.structs.replace(scene.initial, joint_deg=(*before, last + angle))
-        for angle in np.linspace(-5.0, 5.0, count).tolist()
-    ]
-    return [msgspec.structs.replace(scene, initial=start) for start in starts]
+    last = f"initial.joint_deg.{len(scene.arm.links)}"
+    angles = scene.initial.joint_deg[-1] + np.linspace(-5.0, 5.0, count)
+    return [scene.varied({last: angle}) for angle in angles]
 
 
 def _evaluation(scene: Scene, settings: Settings) -> float:
