@@ -4,30 +4,23 @@ import dataclasses
 import math
 import sys
 
-import msgspec
 import mujoco
 import numpy as np
 import pytest
 
 import flexlink as fl
 from flexlink.common.errors import SceneError
-from flexlink.describe.scene import Scene
 from flexlink.describe.spec import decode
 from flexlink.motion.start import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import numbers
-from validation.benchmarks.runs import with_run
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
-
-
-def changed(scene: Scene, **parts) -> Scene:
-    return msgspec.structs.replace(scene, **parts)
 
 
 # scenes and references
@@ -43,10 +36,9 @@ def test_every_reference_is_of_the_scene_as_it_is_now_and_of_two_methods_that_ag
 
 def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
     scene = trade.trade_scene("pulse11")
-    thin = scene.arm.materials["thin"]
-    stiffer = changed(scene.arm, materials={"thin": changed(thin, young=thin.young * (1 + 1e-6))})
+    young = scene.arm.materials["thin"].young
     assert trade.is_of(scene, "pulse11")
-    assert not trade.is_of(changed(scene, arm=stiffer), "pulse11")
+    assert not trade.is_of(scene.varied({"material.thin.young": young * (1 + 1e-6)}), "pulse11")
 
 
 def test_changes_stack_and_what_is_replaced_is_gone():
@@ -73,10 +65,9 @@ def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
 ])  # fmt: skip
 def test_the_first_order_form_has_the_slope_of_a_run(base, drive):
     scene = trade.trade_scene(base)
-    scene = changed(scene, drive=drive) if drive else scene
-    h = 1e-7
-    f, short = FirstOrder(scene), with_run(scene, step=h, sample=h, duration=2 * h)
-    run = fl.simulate(short)
+    scene = scene.varied({"drive": drive}) if drive else scene
+    h, f = 1e-7, FirstOrder(scene)
+    run = fl.simulate(scene, method="RK4", step=h, sample=h, duration=2 * h)
     states = np.hstack([run.q, run.qd])
     slope = (states[2] - states[0]) / (2 * h)
     assert slope == pytest.approx(f(h, states[1]), rel=1e-6, abs=1e-4 * np.abs(slope).max())
@@ -84,11 +75,9 @@ def test_the_first_order_form_has_the_slope_of_a_run(base, drive):
 
 @pytest.mark.slow
 def test_a_led_joint_is_held_by_a_torque_as_the_run_leads_it():
-    scene = trade.trade_scene("p2p")
-    links = tuple(changed(link, segments=5) if link.flex == "z" else link for link in scene.arm.links)
-    scene = with_run(changed(scene, arm=changed(scene.arm, links=links)), step=2.5e-5, duration=0.15)
-    ours = fl.simulate(scene).tip
-    assert FirstOrder(scene).by_scipy("Radau", 1e-6, 1e-8).tip == pytest.approx(ours, abs=1e-6)
+    scene = trade.trade_scene("p2p5").varied({"run.duration": 0.15, "run.step": 2.5e-5})
+    solved = FirstOrder(scene).by_scipy("Radau", 1e-6, 1e-8)
+    assert solved.tip == pytest.approx(fl.simulate(scene).tip, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +88,7 @@ def beginning():
     def error(tip):
         return float(np.abs(tip - exact).max()) / trade.motion_of(exact)
 
-    return FirstOrder(with_run(scene, duration=3 * scene.run.sample)), error
+    return FirstOrder(scene.varied({"run.duration": 3 * scene.run.sample})), error
 
 
 @pytest.mark.slow

@@ -58,7 +58,7 @@ def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
         torque = inverse_dynamics(chain, q, qd, qdd, tip_wrench=scene.tip_wrench)
         torques.append(tuple(_of_links(scene, chain, torque)))
     drive = Drive(kind="table", smooth=True, times=tuple(times.tolist()), torques=tuple(torques))
-    return msgspec.structs.replace(scene, motion=(), drive=drive)
+    return scene.varied({"motion": (), "drive": drive})
 
 
 def _of_links(scene: Scene, chain: Chain, tau: Array) -> Array:

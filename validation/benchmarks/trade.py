@@ -16,13 +16,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import choice
 from flexlink.describe import catalogue
-from flexlink.describe.scene import Scene, scene_from
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.reference_values import numbers
-from validation.benchmarks.runs import with_run
-from validation.benchmarks.variant import overlay
 from validation.case import BENCHMARKS, MODELS
 
 Array = NDArray[np.float64]
@@ -33,12 +31,11 @@ PROBED = 1e-7  # relative: cancellation in the sums of a stiff chain; any change
 
 
 class Varied(Spec, frozen=True):
-    """A scene told by what differs from another one: `change` is laid over its tables, `replace` put in their place."""
+    """A scene told by what differs from another one; `change` is what `Scene.varied` takes."""
 
     about: str
     base: str
     change: dict[str, Any] = msgspec.field(default_factory=dict)
-    replace: dict[str, Any] = msgspec.field(default_factory=dict)
     input: Literal["none", "torque_pulse", "torques_of_motion"] = "none"
 
 
@@ -60,16 +57,15 @@ def trade_scene(name: str) -> Scene:
         What its file says is no scene.
     """
     varied = choice("scene", name, scenes())
-    scene = INPUTS[varied.input](scene_from(_tables(name) | {"name": name, "about": varied.about}))
-    return with_run(scene, step=scene.run.duration / OUTPUTS, sample=scene.run.duration / OUTPUTS)
+    scene = INPUTS[varied.input](_before_input(name))
+    every = scene.run.duration / OUTPUTS
+    return scene.varied({"run.step": every, "run.sample": every})
 
 
-def _tables(name: str) -> dict[str, Any]:
-    """The scene's file with all changes."""
+def _before_input(name: str) -> Scene:
     varied = scenes()[name]
-    base = _tables(varied.base) if varied.base in scenes() else catalogue.read_toml(_file(varied.base))
-    changed: dict[str, Any] = overlay(base, varied.change) | varied.replace
-    return changed
+    base = _before_input(varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+    return base.varied(varied.change | {"name": name, "about": varied.about})
 
 
 def _file(base: str) -> Path:

@@ -24,7 +24,6 @@ from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
 from flexlink.motion.start import initial_state
 from validation.benchmarks.reference_values import FOLDER
-from validation.benchmarks.runs import with_run
 from validation.benchmarks.trade import is_of, motion_of, probe, reference_name, scenes, trade_scene
 
 Array = NDArray[np.float64]
@@ -80,7 +79,7 @@ def _tip(scene: Scene, method: str, divided: int) -> tuple[Array, float]:
     chain, sample = fl.lump(scene), scene.run.sample
     stable = fl.stable_step(chain, initial_state(scene, chain)[0], method=method)
     step = sample / (divided * math.ceil(sample / (OF_STABLE * stable)))
-    return fl.simulate(with_run(scene, method=method, step=step)).tip, step
+    return fl.simulate(scene, method=method, step=step).tip, step
 
 
 def _store(name: str, scene: Scene, tip: Array, apart: float, methods: dict[str, float], seconds: float) -> None:
