@@ -1,8 +1,8 @@
 """Work against precision: what an error of the tip costs with flexlink, RK4, MuJoCo's integrators, SciPy and CVODE.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
-order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink only runs
-that met the error.
+order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink is given
+only runs that met the error.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from validation.benchmarks.trade import trade_scene
 from validation.case import Case, Measured
+from validation.facts import Facts
 from validation.store import Series, table
 from validation.timing import mujoco_trade, native_trade, solver_trade
 from validation.timing.work_precision import Cost, Point, cost
@@ -99,7 +100,7 @@ def _told(best: tuple[str, Point] | None) -> str:
 
 
 def _time(name: str, engine: str, method: str, error: float, known: Cost) -> Measured:
-    facts = {"method": method, "error": error}
+    facts: Facts = {"method": method, "error": error}
     return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=MARKS[known.kind], timed=True)
 
 
@@ -111,6 +112,5 @@ def _series(name: str, ladders: Ladders) -> Series:
         if point.error < math.inf
     ]
     title = f"{name}: what an error costs"
-    return Series(
-        "work", title, table(LABELS, rows), "error", LABELS[2], LABELS[3], "log", "log", group="method", scene=name
-    )
+    columns, (_, _, x, y) = table(LABELS, rows), LABELS
+    return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import flexlink as fl
 from flexlink.chain.lumping import lump
@@ -53,7 +53,7 @@ def _point(name: str, scene: Scene, setting: float) -> Point:
 
 
 def rk4(name: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of RK4 from its largest stable step on; a single one without error (nan), told by its beginning, if longer."""
+    """Runs of RK4 from its largest stable step on; one without error (nan), told by its beginning, if that is longer."""
     scene = trade_scene(name)
     chain, sample = lump(scene), scene.run.sample
     stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
@@ -70,7 +70,7 @@ def rk4(name: str, budget: float, smallest: float) -> list[Point]:
     return ladder(run, first, budget, smallest)
 
 
-def cheapest(ladders: dict[str, Sequence[Point]], target: float) -> tuple[str, Point] | None:
+def cheapest(ladders: Mapping[str, Sequence[Point]], target: float) -> tuple[str, Point] | None:
     """The method and the run that met an error in the least time; None if none did."""
     met = [
         (point.seconds, name, point) for name, points in ladders.items() for point in points if point.error <= target
