@@ -1,8 +1,8 @@
 """Work against precision: what an error of the tip costs with flexlink, RK4, MuJoCo's integrators, SciPy and CVODE.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
-order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink is given
-only runs that met the error.
+order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
+only its runs that met the error.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def _point(name: str, scene: Scene, setting: float) -> Point:
 
 
 def rk4(name: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of RK4 from its largest stable step on; one without error (nan), told by its beginning, if that is longer."""
+    """Runs of RK4 from its largest stable step on; one without error (nan), told by its beginning, if it is longer."""
     scene = trade_scene(name)
     chain, sample = lump(scene), scene.run.sample
     stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
