@@ -12,11 +12,11 @@ from flexlink.common.errors import SceneError
 from flexlink.motion.start import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.reference_values import FOLDER, numbers
+from validation.benchmarks.reference_values import numbers
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
-NAMES = [name for name in trade.scenes() if (FOLDER / f"{trade.reference_name(name)}.json").is_file()]
+NAMES = list(trade.scenes())
 
 
 # scenes and references
