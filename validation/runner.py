@@ -10,15 +10,18 @@ import os
 import platform
 import subprocess
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing.connection import wait
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
 from validation.case import Case, Measured, load_cases
-from validation.kinds import KINDS, TIMED
+from validation.kinds import KINDS, TIMED, Kind
 from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
 from validation.timing.machine import Watch
 
@@ -70,18 +73,24 @@ def _is_done(case: Case, key: str, store: Store) -> bool:
 def _in_order_of_completion(
     cases: Sequence[Case], keys: dict[str, str], report: Report
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
-    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured."""
+    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured.
+
+    What is timed is rehearsed while the others run, so that no core idles while its kernels are compiled.
+    """
     alone = [case for case in cases if case.kind in TIMED]
     shared = [case for case in cases if case.kind not in TIMED]
     if len(shared) < WORTH_A_POOL:
         alone, shared = shared + alone, []
     if shared:
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
+        with _pool() as pool:
+            rehearsals = [pool.submit(_rehearse, case) for case in alone]
             running = {pool.submit(_all_results, case, keys[case.name]): case for case in shared}
             try:
                 for done in as_completed(running):
                     report(running[done].name, None)
                     yield running[done], done.result()
+                for rehearsal in rehearsals:
+                    rehearsal.result()
             finally:
                 pool.shutdown(cancel_futures=True)
     for case in alone:
@@ -89,8 +98,27 @@ def _in_order_of_completion(
         yield case, measure(case, keys[case.name])
 
 
+def _pool() -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(os.cpu_count(), mp_context=context, initializer=_end_with_parent)
+
+
+def _end_with_parent() -> None:
+    """A worker ends when the study does, even one that was killed and can tell nobody."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        watch = Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True)
+        watch.start()
+
+
 def _all_results(case: Case, key: str) -> list[Row | Series]:
     return list(measure(case, key))
+
+
+def _rehearse(case: Case) -> None:
+    kind, settings = _kind(case)
+    if rehearsal := getattr(kind, "rehearsal", None):
+        deque(kind.run(case, rehearsal(settings)), maxlen=0)
 
 
 def measure(case: Case, key: str) -> Iterator[Row | Series]:
@@ -101,13 +129,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     FlexlinkError
         The case cannot be run, or does not measure all that it wants judged.
     """
-    kind = KINDS.get(case.kind)
-    if kind is None:
-        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
-    try:
-        settings: Any = decode(case.settings, kind.Settings, "settings")
-    except SceneError as error:
-        raise SceneError(f"{case.path}: {error}") from None
+    kind, settings = _kind(case)
     missing = set(case.quantity)
     start = time.perf_counter()
     for result in kind.run(case, settings):
@@ -119,6 +141,17 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
             start = time.perf_counter()
     if missing:  # a limit that nobody measured must not look like a limit that was kept
         raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
+
+
+def _kind(case: Case) -> tuple[Kind, Any]:
+    """The kind of a case, and its settings."""
+    kind = KINDS.get(case.kind)
+    if kind is None:
+        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+    try:
+        return kind, decode(case.settings, kind.Settings, "settings")
+    except SceneError as error:
+        raise SceneError(f"{case.path}: {error}") from None
 
 
 def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:

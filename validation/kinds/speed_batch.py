@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
+from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
+from flexlink.kernels.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps
@@ -27,6 +28,11 @@ class Settings(Spec, frozen=True):
     steps: int
     turns: int = 5
     turn: float = 0.05
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """So few members and steps that nothing but compilation takes time."""
+    return replace(settings, members=LANES, steps=1, turns=1, turn=0.0)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
@@ -60,10 +66,9 @@ def _members(scene: Scene, count: int) -> list[Scene]:
     """The scene from different angles, up to 10° apart."""
     *before, last = scene.initial.joint_deg
     starts = [
-        msgspec.structs.replace(scene.initial, joint_deg=(*before, last + angle))
-        for angle in np.linspace(-5.0, 5.0, count).tolist()
+        replace(scene.initial, joint_deg=(*before, last + angle)) for angle in np.linspace(-5.0, 5.0, count).tolist()
     ]
-    return [msgspec.structs.replace(scene, initial=start) for start in starts]
+    return [replace(scene, initial=start) for start in starts]
 
 
 def _evaluation(scene: Scene, settings: Settings) -> float:
