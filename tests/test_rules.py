@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from beams import cantilever, order, thin_arm, thin_link, torsion_bar
+from beams import cantilever, thin_arm, thin_link, torsion_bar
 from conftest import flexible, make_scene
 from scipy import special
 
@@ -24,6 +24,7 @@ from flexlink.describe.rules import Element, Grid, Jacobi, LumpingRule, lumping_
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
+from validation.benchmarks.sweep import order
 
 TIP_FREE = {"clamped", "hencky"}
 """Rules for a torque-free tip: a node's worth of weight is left out there, where the bending moment vanishes."""
