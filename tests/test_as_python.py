@@ -13,15 +13,29 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.dynamics.rounding import acceleration_error
+from flexlink.dynamics.rounding import acceleration_error, of_residual
+from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
+from flexlink.kernels.planar import planar_workspace
+from flexlink.kernels.rne import rne_workspace
 
 CHAINS = {"spatial": fl.lump(nasty_scene()), "planar": fl.lump(make_scene(flexible("a", segments=3)))}
+WRENCH = np.array([1.0, -2.0, 3.0, 0.3, -0.2, 0.1])
 
 
 def states(chain: fl.Chain) -> tuple[np.ndarray, ...]:
     rng = np.random.default_rng(8)
     return *random_state(chain, rng), rng.normal(size=chain.n)
+
+
+def torques(name: str) -> np.ndarray:
+    """M q̈ + T_GC of a state by every recursion."""
+    chain, found = CHAINS[name].arrays, []
+    for work in [rne_workspace(chain)] + [planar_workspace(*chain)] * (name == "planar"):
+        tau = np.empty(len(chain.hinges))
+        inverse_dynamics_into(chain, WRENCH, *states(CHAINS[name]), tau, work)
+        found.append(tau)
+    return np.array(found)
 
 
 def accelerations(name: str) -> np.ndarray:
@@ -35,14 +49,17 @@ def accelerations(name: str) -> np.ndarray:
 @compiled
 @pytest.mark.parametrize("name", CHAINS)
 def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name: str, tmp_path: Path) -> None:
-    file, here = tmp_path / "found.npy", Path(__file__).parent
-    code = f"import sys, numpy, test_as_python as t; numpy.save(sys.argv[1], t.accelerations({name!r}))"
+    file, here = tmp_path / "found.npz", Path(__file__).parent
+    parts = f"a=t.accelerations({name!r}), t=t.torques({name!r})"
+    code = f"import sys, numpy, test_as_python as t; numpy.savez(sys.argv[1], {parts})"
     path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     subprocess.run([sys.executable, "-c", code, str(file)], env=environment, check=True)
-    for as_python, as_machine_code in zip(np.load(file), accelerations(name), strict=True):
+    for as_python, as_machine_code in zip(np.load(file)["a"], accelerations(name), strict=True):
         error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(as_python, as_machine_code))
         assert error.max() <= 1
+    explained = of_residual(CHAINS[name], *states(CHAINS[name]), np.zeros(CHAINS[name].n), tip_wrench=WRENCH)
+    assert np.abs(np.load(file)["t"] - torques(name)).max() <= explained
 
 
 def test_eight_numbers_without_compilation_behave_as_one() -> None:

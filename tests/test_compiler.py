@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +12,7 @@ from pathlib import Path
 import pytest
 from conftest import compiled
 
-from flexlink.kernels import compiler
+from flexlink.kernels import compiler, machine_code
 
 pytestmark = compiled
 
@@ -34,9 +36,9 @@ def compilations(call: Callable[[], float]) -> int:
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch) -> Path:
-    monkeypatch.setattr(compiler, "_FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
-    monkeypatch.setattr(compiler.DiskCache, "told", False)
-    return compiler._FOLDER
+    monkeypatch.setattr(machine_code, "_FOLDER", tmp_path / "flexlink" / "0123456789abcdef")
+    monkeypatch.setattr(machine_code.DiskCache, "told", False)
+    return machine_code._FOLDER
 
 
 def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
@@ -76,7 +78,7 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
     folder: Path, tmp_path: Path, monkeypatch
 ) -> None:
     (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    monkeypatch.setattr(compiler, "_FOLDER", tmp_path / "file" / "0123456789abcdef")
+    monkeypatch.setattr(machine_code, "_FOLDER", tmp_path / "file" / "0123456789abcdef")
     beside = set(Path(__file__).parent.rglob("*.nb?"))
     with pytest.warns(RuntimeWarning, match=r"every process compiles anew.*NUMBA_CACHE_DIR") as told:
         assert compilations(lambda: fresh()(3.0)) == 1
@@ -89,21 +91,21 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
 def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monkeypatch, tmp_path: Path) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv(variable, str(tmp_path / "cache"))
-    for source in [*compiler.HERE.glob("*.py"), compiler.HERE.parent / "chain" / "chain.py"]:
-        place = tmp_path / source.relative_to(compiler.HERE.parent)
+    for source in [*machine_code.HERE.glob("*.py"), machine_code.HERE.parent / "chain" / "chain.py"]:
+        place = tmp_path / source.relative_to(machine_code.HERE.parent)
         place.parent.mkdir(exist_ok=True)
         place.write_bytes(source.read_bytes())
-    monkeypatch.setattr(compiler, "HERE", tmp_path / "kernels")
-    before = compiler.cache_folder()
+    monkeypatch.setattr(machine_code, "HERE", tmp_path / "kernels")
+    before = machine_code.cache_folder()
     (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
-    assert compiler.cache_folder() != before
-    assert compiler.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
+    assert machine_code.cache_folder() != before
+    assert machine_code.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
 
 
 def test_another_numba_has_another_folder(monkeypatch) -> None:
-    before = compiler.cache_folder()
-    monkeypatch.setattr(compiler.numba, "__version__", "0.0.0")
-    assert compiler.cache_folder() != before
+    before = machine_code.cache_folder()
+    monkeypatch.setattr(machine_code.numba, "__version__", "0.0.0")
+    assert machine_code.cache_folder() != before
 
 
 def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> None:
@@ -112,8 +114,8 @@ def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> N
 
     for variable in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME"):
         monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setattr(compiler.Path, "home", homeless)
-    monkeypatch.setattr(compiler, "_FOLDER", compiler.cache_folder())
+    monkeypatch.setattr(machine_code.Path, "home", homeless)
+    monkeypatch.setattr(machine_code, "_FOLDER", machine_code.cache_folder())
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         assert compilations(lambda: fresh()(3.0)) == 1
@@ -121,7 +123,7 @@ def test_a_user_without_a_home_still_has_kernels(folder: Path, monkeypatch) -> N
 
 def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(folder: Path) -> None:
     root = folder.parent
-    for age in range(compiler.KEPT + 3):
+    for age in range(machine_code.KEPT + 3):
         old = root / f"{age:016x}"
         old.mkdir(parents=True)
         (old / "code.bin").write_bytes(b"")
@@ -130,4 +132,27 @@ def test_a_new_folder_removes_the_least_used_and_nothing_that_is_not_its_own(fol
     (root / "notes.txt").write_text("mine", encoding="utf-8")
     fresh()(3.0)
     left = {path.name for path in root.iterdir()}
-    assert left == {f"{age:016x}" for age in range(compiler.KEPT)} | {folder.name, "mine", "notes.txt"}
+    assert left == {f"{age:016x}" for age in range(machine_code.KEPT)} | {folder.name, "mine", "notes.txt"}
+
+
+def test_what_numba_does_not_document_is_used_in_one_file_alone() -> None:
+    """Documented are numba itself, its types, the extension API and, of the core, events and structures."""
+    documented = {"numba", "numba.types", "numba.extending", "numba.core.event", "numba.core.cgutils"}
+    private = re.compile(r"\b_nrt\b|\b_cache\b|\._re(?:duce|build)\b")
+    for source in sorted(machine_code.HERE.parent.rglob("*.py")):
+        text = source.read_text(encoding="utf-8")
+        if source.name != "machine_code.py":
+            assert imported(text) <= documented, source.name
+            assert not private.search(text), source.name
+
+
+def imported(text: str) -> set[str]:
+    """Modules of Numba that a source imports, or imports from."""
+    found = set()
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inside = node.module in {"numba", "numba.core"}
+            found |= {f"{node.module}.{name.name}" if inside else node.module for name in node.names}
+    return {name for name in found if name.partition(".")[0] == "numba"}

@@ -35,7 +35,7 @@ from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.formats import FORMATS
 from flexlink.formats.document import numbers, unique
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import forward_kinematics
 
 EPS = np.finfo(float).eps
 
@@ -119,8 +119,7 @@ def test_mujoco_reads_back_every_axis_and_placement(chain: Chain) -> None:
     engine = MujocoEngine(chain)
     engine.mass_matrix(np.zeros(chain.n))  # places all bodies at zero angles
     nb = len(chain.bodies)
-    rotations, points, axes = np.empty((nb, 3, 3)), np.empty((nb, 3)), np.empty((chain.n, 3))
-    kinematics(chain.arrays, np.zeros(chain.n), rotations, points, axes)
+    rotations, points, axes = forward_kinematics(chain.arrays, np.zeros(chain.n))
     turn = nb * QUATERNION  # rotations are multiplied along the chain
     reach = np.linalg.norm(chain.bodies["translation"], axis=1).sum()
     anchors = np.repeat(points, chain.bodies["stop"] - chain.bodies["first"], axis=0)

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -38,8 +37,7 @@ FLEX = {"T1": "z", "T2": "yz", "T3": "xyz"}
 
 
 def family(kind: str, *segments: int, **limits: int) -> Family:
-    links = [{}, {"flex": FLEX[kind]}, {"flex": FLEX[kind]}]
-    return Family(segments=segments, change={"link": links}, **limits)
+    return Family(segments=segments, change={"link.*.flex": FLEX[kind]}, **limits)
 
 
 @pytest.fixture(params=FLEX)
@@ -138,7 +136,7 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_only_a_fall_is_timed_in_the_loop_over_pinocchio() -> None:
-    driven = msgspec.structs.replace(family("T1", 5).released(CASE, 5), wrench=fl.Wrench(force=(1.0, 0.0, 0.0)))
+    driven = family("T1", 5).released(CASE, 5).varied({"wrench.force": [1.0, 0.0, 0.0]})
     with pytest.raises(FlexlinkError, match="only a fall without drive"):
         steps.by_pinocchio(driven)
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from flexlink.cli.shared import about
+from flexlink.cli.shared import about, varied_scene
 from flexlink.cli.terminal import Progress
-from flexlink.describe.scene import load_scene
 from flexlink.engines.comparison import compare
 
 
 def compare_engines(options: argparse.Namespace) -> int:
     """Compare on a scene; 1 where engines disagree by more than rounding explains."""
-    scene = load_scene(options.scene)
+    scene = varied_scene(options.scene, options.set)
     bar = Progress(scene.name)
     with about(options.scene):
         comparison = compare(scene, engines=options.engines, samples=options.samples, seed=options.seed, progress=bar)

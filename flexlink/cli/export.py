@@ -6,10 +6,9 @@ import argparse
 from pathlib import Path
 
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, require_place
+from flexlink.cli.shared import about, require_place, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
-from flexlink.describe.scene import load_scene
 from flexlink.formats import FORMATS
 
 
@@ -17,7 +16,7 @@ def export_scenes(options: argparse.Namespace) -> int:
     """Write the chains of scenes, all or none of them."""
     texts: dict[Path, str] = {}
     for path in options.scenes:
-        scene = load_scene(path)
+        scene = varied_scene(path, options.set)
         for name in dict.fromkeys(options.format or FORMATS):
             convert, ending = FORMATS[name]
             target = options.out / (path.stem + ending)

@@ -13,9 +13,9 @@ from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
-from flexlink.cli.shared import about
+from flexlink.cli.shared import about, varied_scene
 from flexlink.describe import catalogue, methods
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
 from flexlink.motion.notes import notes
 from flexlink.motion.start import initial_state
 
@@ -26,7 +26,7 @@ LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 
 def show_info(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
-    scene = load_scene(options.scene)
+    scene = varied_scene(options.scene, options.set)
     with about(options.scene):
         _show(scene)
         for note in notes(scene):

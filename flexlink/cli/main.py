@@ -30,6 +30,7 @@ EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
   flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
   flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+  flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
@@ -90,6 +91,10 @@ def _parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         command.set_defaults(command=run)
+        command.add_argument(
+            "--set", action="append", default=[], metavar="PATH=VALUE",
+            help="another value, by its path in the file, as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
+        )  # fmt: skip
         return command
 
     info = add("info", show_info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")

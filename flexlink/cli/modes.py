@@ -7,9 +7,9 @@ from collections.abc import Iterable
 
 from flexlink.analysis.modal import Modes, modes
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, draw, require_picture
+from flexlink.cli.shared import about, draw, require_picture, varied_scene
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
 from flexlink.motion.result import plotting
 from flexlink.motion.start import initial_state
 
@@ -27,7 +27,7 @@ def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
 
 def show_modes(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and draw them where that was asked for."""
-    scene = load_scene(options.scene)
+    scene = varied_scene(options.scene, options.set)
     require_picture(options.plot)
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")

@@ -1,18 +1,41 @@
-"""What commands share: errors that name the scene's file, places to write to, pictures."""
+"""What commands share: scenes, varied by --set, errors that name their file, places to write to, pictures."""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.motion.result import picture_format, plotting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def varied_scene(path: Path, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
+    """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
+    scene = load_scene(path)
+    changes = dict(map(_setting, settings)) | dict(own or {})
+    with about(path):
+        return scene.varied(changes) if changes else scene
+
+
+def _setting(text: str) -> tuple[str, object]:
+    """Path and value of PATH=VALUE; a value is TOML, and a bare word that is none stands for itself, as `gauss`."""
+    path, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or not path or len(value.splitlines()) != 1:
+        raise ArgumentError(f"--set {text}: expected PATH=VALUE, such as run.step=1e-4 or 'link.*.segments=8'")
+    try:
+        return path, tomllib.loads(f"value = {value}")["value"]
+    except (ValueError, RecursionError) as error:
+        if value[0] in "\"'[{":
+            raise ArgumentError(f"--set {text}: the value is not TOML: {error}") from None
+        return path, value
 
 
 @contextlib.contextmanager

@@ -10,28 +10,29 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import about, draw, require_picture, require_place
+from flexlink.cli.shared import about, draw, require_picture, require_place, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
-from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.notes import notes
 from flexlink.motion.result import Trajectory, output_format
-from flexlink.motion.single import SingleRun, override
+from flexlink.motion.single import SingleRun
 
 
 def simulate_scene(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
-    scene = load_scene(options.scene)
-    overrides = {name: getattr(options, name) for name in Run.__struct_fields__ if getattr(options, name) is not None}
+    settings = {f"run.{name}": getattr(options, name) for name in Run.__struct_fields__}
+    said = {path: value for path, value in settings.items() if value is not None}
+    scene = varied_scene(options.scene, options.set, said)
     if options.out is not None:
         output_format(options.out)
         require_place(options.out)
     require_picture(options.plot)
     with about(options.scene):
-        ready = SingleRun(override(scene, overrides))  # compiled: a signal need not wait, and no run is timed by it
+        ready = SingleRun(scene)  # compiled: a signal need not wait, and no run is timed by it
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
     with deferred() as stop, contextlib.ExitStack() as last:

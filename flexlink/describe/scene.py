@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.describe.spec import Spec, Vector3, decode, meant, short
+from flexlink.describe.vary import changed, parsed
 
 Array = NDArray[np.float64]
 
@@ -77,12 +79,52 @@ class Scene(Spec, frozen=True):
         """Force and moment on the tip, frame 0, shape (6,)."""
         return np.array([*self.wrench.force, *self.wrench.moment])
 
+    def varied(self, changes: Mapping[str, object]) -> Scene:
+        """This scene with other values, each at a path in the words of the TOML file.
+
+        Parameters
+        ----------
+        changes
+            Values by path, put in one after the other; a value replaces all that stands at its path, and None leaves
+            the key out, so that its default holds. Paths lead through tables by their keys (`run.step`), through
+            materials and sections by name, through links by name, number from 1 or `*`, and so through motions and
+            lists of one number per link (`initial.joint_deg.upper`); a name with a dot stands in quotes. `*` stands for
+            all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of those that are
+            flexible, `material` and `section` of those that have some, friction, armature, rates and torques of those
+            whose joint is free.
+
+        Returns
+        -------
+        Scene
+            Checked like one that is read from a file, with the rules and the method that it names.
+
+        Raises
+        ------
+        SceneError
+            A path that leads nowhere, or a value that does not fit; the message names it and what is allowed.
+        ArgumentError
+            `changes` is no dict of values by path.
+
+        Examples
+        --------
+        >>> fine = scene.varied({"link.*.segments": 9, "link.*.lumping": "gauss", "run.step": 1e-5})
+        >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
+        >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
+        """
+        varied = scene_from(changed(self._document(), FIELDS, changes))
+        check_named(varied)
+        return varied
+
     def to_toml(self) -> str:
         """This scene as a TOML document that `load_scene` reads back equal."""
-        plain = msgspec.to_builtins(self)
-        plain |= plain.pop("arm")
-        document: bytes = msgspec.toml.encode(_without_none(plain))
+        document: bytes = msgspec.toml.encode(self._document())
         return document.decode()
+
+    def _document(self) -> dict[str, Any]:
+        """What a TOML parser returns of this scene, with all defaults written out."""
+        document: dict[str, Any] = parsed(self)
+        document |= document.pop("arm")
+        return document
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -133,31 +175,26 @@ def check_named(scene: Scene) -> None:
 
 
 def scene_from(raw: dict[str, Any]) -> Scene:
-    """The scene of a parsed file, which is flat: the arm's keys stand beside the scene's own.
+    """The scene of a parsed file.
 
     Raises
     ------
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    own = {f.encode_name: f for f in msgspec.structs.fields(Scene) if f.name != "arm"}
-    arm = {f.encode_name: f for f in msgspec.structs.fields(Arm)}
-    fields = own | arm
     for key, value in raw.items():
-        if key not in fields:
-            allowed = ", ".join(fields) + meant(key, fields)
+        if key not in FIELDS:
+            allowed = ", ".join(FIELDS) + meant(key, FIELDS)
             raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
-    for key, field in fields.items():
+    for key, field in (_OWN | _OF_ARM).items():
         if field.required and key not in raw:
             raise SceneError(f"{key}: missing; this key is required")
-    values = {key: decode(value, fields[key].type, key) for key, value in raw.items()}
-    parts = {arm[key].name: value for key, value in values.items() if key in arm}
-    return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in own})
+    values = {key: decode(value, FIELDS[key], key) for key, value in raw.items()}
+    parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
+    return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in _OWN})
 
 
-def _without_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_none(item) for key, item in value.items() if item is not None}
-    if isinstance(value, list | tuple):
-        return [_without_none(item) for item in value]
-    return value
+_OWN = {field.encode_name: field for field in msgspec.structs.fields(Scene) if field.name != "arm"}
+_OF_ARM = {field.encode_name: field for field in msgspec.structs.fields(Arm)}
+FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
+"""What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

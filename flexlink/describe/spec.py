@@ -102,11 +102,11 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     for part in re.findall(r"\w+|\.\.\.", tail):
         key = part
         if part == "...":  # msgspec does not name the key of a dict
-            key = next(k for k, item in value.items() if not _fits(item, _type_below(kind, k)))
+            key = next(k for k, item in value.items() if not _fits(item, type_below(kind, k)))
             tail = tail.replace("[...]", f".{key}", 1)
         value = value[int(key)] if isinstance(value, list | tuple) else value[key]
-        kind = _type_below(kind, key)
-    kind = _bare(kind)
+        kind = type_below(kind, key)
+    kind = bare(kind)
     where = (path + tail).lstrip(".")
     if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
         return f"{where}.{error.__cause__}".lstrip(".")
@@ -142,16 +142,16 @@ def meant(value: object, allowed: Iterable[str]) -> str:
     return f"; did you mean {by_case[close[0]]!r}?" if close else ""
 
 
-def _type_below(kind: Any, key: str) -> Any:
+def type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
-    kind = _bare(kind)
+    kind = bare(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in msgspec.structs.fields(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
 
 
-def _bare(kind: Any) -> Any:
+def bare(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
     while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.terms import elastic_torque, friction_torque, mass_matrix
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import forward_kinematics
 
 Array = NDArray[np.float64]
 
@@ -154,10 +154,8 @@ def _inertial(chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, tip_wre
 
 
 def _sizes(chain: Chain, q: ArrayLike) -> Sizes:
-    bodies = chain.bodies
-    count, mass = len(bodies), bodies["mass"]
-    rotations, points, axes = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((chain.n, 3))
-    kinematics(chain.arrays, vector("q", q, chain.n), rotations, points, axes)
+    bodies, mass = chain.bodies, chain.bodies["mass"]
+    rotations, points, axes = forward_kinematics(chain.arrays, vector("q", q, chain.n))
     centers = points + np.einsum("bij,bj->bi", rotations, bodies["center"])
     away = np.linalg.norm(points, axis=1)
     r = np.linalg.norm(centers - points[:, None], axis=2)  # hinge k, body i

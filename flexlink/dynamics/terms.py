@@ -20,7 +20,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.kernels import mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.finite import is_finite
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import forward_kinematics
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
@@ -198,10 +198,9 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
     """
-    bodies = len(given("chain", chain, Chain).bodies)
-    placed = Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
-    kinematics(chain.arrays, vector("q", q, chain.n), placed.rotations, placed.points, np.empty((chain.n, 3)))
-    return placed
+    arrays = given("chain", chain, Chain).arrays
+    placed = forward_kinematics(arrays, vector("q", q, chain.n))
+    return Frames(placed.rotations, placed.points)
 
 
 def tip_position(chain: Chain, q: ArrayLike) -> Array:

@@ -50,7 +50,6 @@ from flexlink.kernels.articulated_rows import (
     INERTIA,
     INVERSE,
     JE,
-    MASS,
     MC,
     MOMENT,
     MOUNT,
@@ -73,19 +72,19 @@ from flexlink.kernels.joint_torques import smooth_torques, take_off_dry_friction
 from flexlink.kernels.lanes import at, put_at, put_vec_of, vec, vec_of, zero_of
 from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_apply, sym_turn
-from flexlink.kernels.vec3 import add, add_scaled, combine2, cross, dot, pick, place, scale, sub, turn_axes
+from flexlink.kernels.vec3 import add, add_along, add_scaled, cross, dot, pick, place, scale, sub, turn_axes
 
 
 @recursion
 def articulated(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
-    gravity, layout, axes, given, bodies, hinges, dry, flat, trig = work
+    layout, given, bodies, hinges, trig = work.layout, work.given, work.bodies, work.hinges, work.trig
     power = prepare(q, qd, tau, hinges, trig[0])
-    lost = take_off_dry_friction(hinges, dry, qd, TORQUE)
-    cos_sin_all(flat[0], flat[1], flat[2])
-    f, n, turning = outward(layout, axes, bodies, hinges, wrench, qd, trig[1], trig[2])
+    lost = take_off_dry_friction(hinges, work.dry, qd, TORQUE)
+    cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
+    f, n, turning = outward(layout, work.axes, bodies, hinges, wrench, qd, trig[1], trig[2])
     inward(layout, given, bodies, hinges, n, f, qdd, trig[1])
-    return turning + accelerate(gravity, layout, given, bodies, hinges, qd, tau, qdd, power) - lost
+    return turning + accelerate(work.gravity, layout, given, bodies, hinges, qd, tau, qdd, power) - lost
 
 
 @inlined
@@ -164,11 +163,16 @@ def begin_axes(bodies, i, x, y, z):
     Of chains side by side where they do not begin in all, the others go on in their axes: kept are unit vectors.
     """
     μ = at(bodies, i, BEGINS)
-    o, ν = 0.0 * μ, 1.0 - μ
-    e1, e2, e3 = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
-    u, v, w = combine2(μ, x, ν, e1), combine2(μ, y, ν, e2), combine2(μ, z, ν, e3)
+    ν = 1.0 - μ
+    u, v, w = mixed(μ, x, y, z, ν)
     put_axes_of(bodies, u, v, w, i, BEFORE)
-    return combine2(ν, x, μ, e1), combine2(ν, y, μ, e2), combine2(ν, z, μ, e3)
+    return mixed(ν, x, y, z, μ)
+
+
+@inlined
+def mixed(μ, x, y, z, ν):
+    """μ x, μ y, μ z plus ν times the unit vectors."""
+    return add_along(0, ν, scale(μ, x)), add_along(1, ν, scale(μ, y)), add_along(2, ν, scale(μ, z))
 
 
 @inlined
@@ -190,7 +194,7 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
 @inlined
 def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
     """What each body and all beyond it demand at its hinge point, from the n and f that the tip demands."""
-    o = at(bodies, 0, MASS) * 0.0
+    o = zero_of(qdd)
     zero = (o, o, o)
     J, H, M = (o, o, o, o, o, o), (zero, zero, zero), (o, o, o, o, o, o)
     j, h, t = o, zero, zero  # J = j t tᵀ and H = t hᵀ of a pair behind
@@ -202,7 +206,7 @@ def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
             if behind > PAIR:
                 M, n, f = take_out_triple(bodies, i, hinges, k, c, *take_on_body(bodies, i, M, n, f))
             else:
-                J, H = in_full(behind, J, H, j, h, t)
+                J, H = in_full(o, behind, J, H, j, h, t)
                 M, n, f = take_out_triple(bodies, i, hinges, k, c, *take_on_any(bodies, i, J, H, M, n, f))
         elif way == PAIR:
             if behind > PAIR:  # nothing is passed
@@ -213,7 +217,7 @@ def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
             else:
                 j, h, t, M, n, f = take_out_pair(bodies, i, hinges, k, *take_on_any(bodies, i, J, H, M, n, f))
         elif way != TIP:
-            J, H = in_full(behind, J, H, j, h, t)
+            J, H = in_full(o, behind, J, H, j, h, t)
             J, H, M, n, f = through_hinges(layout, i, given, bodies, hinges, qdd, J, H, M, n, f)
         behind = way
 

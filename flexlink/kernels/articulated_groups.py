@@ -36,7 +36,7 @@ from flexlink.kernels.articulated_rows import (
     inertia_of,
 )
 from flexlink.kernels.compiler import inlined
-from flexlink.kernels.lanes import at, put_at, put_vec_of, vec_of
+from flexlink.kernels.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes
 from flexlink.kernels.vec3 import add, add_scaled, combine, cross, dot, place, scale, sub
 
@@ -50,7 +50,7 @@ def take_on(bodies, i, J, H, M, n, f):
     f = add(f, sym_apply(M, bias))
     n = add(add(n, cross(r, f)), place(vec_of(bodies, i, N), x, y, z))
     f = add(f, vec_of(bodies, i, F))
-    o = 0.0 * m
+    o = zero_of(bodies, i, MASS)
     d1, d2, d3 = (o, -r[2], r[1]), (r[2], o, -r[0]), (-r[1], r[0], o)  # unit vectors × r
     K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
     J = sym_add(J, sym_from_axes(x, y, z, inertia_of(bodies, i, INERTIA)))
@@ -174,9 +174,8 @@ def take_on_any(bodies, i, J, H, M, n, f):
 
 
 @inlined
-def in_full(behind, J, H, j, h, t):
-    """J and H of the body behind by its way: as they are, j t tᵀ and t hᵀ of a pair, or zero."""
-    o = 0.0 * j
+def in_full(o, behind, J, H, j, h, t):
+    """J and H of the body behind by its way: as they are, j t tᵀ and t hᵀ of a pair, or zero, o."""
     if behind > PAIR:
         return (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     if behind == PAIR:

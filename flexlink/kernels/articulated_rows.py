@@ -34,8 +34,8 @@ class ArticulatedWork(NamedTuple):
     layout: Any
     axes: Any
     given: Any
-    rows: Any
-    joints: Any
+    bodies: Any  # rows of numbers of the bodies
+    hinges: Any  # and of the hinges
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the hinges
@@ -79,8 +79,8 @@ def articulated_lanes_workspace(bodies, hinges, gravity):
     for lane in range(LANES):
         one = articulated_workspace(bodies[lane], hinges[lane], gravity[lane])
         layouts[lane] = one.layout
-        base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.rows, one.joints
-        coulomb += one.joints[:, COULOMB]
+        base[:, lane], rows[:, :, lane], joints[:, :, lane] = gravity[lane], one.bodies, one.hinges
+        coulomb += one.hinges[:, COULOMB]
     given, trig_lanes = given_joints(hinges[0]), trig.reshape(3, n, LANES)
     layout = common_layout(layouts)
     return ArticulatedWork(base, layout, axes, given, rows, joints, dry_joints(coulomb), trig, trig_lanes)

@@ -1,18 +1,21 @@
 """Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
 
-import numpy as np
-
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.kinematics import forward_kinematics
 from flexlink.kernels.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
 
 
 @kernel
 def energies(chain, q, qd):
     """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = Σ ½ k (θ − θ₀)² [J]; V_g = 0 at the base."""
+    return energies_of(chain, q, qd, forward_kinematics(chain, q))
+
+
+@recursion
+def energies_of(chain, q, qd, placed):
+    """The same where `kinematics` has been."""
     bodies, hinges = chain.bodies, chain.hinges
-    rotations, points, axes = np.empty((len(bodies), 3, 3)), np.empty((len(bodies), 3)), np.empty((len(hinges), 3))
-    kinematics(chain, q, rotations, points, axes)
+    rotations, points, axes = placed.rotations, placed.points, placed.axes
     kinetic, gravity, elastic = 0.0, 0.0, 0.0
     ω, v, p = ZERO, ZERO, ZERO
     for i in range(len(bodies)):

@@ -53,11 +53,11 @@ def dense_workspace(chain, by_lu):
 @recursion
 def dense(wrench, q, qd, tau, qdd, work):
     """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
-    chain, by_lu, rne_work, composite_work, M, known, bias, probe = work
+    chain, M, known, bias = work.chain, work.M, work.known, work.bias
     for k in range(len(qdd)):
         known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
-    rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, rne_work)
-    composite(chain, q, M, composite_work)
+    rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
+    composite(chain, q, M, work.composite)
     for k in range(len(qdd)):
         if chain.hinges[k].prescribed:
             M[k, :] = 0.0
@@ -65,14 +65,14 @@ def dense(wrench, q, qd, tau, qdd, work):
             M[k, k] = 1.0
         else:
             qdd[k] = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
-    if by_lu:
-        solve_lu(M, qdd, probe)
+    if work.by_lu:
+        solve_lu(M, qdd, work.probe)
     else:
-        solve_cholesky(M, qdd, probe)
-    take_torques(chain, wrench, q, qd, qdd, tau, bias, rne_work)
+        solve_cholesky(M, qdd, work.probe)
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, work.rne)
     ω, power = ZERO, 0.0
     for k in range(len(qd)):
-        ω = add_scaled(ω, qd[k], vector(composite_work.axes[k]))
+        ω = add_scaled(ω, qd[k], vector(work.composite.placed.axes[k]))
         power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
     return power + dot(ω, (wrench[3], wrench[4], wrench[5]))
 

@@ -3,14 +3,42 @@
 p ← p + R r        R ← R R_mount        axis_k = R e_k        R ← R R_k(q_k)
 """
 
-from flexlink.kernels.compiler import recursion
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.compiler import kernel, recursion
 from flexlink.kernels.vec3 import ZERO, X, Y, Z, add, cos_sin, pick, place, place_axes, put, turn_axes, vector
 
 
+class KinematicsWork(NamedTuple):
+    """What `kinematics` writes, in frame 0."""
+
+    rotations: Any  # R of every body, (nb, 3, 3)
+    points: Any  # hinge point p of every body, (nb, 3)
+    axes: Any  # of every hinge, (n, 3)
+
+
+@kernel
+def kinematics_workspace(chain):
+    """Scratch of `kinematics` for a chain."""
+    m, n = len(chain.bodies), len(chain.hinges)
+    return KinematicsWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)))
+
+
+@kernel
+def forward_kinematics(chain, q):
+    """R and p of every body and all hinge axes, in new arrays."""
+    work = kinematics_workspace(chain)
+    kinematics(chain, q, work)
+    return work
+
+
 @recursion
-def kinematics(chain, q, rotations, points, axes):
-    """Write R of every body (nb, 3, 3), its hinge point p (nb, 3) and every hinge axis (n, 3), frame 0."""
+def kinematics(chain, q, work):
+    """Write R and p of every body and all hinge axes."""
     bodies, hinges = chain.bodies, chain.hinges
+    rotations, points, axes = work.rotations, work.points, work.axes
     x, y, z = X, Y, Z  # columns of R
     p = ZERO
     for i in range(len(bodies)):

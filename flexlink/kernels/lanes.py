@@ -13,6 +13,7 @@ import operator
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 from flexlink.kernels.compiler import INLINED, inlined
@@ -52,13 +53,12 @@ class LanesModel(models.PrimitiveModel):
         super().__init__(manager, kind, VECTOR)
 
 
-def _splat(context, builder, kind, value):
-    """Machine code of lanes from lanes, or of eight equal ones from a number."""
-    if kind == lanes:
+def _splat(builder, value):
+    """Machine code of lanes from lanes, or of eight equal ones from a double."""
+    if value.type == VECTOR:
         return value
-    x = context.cast(builder, value, kind, types.float64)
     undefined = ir.Constant(VECTOR, ir.Undefined)
-    first = builder.insert_element(undefined, x, ir.Constant(ir.IntType(32), 0))
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
     everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
     return builder.shuffle_vector(first, undefined, everywhere)
 
@@ -67,10 +67,10 @@ def _binary(symbol, instruction):
     @intrinsic
     def combined(typing, x, y):
         def generate(context, builder, sig, args):
-            x, y = (_splat(context, builder, *each) for each in zip(sig.args, args, strict=True))
+            x, y = (_splat(builder, each) for each in args)
             return getattr(builder, instruction)(x, y, flags=("contract",))
 
-        return lanes(x, y), generate
+        return lanes(*(each if each == lanes else types.float64 for each in (x, y))), generate
 
     @overload(symbol, jit_options=INLINED)
     def implement(x, y):
@@ -97,7 +97,7 @@ def _neg(x):
 
 
 def _row(context, builder, array_type, array, index):
-    data = context.make_array(array_type)(context, builder, array).data
+    data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
     offset = builder.mul(index, ir.Constant(index.type, LANES))
     return builder.bitcast(builder.gep(data, [offset]), VECTOR.as_pointer())
 
@@ -133,9 +133,9 @@ def put_at(array, value, *index):
     array[index] = value
 
 
-def zero_of(array):
-    """Zero of the kind that `at(array, k)` reads."""
-    return 0.0 if array.ndim == 1 else np.zeros(LANES).view(Eight)
+def zero_of(array, *index):
+    """Zero of the kind that `at` reads of an array, of one index unless others are named."""
+    return np.zeros(LANES).view(Eight) if array.ndim > max(1, len(index)) else 0.0
 
 
 @overload(at, jit_options=INLINED)
@@ -178,8 +178,10 @@ def _zero(typing, array):
 
 
 @overload(zero_of, jit_options=INLINED)
-def _zero_of(array):
-    return (lambda array: 0.0) if array.ndim == 1 else (lambda array: _zero(array))  # noqa: PLW0108
+def _zero_of(array, *index):
+    if array.ndim > max(1, len(index)):
+        return lambda array, *index: _zero(array)
+    return lambda array, *index: 0.0
 
 
 def all_zero(x):
@@ -210,28 +212,24 @@ def tanh(x):
     return np.array([math.tanh(one) for one in x]).view(Eight) if np.ndim(x) else math.tanh(x)
 
 
-def scalar_tanh(x):
-    """What `tanh` does in each lane."""
-    return math.tanh(x)
+@intrinsic
+def _lane(typing, x, number):
+    return types.float64(x, types.intp), lambda context, builder, sig, args: builder.extract_element(*args)
 
 
 @intrinsic
-def _tanh_lanes(typing, x):
-    def generate(context, builder, sig, args):
-        result = args[0]
-        for lane in range(LANES):
-            index = ir.Constant(ir.IntType(32), lane)
-            one = builder.extract_element(args[0], index)
-            one = context.compile_internal(builder, scalar_tanh, types.float64(types.float64), [one])
-            result = builder.insert_element(result, one, index)
-        return result
-
-    return lanes(lanes), generate
+def _with_lane(typing, x, value, number):
+    return lanes(x, types.float64, types.intp), lambda context, builder, sig, args: builder.insert_element(*args)
 
 
 @overload(tanh, jit_options=INLINED)
 def _tanh(x):
-    return (lambda x: _tanh_lanes(x)) if x == lanes else scalar_tanh  # noqa: PLW0108
+    def each(x):
+        for lane in range(LANES):
+            x = _with_lane(x, math.tanh(_lane(x, lane)), lane)
+        return x
+
+    return each if x == lanes else (lambda x: math.tanh(x))  # noqa: PLW0108
 
 
 @inlined

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import KinematicsWork, kinematics, kinematics_workspace
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.sym3 import (
     ZERO6,
@@ -148,17 +148,14 @@ def mass_upper(chain, q, M):
 class CompositeWork(NamedTuple):
     """Scratch of `composite`."""
 
-    rotations: Any  # of the bodies
-    points: Any
-    axes: Any  # of the hinges
-    pivots: Any
+    placed: KinematicsWork
+    pivots: Any  # hinge point of every hinge
 
 
 @kernel
 def composite_workspace(chain):
     """Scratch of `composite` for a chain."""
-    m, n = len(chain.bodies), len(chain.hinges)
-    return CompositeWork(np.empty((m, 3, 3)), np.empty((m, 3)), np.empty((n, 3)), np.empty((n, 3)))
+    return CompositeWork(kinematics_workspace(chain), np.empty((len(chain.hinges), 3)))
 
 
 @kernel
@@ -176,8 +173,8 @@ def composite(chain, q, M, work):
     f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k.
     """
     bodies, hinges = chain.bodies, chain.hinges
-    rotations, points, axes, pivots = work
-    kinematics(chain, q, rotations, points, axes)
+    kinematics(chain, q, work.placed)
+    rotations, points, axes, pivots = work.placed.rotations, work.placed.points, work.placed.axes, work.pivots
     for i in range(len(bodies)):
         for k in range(bodies[i].first, bodies[i].stop):
             put(pivots[k], vector(points[i]))

@@ -143,10 +143,10 @@ def in_plane(base, a):
 @recursion
 def planar(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,) or (n, 8), and tip wrench (6,); see `forward_dynamics`."""
-    base, links, given, dry, flat, trig = work
+    base, links, given, trig = work.base, work.links, work.given, work.trig
     ω, power = outward(q, qd, tau, links, trig[0])
-    lost = take_off_dry_friction(links, dry, qd, TORQUE)
-    cos_sin_all(flat[0], flat[1], flat[2])
+    lost = take_off_dry_friction(links, work.dry, qd, TORQUE)
+    cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
     inward(base, wrench, given, qdd, links, trig[1], trig[2])
     turning = ω * dot(vec(base, NORMAL), vec(wrench, 3))
     return turning + accelerate(base, given, links, qd, tau, qdd, power) - lost

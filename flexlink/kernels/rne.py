@@ -21,6 +21,7 @@ from flexlink.kernels.vec3 import (
     cos_sin,
     cross,
     cross_unit,
+    dot,
     scale,
     turn,
     vector,
@@ -50,7 +51,10 @@ def inverse_dynamics(chain, wrench, q, qd, qdd):
 
 @recursion
 def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
-    """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0."""
+    """Inverse dynamics τ = M q̈ + T_GC, written to `tau` (n,); `gravity` tuple and `wrench` (6,) in frame 0.
+
+    Returns the power m·ω of the moment on the tip [W].
+    """
     bodies, hinges = chain.bodies, chain.hinges
     turns, loads = work
 
@@ -83,6 +87,7 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
         loads[i, 0, 0], loads[i, 0, 1], loads[i, 0, 2] = F
         loads[i, 1, 0], loads[i, 1, 1], loads[i, 1, 2] = N
 
+    power = dot(n_tip, ω)
     f, n = scale(-1.0, f_tip), scale(-1.0, n_tip)
     for i in range(len(bodies) - 1, -1, -1):
         b = bodies[i]
@@ -98,3 +103,4 @@ def rne(chain, gravity, wrench, q, qd, qdd, tau, work):
             f = apply(b.rotation, f)
             n = apply(b.rotation, n)
         n = add(n, cross(vector(b.translation), f))
+    return power

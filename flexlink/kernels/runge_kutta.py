@@ -8,6 +8,8 @@ The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, is inte
 W ← W + h Σ b_i P_i
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
@@ -15,6 +17,22 @@ from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.lanes import at, put_at
+
+
+class StepWork(NamedTuple):
+    """Scratch of `step`: a stage's angles and drive torques; rates L_i and accelerations K_i of all stages."""
+
+    q: Any
+    tau: Any
+    K: Any
+    L: Any
+
+
+@kernel
+def step_workspace(tableau, q):
+    """Scratch of `step` for states like `q`, of one chain or of eight."""
+    shape = (len(tableau[2]), *q.shape)
+    return StepWork(np.empty_like(q), np.zeros_like(q), np.empty(shape), np.empty(shape))
 
 
 @kernel
@@ -28,11 +46,9 @@ def integrate(work, tableau, inputs, h, first, last, every, state, samples):
     """
     q, qd, done = state
     qs, qds, works = samples
-    stages = np.empty((2, len(tableau[2]), *q.shape))
-    K, L = stages[0], stages[1]
-    q_stage, tau = np.empty_like(q), np.zeros_like(q)
+    stages = step_workspace(tableau, q)
     for number in range(first, last):
-        step(work, tableau, inputs, h, number, state, q_stage, tau, K, L)
+        step(work, tableau, inputs, h, number, state, stages)
         if not (is_finite(q) and is_finite(qd)):
             return number
         if (number + 1) % every == 0:
@@ -43,10 +59,11 @@ def integrate(work, tableau, inputs, h, first, last, every, state, samples):
 
 
 @recursion
-def step(work, tableau, inputs, h, number, state, q_stage, tau, K, L):
+def step(work, tableau, inputs, h, number, state, stages):
     """Advance q, q̇ (n,) and W (1,) from t = number · h by h."""
     A, b, c = tableau
     q, qd, done = state
+    q_stage, tau, K, L = stages.q, stages.tau, stages.K, stages.L
     for i in range(len(c)):
         t = (number + c[i]) * h
         q_dot, q_dot_dot = L[i], K[i]

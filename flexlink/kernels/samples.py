@@ -5,23 +5,22 @@ import math
 import numpy as np
 
 from flexlink.kernels.compiler import kernel
-from flexlink.kernels.energy import energies
+from flexlink.kernels.energy import energies_of
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.kernels.kinematics import kinematics
-from flexlink.kernels.runge_kutta import step
+from flexlink.kernels.kinematics import kinematics, kinematics_workspace
+from flexlink.kernels.runge_kutta import step, step_workspace
 from flexlink.kernels.vec3 import dot, sub, vector
 
 
 @kernel
 def tips_and_energies(chain, qs, qds, tips, parts):
     """Tip positions (samples, 3) and kinetic, gravity and elastic energy (3, samples)."""
-    bodies, n = len(chain.bodies), len(chain.hinges)
-    rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
+    placed = kinematics_workspace(chain)
     for row in range(len(qs)):
-        kinematics(chain, qs[row], rotations, points, axes)
-        tips[row] = points[-1]
-        parts[0, row], parts[1, row], parts[2, row] = energies(chain, qs[row], qds[row])
+        kinematics(chain, qs[row], placed)
+        tips[row] = placed.points[-1]
+        parts[0, row], parts[1, row], parts[2, row] = energies_of(chain, qs[row], qds[row], placed)
 
 
 @kernel
@@ -40,16 +39,15 @@ def drive_torques(work, inputs, ts, qs, qds, taus):
 @kernel
 def tip_errors(chain, work, tableau, inputs, h, numbers, qs, qds, errors):
     """How far apart [m] one step of h and two of h/2 put the tip, from each state (rows, n) at step number (rows,)."""
-    bodies, n = len(chain.bodies), len(chain.hinges)
-    rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
-    stages, scratch, ends, done = np.empty((2, len(tableau[2]), n)), np.zeros((2, n)), np.empty((2, 3)), np.zeros(1)
+    placed, stages = kinematics_workspace(chain), step_workspace(tableau, np.empty(len(chain.hinges)))
+    ends, done = np.empty((2, 3)), np.zeros(1)
     for row in range(len(numbers)):
         for parts in range(1, 3):
             state = qs[row].copy(), qds[row].copy(), done
             for part in range(parts):
                 number = parts * numbers[row] + part
-                step(work, tableau, inputs, h / parts, number, state, scratch[0], scratch[1], stages[0], stages[1])
-            kinematics(chain, state[0], rotations, points, axes)
-            ends[parts - 1] = points[-1]
+                step(work, tableau, inputs, h / parts, number, state, stages)
+            kinematics(chain, state[0], placed)
+            ends[parts - 1] = placed.points[-1]
         apart = sub(vector(ends[0]), vector(ends[1]))
         errors[row] = math.sqrt(dot(apart, apart))

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from flexlink.kernels.compiler import kernel
-from flexlink.kernels.kinematics import kinematics
+from flexlink.kernels.kinematics import forward_kinematics
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.vec3 import apply, put, vector
 
@@ -38,12 +38,9 @@ def add_load_stiffness(chain, wrench, follower, q, qd, K):
 @kernel
 def turned_with_tip(chain, wrench, q):
     """A wrench (6,) given in axes of the tip frame, in frame 0."""
-    bodies, n = len(chain.bodies), len(q)
-    rotations, points, axes = np.empty((bodies, 3, 3)), np.empty((bodies, 3)), np.empty((n, 3))
-    kinematics(chain, q, rotations, points, axes)
-    turned = np.empty(6)
-    put(turned[:3], apply(rotations[-1], vector(wrench)))
-    put(turned[3:], apply(rotations[-1], vector(wrench[3:])))
+    tip, turned = forward_kinematics(chain, q).rotations[-1], np.empty(6)
+    put(turned[:3], apply(tip, vector(wrench)))
+    put(turned[3:], apply(tip, vector(wrench[3:])))
     return turned
 
 

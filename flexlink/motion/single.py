@@ -8,19 +8,17 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.methods import check_method
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Dynamics, Run, Unstable
-from flexlink.describe.spec import meant
+from flexlink.describe.situation import Dynamics, Unstable
 from flexlink.kernels.runge_kutta import integrate
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.endings import InterruptedRunError
@@ -83,8 +81,8 @@ def simulate(
         "method": method, "step": step, "duration": duration, "sample": sample,
         "dynamics": dynamics, "unstable": unstable,
     }  # fmt: skip
-    said = {name: value for name, value in settings.items() if value is not None}
-    run = SingleRun(override(given("scene", scene, Scene), said))
+    said = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    run = SingleRun(given("scene", scene, Scene).varied(said) if said else scene)
     with deferred() as stop:
         return run.finish(stop, progress)
 
@@ -162,12 +160,3 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
             return
         first = last
         size = max(1, int(size * min(2.0, BREATH / max(time.perf_counter() - started, 1e-9))))
-
-
-def override(scene: Scene, overrides: dict[str, Any]) -> Scene:
-    """The scene with other run settings; errors as in `simulate`."""
-    for name in overrides:
-        if name not in Run.__struct_fields__:
-            allowed = Run.__struct_fields__
-            raise ArgumentError(f"{name}: not a run setting; allowed are {', '.join(allowed)}{meant(name, allowed)}")
-    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **overrides))

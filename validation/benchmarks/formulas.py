@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import msgspec
 import numpy as np
 
 from flexlink.describe.scene import Scene
@@ -17,7 +16,7 @@ def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
     torque = 4 * np.sin(2 * np.pi * t / 1.2) ** 3
     torque[-1] = 0.0
     drive = Drive(kind="table", smooth=True, times=tuple(t.tolist()), torques=tuple((x,) for x in torque.tolist()))
-    return msgspec.structs.replace(scene, drive=drive)
+    return scene.varied({"drive": drive})
 
 
 def spin_up(scene: Scene, knots: int = 151) -> Scene:
@@ -35,7 +34,7 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
         link=scene.arm.links[0].name, times=tuple(t.tolist()), angle_deg=columns[0], rate_deg=columns[1],
         acceleration_deg=columns[2],
     )  # fmt: skip
-    return msgspec.structs.replace(scene, motion=(motion,))
+    return scene.varied({"motion": [motion]})
 
 
 def nothing(scene: Scene) -> Scene:

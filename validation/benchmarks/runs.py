@@ -1,11 +1,10 @@
-"""Runs of a scene: one with other run settings, what a run is told by, and the panels of figure 5 for any arm."""
+"""Runs of a scene: what a run is told by, and the panels of figure 5 for any arm."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,11 +18,6 @@ from validation.store import Series
 
 Array = NDArray[np.float64]
 POINTS = 50  # of an engine in a figure
-
-
-def with_run(scene: Scene, **settings: Any) -> Scene:
-    """The scene with other run settings."""
-    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, **settings))
 
 
 def told(run: Run) -> dict[str, Fact]:

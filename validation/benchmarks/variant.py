@@ -1,4 +1,4 @@
-"""A benchmark scene with changes, for any lumping rule and number of hinges."""
+"""A benchmark scene, varied, for any lumping rule and number of hinges."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import msgspec
 
 from flexlink.chain.arguments import choice
 from flexlink.common.errors import SceneError
-from flexlink.describe import catalogue
-from flexlink.describe.scene import Scene, check_named, scene_from
+from flexlink.describe.rules import lumping_rule
+from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec
 from validation.case import Case
 from validation.facts import Facts
@@ -32,10 +32,10 @@ class Rule(Spec, frozen=True):
 
 
 class Variant(Spec, frozen=True):
-    """One situation of a benchmark: a scene, what is changed in its file, and where its reference values stand.
+    """One situation of a benchmark: a scene, what is changed in it, and where its reference values stand.
 
-    `change` is laid over the file's tables; lists of tables are matched one by one. `keys` lead to the values in the
-    reference file. Joints of the links in `hold` stay where they are.
+    `change` is what `Scene.varied` takes. `keys` lead to the values in the reference file. Joints of the links in
+    `hold` stay where they are.
     """
 
     name: str = ""
@@ -50,29 +50,16 @@ class Variant(Spec, frozen=True):
         Raises
         ------
         SceneError
-            The changed file is not a scene, or the rule does not exist for so many hinges.
+            The change does not fit, or the rule does not exist for so many hinges.
         ArgumentError
             `scene` is none of the case's.
         """
         paths = {path.stem: path for path in case.scene_files}
         path = choice(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)
-        raw = overlay(catalogue.read_toml(path), self.change)
-        for link in raw["link"]:
-            if link.get("flex", "rigid") != "rigid":
-                link |= {"lumping": wanted.rule, "segments": wanted.hinges + 1}
-        scene = scene_from(raw)
-        check_named(scene)
-        return scene
-
-
-def overlay(below: Any, above: Any) -> Any:
-    """`above` laid over `below`: tables key by key, lists of tables one by one, all else replaced."""
-    if isinstance(below, dict) and isinstance(above, dict):
-        return below | {key: overlay(below.get(key), value) for key, value in above.items()}
-    if isinstance(below, list) and isinstance(above, list) and above and isinstance(above[0], dict):
-        pairs = zip(below, above, strict=False)
-        return [overlay(*pair) for pair in pairs] + below[len(above) :]
-    return above
+        scene = load_scene(path).varied(self.change)
+        if all(link.flex == "rigid" for link in scene.arm.links):
+            return scene
+        return scene.varied({"link.*.lumping": wanted.rule, "link.*.segments": wanted.hinges + 1})
 
 
 def grid(rules: dict[str, tuple[int, ...]]) -> Iterator[Rule]:
@@ -84,9 +71,9 @@ def grid(rules: dict[str, tuple[int, ...]]) -> Iterator[Rule]:
 
 def existing(case: Case, variant: Variant, wanted: Rule) -> Scene | None:
     """The scene, or None where the rule does not exist for so many hinges."""
+    rule = lumping_rule(wanted.rule)
     try:
-        return variant.build(case, wanted)
-    except SceneError as error:
-        if "segments" in str(error):
-            return None
-        raise
+        rule.hinges(wanted.hinges)
+    except SceneError:
+        return None
+    return variant.build(case, wanted)

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink import engines
@@ -47,8 +46,7 @@ class Arms(Family, frozen=True):
     def chains(self, case: Case, segments: int) -> list[Chain]:
         """The arm with so many segments a link, with each of the loads."""
         scene = self.scene(case, segments)
-        tips = [replace(scene.arm.tip, mass=load) for load in self.loads] or [scene.arm.tip]
-        return [lump(replace(scene, arm=replace(scene.arm, tip=tip))) for tip in tips]
+        return [lump(scene.varied({"tip.mass": load})) for load in self.loads or (scene.arm.tip.mass,)]
 
     def states(self, chain: Chain, samples: int, seed: int) -> list[State]:
         """Random states; of arms near gimbal lock so many at every distance from it."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-import msgspec
 import numpy as np
 from mpmath import mp, mpf
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
-from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import exact_runge_kutta
@@ -46,7 +44,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Fitted slope, its distance from the order, and how far it stays below it."""
     for full in case.load_scenes():
-        scene = _with_segments(full, settings.segments)
+        scene = full.varied({"link.*.segments": settings.segments})
         end = _extended if settings.arithmetic == "extended" else _float64
         exact = end(scene, settings.reference.method, settings.duration, settings.reference.steps)
         curves: list[tuple[str, float, float]] = []
@@ -68,16 +66,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Series("convergence", title, columns, *labels, "log", "log", group="method", scene=scene.name)
 
 
-def _with_segments(scene: Scene, segments: int) -> Scene:
-    links = tuple(
-        link if link.flex == "rigid" else msgspec.structs.replace(link, segments=segments) for link in scene.arm.links
-    )
-    return msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=links))
-
-
 def _float64(scene: Scene, method: str, duration: float, steps: int) -> list[float]:
     step = duration / steps
-    run = simulate(with_run(scene, method=method, step=step, sample=duration, duration=duration))
+    run = simulate(scene, method=method, step=step, sample=duration, duration=duration)
     return [float(x) for x in run.q[-1]]
 
 

@@ -48,7 +48,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     ω = largest_frequency(fl.lump(free), np.zeros(fl.lump(free).n))
     steps = {}
     for ζ in settings.ratios:
-        h = _step(_scene(case, settings.chain, {"material": {"unit": {"loss_time": 2 * ζ / ω}}}), settings.method) * ω
+        h = _step(_scene(case, settings.chain, {"material.unit.loss_time": 2 * ζ / ω}), settings.method) * ω
         steps[ζ] = h
         facts: Facts = {"method": settings.method, "damping ratio": ζ}
         yield Measured("stable step × ω_max", h, free.name, varied=facts)

@@ -22,7 +22,6 @@ from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
-from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
@@ -42,7 +41,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         ω, E = released_modes(scene)
         points = []
         for method, step in ((m, h) for m, steps in settings.steps.items() for h in steps):
-            energy = simulate(with_run(scene, method=method, step=step)).energy
+            energy = simulate(scene, method=method, step=step).energy
             drift = float(np.abs(energy.total - np.asarray(energy.total)[0]).max())
             exchanged = float(np.abs(np.diff(energy.gravity)).sum())
             steps = round(scene.run.duration / step)

@@ -15,7 +15,7 @@ from flexlink import engines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from validation.benchmarks.reference_values import look_up
-from validation.benchmarks.runs import told, with_run
+from validation.benchmarks.runs import told
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.store import Series
@@ -50,7 +50,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         yield Measured("tip error", float(error.max()), name, varied=told(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
         yield Measured("time integration error", change, name, varied=told(scene.run))
-        yield _parity(with_run(scene, method="RK4", step=trial.rk4_step), name)
+        yield _parity(scene.varied({"run.method": "RK4", "run.step": trial.rk4_step}), name)
 
 
 def _exact(trial: Trial) -> tuple[Array, Array]:

@@ -11,11 +11,11 @@ import numpy as np
 from flexlink.analysis.stability import stable_step
 from flexlink.describe import methods
 from flexlink.describe.scene import Scene
+from flexlink.describe.situation import Run
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
-from validation.benchmarks.runs import with_run
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
@@ -58,8 +58,8 @@ LABELS = (
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Every run as a point, then stability; the report weighs the methods against each other."""
     for full in case.load_scenes():
-        scene = with_run(full, duration=settings.duration, sample=settings.sample)
-        coarse, exact = (simulate(with_run(scene, method="RK10", step=h)) for h in settings.reference)
+        scene = full.varied({"run.duration": settings.duration, "run.sample": settings.sample})
+        coarse, exact = (simulate(scene, method="RK10", step=h) for h in settings.reference)
         facts: Facts = {"method": "RK10", "step": settings.reference[0], "to step": settings.reference[1]}
         yield Measured("reference", _distance(coarse, exact), scene.name, varied=facts)
         points = []
@@ -76,7 +76,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _measure(scene: Scene, method: str, step: float, cost: float, exact: Trajectory) -> Point:
-    run = simulate(with_run(scene, method=method, step=step, unstable="allow"))
+    run = simulate(scene, method=method, step=step, unstable="allow")
     total = np.asarray(run.energy.total)
     drift = float(np.abs(total - total[0]).max())
     return Point(method, step, _distance(run, exact), drift, methods.method(method).stages / step, cost / step)
@@ -84,7 +84,8 @@ def _measure(scene: Scene, method: str, step: float, cost: float, exact: Traject
 
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
     """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
-    timed = with_run(scene, method=method, step=step, sample=steps * step, duration=steps * step, unstable="allow")
+    duration = steps * step
+    timed = scene.varied({"run": Run(method=method, step=step, sample=duration, duration=duration, unstable="allow")})
     simulate(timed)
     times = []
     for _ in range(repeats):
@@ -131,8 +132,7 @@ def _stable(scene: Scene, method: str, step: float) -> bool:
     """The total energy changes by less than 1 % of what gravity takes and gives."""
     steps = round(scene.run.duration / step)
     try:
-        settings = {"method": method, "step": step, "sample": step, "duration": steps * step, "unstable": "allow"}
-        run = simulate(with_run(scene, **settings))
+        run = simulate(scene, method=method, step=step, sample=step, duration=steps * step, unstable="allow")
     except DivergenceError:
         return False
     total = np.asarray(run.energy.total)

@@ -12,7 +12,6 @@ import functools
 import math
 from collections.abc import Callable, Iterator
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ from flexlink.motion.result import Trajectory
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference_values import look_up, numbers
-from validation.benchmarks.runs import told, with_run
+from validation.benchmarks.runs import told
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
@@ -81,7 +80,7 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     scene = with_input(Variant().build(case, at))
     chain = fl.lump(scene)
     stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
-    return with_run(scene, step=scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable)))
+    return scene.varied({"run.step": scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable))})
 
 
 def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, float]:
@@ -123,7 +122,7 @@ def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
     facts: Facts = {**at.facts, **told(scene.run)}
     if scene.motion:
-        free = fl.lump(msgspec.structs.replace(scene, motion=()))
+        free = fl.lump(scene.varied({"motion": []}))
         value = max(_acceleration_errors(scene, ours, free))
         yield Measured("MuJoCo's accelerations", value, scene.name, "mujoco", facts)
         return

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,7 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion.single import simulate
-from validation.benchmarks.runs import panels, points_of, with_run
+from validation.benchmarks.runs import panels, points_of
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series
@@ -39,7 +38,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon."""
     for short in case.load_scenes():
         yield from panels(short, simulate(short))
-        scene = with_run(short, duration=settings.duration, step=settings.step)
+        scene = short.varied({"run.duration": settings.duration, "run.step": settings.step})
         ours = simulate(scene)
         own = np.max([_running_max(other, ours.q) for other in _own_differences(scene)], axis=0)
         parted = own >= settings.parted
@@ -71,13 +70,10 @@ def _own_differences(scene: Scene) -> Iterator[Array]:
     for solver in SOLVERS:
         if solver != scene.run.dynamics:
             yield simulate(scene, dynamics=solver).q
-    angles = scene.initial.joint_deg
-    for k, angle in enumerate(angles):
+    for k, angle in enumerate(scene.initial.joint_deg):
         for way in (-np.inf, np.inf):
             if angle and not scene.arm.links[k].joint.locked:
-                moved = (*angles[:k], float(np.nextafter(angle, way)), *angles[k + 1 :])
-                initial = msgspec.structs.replace(scene.initial, joint_deg=moved)
-                yield simulate(msgspec.structs.replace(scene, initial=initial)).q
+                yield simulate(scene.varied({f"initial.joint_deg.{k + 1}": np.nextafter(angle, way)})).q
 
 
 def _running_max(q: Array, reference: Array) -> Array:

@@ -8,7 +8,7 @@ from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from validation.benchmarks.runs import told, with_run
+from validation.benchmarks.runs import told
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing.stopwatch import Work, race
@@ -27,7 +27,9 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Simulated seconds per second, and time of a step."""
     for scene in case.load_scenes():
-        works = {("native", solver): _runs("native", with_run(scene, dynamics=solver)) for solver in settings.dynamics}
+        works = {
+            ("native", solver): _runs("native", scene.varied({"run.dynamics": solver})) for solver in settings.dynamics
+        }
         works |= {(name, ""): _runs(name, scene) for name in settings.engines}
         for (name, solver), lap in race(works, settings.repeats, 0.0).items():
             facts: Facts = told(scene.run) | ({"solver": solver} if solver else {})

@@ -64,11 +64,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _members(scene: Scene, count: int) -> list[Scene]:
     """The scene from different angles, up to 10° apart."""
-    *before, last = scene.initial.joint_deg
-    starts = [
-        replace(scene.initial, joint_deg=(*before, last + angle)) for angle in np.linspace(-5.0, 5.0, count).tolist()
-    ]
-    return [replace(scene, initial=start) for start in starts]
+    last = f"initial.joint_deg.{len(scene.arm.links)}"
+    angles = scene.initial.joint_deg[-1] + np.linspace(-5.0, 5.0, count)
+    return [scene.varied({last: angle}) for angle in angles]
 
 
 def _evaluation(scene: Scene, settings: Settings) -> float:

@@ -22,7 +22,7 @@ STATES = 2  # that a loop goes through in turn, so that no call repeats the one 
 
 
 class Family(Spec, frozen=True):
-    """The case's scene, `change` laid over its file, with so many segments a link; engines join up to that many."""
+    """The case's scene, varied by `change`, with so many segments a link; engines join up to that many."""
 
     segments: tuple[int, ...]
     pinocchio: int = 0
@@ -48,7 +48,7 @@ class Family(Spec, frozen=True):
 def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
     """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
     h = step or scene.run.step
-    return msgspec.structs.replace(scene, run=Run(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h))
+    return scene.varied({"run": Run(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
 
 
 class States(NamedTuple):

@@ -1,0 +1,150 @@
+"""The one way to vary a description: values by path, in the words of its TOML file.
+
+A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
+name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, and so to the items of lists
+of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands
+for all: of links, for those on which the key has an effect.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, get_origin
+
+import msgspec
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe.spec import Spec, bare, meant, plain, short, type_below
+
+PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
+PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
+OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping"}
+OF_BEAMS = {"material", "section", "section_tip"}
+PER_LINK = {
+    "initial.joint_deg", "initial.rate_deg", "drive.torque", "drive.kp", "drive.kd", "drive.target_deg",
+}  # fmt: skip
+"""Lists of one number per link; one that is not there yet starts with zeros."""
+
+
+def changed(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+    """Put values into a parsed document, one after the other; what comes out is still to be checked as a whole.
+
+    Parameters
+    ----------
+    document
+        What `parsed` returns of a whole scene, its arm's keys beside its own; it is changed in place.
+    kinds
+        The annotation of each key at its top.
+    changes
+        Values by path; None leaves the key out, so that its default holds.
+
+    Raises
+    ------
+    ArgumentError
+        `changes` is no dict of values by path.
+    SceneError
+        A path that leads nowhere; the message names it, its value and what is allowed there.
+    """
+    if not isinstance(changes, Mapping):
+        raise ArgumentError(f"changes = {short(changes)}: expected a dict of values by path")
+    for path, value in changes.items():
+        if not isinstance(path, str):
+            raise ArgumentError(f"changes: {short(path)}: expected a path such as 'run.step'")
+        _Change(document, path, value).put(document, kinds, 0)
+    return document
+
+
+def parsed(value: object) -> Any:
+    """A description as a TOML parser returns it: dicts without keys that have no value, and lists."""
+    if isinstance(value, Spec):
+        return parsed(msgspec.to_builtins(value))
+    if isinstance(value, dict):
+        return {key: parsed(item) for key, item in value.items() if item is not None}
+    return [parsed(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+class _Change:
+    """One value, on the way to its place."""
+
+    def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
+        self.path, self.value, self.parts, self.drops = path, value, PART.findall(path), value is None
+        if not PATH.fullmatch(path):
+            raise self.error("not a path; a path is keys and names with dots between, such as run.step")
+        try:
+            self.value = parsed(plain(value))
+        except RecursionError:
+            raise SceneError(f"{path}: nested too deeply") from None
+        links = document.get("link")
+        self.links = links if isinstance(links, list) else []
+
+    def error(self, reason: str) -> SceneError:
+        return SceneError(f"{short(self.path)[1:-1]} = {short(self.value)}: {reason}")
+
+    def put(self, node: Any, kind: Any, depth: int) -> None:
+        """From a table or list of this kind follow the rest of the path, and set the value at its end."""
+        for key in self._keys(node, kind, depth):
+            if depth < len(self.parts) - 1:
+                if isinstance(node, dict) and key not in node:
+                    node[key] = [0.0] * len(self.links) if self._above(depth + 1) in PER_LINK else {}
+                self.put(node[key], kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key)), depth + 1)
+            elif self.drops and isinstance(node, dict):
+                node.pop(key, None)
+            else:
+                node[key] = self.value
+
+    def _above(self, depth: int) -> str:
+        return ".".join(self.parts[:depth])
+
+    def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
+        """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
+        part, above, kind = self.parts[depth], self._above(depth), kind if isinstance(kind, Mapping) else bare(kind)
+        if isinstance(kind, Mapping):
+            return [self._one_of(part, kind)]
+        if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
+            return [self._one_of(part, [field.encode_name for field in msgspec.structs.fields(kind)])]
+        if isinstance(node, dict) and get_origin(kind) is dict:
+            new = depth == len(self.parts) - 1  # a material or section as a whole
+            return list(node) if part == "*" else [part if new else self._one_of(part, node)]
+        if isinstance(node, list) and above == "motion":
+            return self._numbers(part, [str(_said(motion, "link")) for motion in node], [True] * len(node))
+        if isinstance(node, list) and (above == "link" or above in PER_LINK):
+            return self._numbers(part, [str(_said(link, "name")) for link in self.links], self._concerned(above, depth))
+        raise self.error(f"{above} is one value; set it as a whole")
+
+    def _one_of(self, part: str, names: Mapping[str, Any] | list[str]) -> str:
+        if part not in names:
+            raise self.error(f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{meant(part, names)}")
+        return part
+
+    def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
+        """Which of the items that belong to the links of these names."""
+        if part == "*" and any(concerned):
+            return [k for k, counts in enumerate(concerned) if counts]
+        if part in names:
+            return [names.index(part)]
+        if part.isdecimal() and 1 <= int(part) <= len(names):
+            return [int(part) - 1]
+        if not any(concerned):
+            raise self.error(f"{part!r}: there is no {self.parts[0]} on which this has an effect")
+        allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
+        raise self.error(f"{part!r} is unknown here; allowed are {allowed}{meant(part, names)}")
+
+    def _concerned(self, above: str, depth: int) -> list[bool]:
+        """The links on which the key has an effect."""
+        below = self.parts[depth + 1 :]
+        free = [not _said(link, "joint", "locked") for link in self.links]
+        if above != "link":
+            return [True] * len(free) if above == "initial.joint_deg" else free
+        if below and below[0] in OF_FLEXIBLE_LINKS:
+            return [(_said(link, "flex") or "rigid") != "rigid" for link in self.links]
+        if below and below[0] in OF_BEAMS:
+            return [_said(link, "material") is not None for link in self.links]
+        return free if below[:1] == ["joint"] and below[1:] not in ([], ["locked"]) else [True] * len(free)
+
+
+def _said(table: Any, *keys: str) -> Any:
+    """What stands below the keys; None if nothing does, also where an earlier change put something else."""
+    for key in keys:
+        table = table.get(key) if isinstance(table, dict) else None
+    return table
