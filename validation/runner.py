@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import hashlib
 import importlib.metadata
+import math
 import multiprocessing
 import os
 import platform
@@ -22,7 +23,7 @@ from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
 from validation.case import Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED, Kind
-from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
+from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
@@ -158,13 +159,14 @@ def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale
+    value = float(measured.value) if math.isfinite(measured.value) else None  # as JSON can hold it
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
         varied=dict(measured.varied), quantity=measured.quantity, metric=quantity.metric,
-        value=finite(measured.value), unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
+        value=value, unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
         note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
     )  # fmt: skip
