@@ -38,7 +38,8 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     out = capsys.readouterr().out
     assert "10 degrees of freedom, 2 driven" in out
     assert "upper.1.z" in out
-    assert "largest stable step, RK4   0.000491 s" in out
+    assert "largest stable step, RK4    0.000491 s" in out
+    assert "largest stable step, Radau5 any\n" in out
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 from conftest import flexible, make_scene
-from mpmath import mp, mpf
+from mpmath import mp
 from scipy.integrate._ivp import dop853_coefficients as published
 
 from flexlink import simulate
@@ -14,6 +14,7 @@ from flexlink.common.errors import SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import decode
+from validation.oracles.collocation import collocation
 
 EPS = np.finfo(float).eps
 IMPLICIT = ["Radau5", "Radau9", "Gauss4", "Gauss6"]
@@ -24,26 +25,10 @@ def own(**fields: object) -> Method:
     return Method(**({"about": "mine", "source": "-", "order": 2} | fields))  # type: ignore[arg-type]
 
 
-def collocation(name: str) -> tuple[list, list, list]:
-    """A, b, c in mpmath: zeros of its Legendre polynomials, and Σ_j a_ij c_j^(k−1) = c_i^k / k solved."""
-    family, s = name[:-1], method(name).stages
-
-    def p(x: mpf) -> mpf:
-        x = 2 * x - 1
-        return mp.legendre(s, x) - (mp.legendre(s - 1, x) if family == "Radau" else 0)
-
-    guesses = method(name).arrays[2]
-    c = [mp.findroot(p, (mpf(x) - mpf("1e-4"), mpf(x) + mpf("1e-4"))) for x in guesses]
-    V = mp.matrix([[x**k for x in c] for k in range(s)])
-    rows = [[mp.lu_solve(V, mp.matrix([x ** (k + 1) / (k + 1) for k in range(s)]))[j] for j in range(s)] for x in c]
-    b = list(mp.lu_solve(V, mp.matrix([mpf(1) / (k + 1) for k in range(s)])))
-    return rows, b, c
-
-
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_coefficients_of_a_family_are_right_to_the_last_bit(name: str) -> None:
     with mp.workdps(40):
-        wanted = [np.array(x, dtype=float) for x in collocation(name)]
+        wanted = [np.array(x, dtype=float) for x in collocation(str(method(name).family), method(name).stages)]
     for found, exact in zip(method(name).arrays, wanted, strict=True):
         np.testing.assert_array_equal(found, exact)
 

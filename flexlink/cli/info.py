@@ -14,7 +14,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about, varied_scene
-from flexlink.describe import catalogue, methods
+from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene
 from flexlink.motion.notes import notes
 from flexlink.motion.start import initial_state
@@ -52,9 +52,10 @@ def _show(scene: Scene) -> None:
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    for method in filter(lambda name: methods.method(name).explicit, catalogue.names("methods")):
-        cost = "" if bare is chain else f"; {stable_step_of(free, method):.4g} s without structural damping"
-        print(f"largest stable step, {method:<5} {stable_step_of(λ, method):.4g} s{cost}")
+    for method in catalogue.names("methods"):
+        h, undamped = stable_step_of(λ, method), stable_step_of(free, method)
+        cost = "" if undamped == h else f"; {_step(undamped)} without structural damping"
+        print(f"largest stable step, {method:<6} {_step(h)}{cost}")
     if bare is not chain and chain.n <= LARGEST_MODAL:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")
@@ -66,6 +67,10 @@ def _without_structural_damping(chain: Chain) -> Chain:
     hinges = chain.hinges.copy()
     hinges["damping"][[k for k, c in enumerate(chain.coordinates) if c.axis]] = 0.0
     return chain if np.array_equal(hinges, chain.hinges) else dataclasses.replace(chain, hinges=hinges)
+
+
+def _step(h: float) -> str:
+    return f"{h:.4g} s" if np.isfinite(h) else "any"
 
 
 def _some(values: np.ndarray) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.analysis.stability import stability_polynomial
+from flexlink.analysis.stability_function import stability_function
 from flexlink.chain.lumping import lump
 from flexlink.describe import methods
 from flexlink.describe.scene import Scene
@@ -72,5 +72,5 @@ def released_modes(scene: Scene) -> tuple[Array, Array]:
 
 def modal_loss(method: str, ωh: Array, E: Array, steps: int) -> float:
     """|energy| that `method` takes from or gives to the modes in so many steps [J]."""
-    R = np.abs(np.polynomial.polynomial.polyval(1j * ωh, stability_polynomial(methods.method(method))))
+    R = np.abs(stability_function(methods.method(method), 1j * ωh))
     return float((E * np.abs(np.expm1(2 * steps * np.log(R)))).sum())

@@ -4,25 +4,54 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import msgspec
+import numpy as np
+from mpmath import mp
+
 from flexlink.describe import methods
+from flexlink.describe.methods import Method
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.oracles.rooted_trees import residuals
+from validation.oracles.collocation import collocation
+from validation.oracles.rooted_trees import DIGITS, Coefficients, coefficients, embedded, residuals
 
 
 class Settings(Spec, frozen=True):
-    """Names of the methods."""
+    """Names of the methods, and the orders of those that rows of error weights compare a method with."""
 
     methods: tuple[str, ...]
+    embedded: dict[str, tuple[int, ...]] = msgspec.field(default_factory=dict)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Largest residual of all conditions through the order, their number, and the largest one order above."""
+    """Residuals of the conditions; of a family also how well float64 holds the coefficients of the oracle."""
     for name in settings.methods:
         method = methods.method(name)
-        found = [r for order in range(1, method.order + 1) for r in residuals(method, order)]
-        facts: Facts = {"method": name, "order": method.order}
-        yield Measured("residual", float(max(found)), varied=facts)
-        yield Measured("conditions", len(found), varied=facts)
-        yield Measured("residual one order above", float(max(residuals(method, method.order + 1))), varied=facts)
+        yield from _conditions(name, method.order, coefficients(method))
+        if method.family is not None:
+            yield Measured("rounding", _rounding(method), varied={"method": name})
+    for name, orders in settings.embedded.items():
+        for row, order in enumerate(orders):
+            yield from _conditions(f"{name}, embedded {order}", order, embedded(methods.method(name), row))
+
+
+def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured]:
+    """Largest residual of all conditions through the order, their number, and the largest one order above."""
+    found = [r for k in range(1, order + 1) for r in residuals(exact, k)]
+    facts: Facts = {"method": name, "order": order}
+    yield Measured("residual", float(max(found)), varied=facts)
+    yield Measured("conditions", len(found), varied=facts)
+    yield Measured("residual one order above", float(max(residuals(exact, order + 1))), varied=facts)
+
+
+def _rounding(method: Method) -> float:
+    """Largest difference of A, b and c from the oracle's, in units of the last place of each number."""
+    with mp.workdps(DIGITS):
+        exact = collocation(str(method.family), method.stages)
+        pairs = zip(
+            (x for part in method.arrays for x in part.ravel()),
+            (x for part in (*exact[0], *exact[1:]) for x in part),
+            strict=True,
+        )
+        return max(float(abs(mine - theirs) / np.spacing(abs(mine))) for mine, theirs in pairs)

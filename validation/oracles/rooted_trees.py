@@ -9,13 +9,16 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 from mpmath import mp, mpf
 
 from flexlink.describe.methods import Method
+from validation.oracles.collocation import collocation
 
 Tree: TypeAlias = "tuple[Tree, ...]"
+Coefficients: TypeAlias = tuple[list[list[Any]], list[Any]]  # A, b in mpmath
 DIGITS = 80
 
 
@@ -57,28 +60,50 @@ def density(tree: Tree) -> int:
     return product
 
 
-def residuals(method: Method, order: int) -> list[Any]:
-    """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits from the exact coefficients.
+def residuals(method: Coefficients, order: int) -> list[Any]:
+    """|b·u(t) − 1/γ(t)| of every tree with `order` nodes, in `DIGITS` digits.
 
     The elementary weights of smaller trees are shared, so that a condition costs one product per stage.
     """
+    A, b = method
+    stages = range(len(b))
+
+    @functools.cache
+    def weight(tree: Tree) -> tuple[Any, ...]:
+        u = [mpf(1)] * len(b)
+        for child in tree:
+            v = below(child)
+            u = [x * y for x, y in zip(u, v, strict=True)]
+        return tuple(u)
+
+    @functools.cache
+    def below(tree: Tree) -> tuple[Any, ...]:
+        u = weight(tree)
+        return tuple(mp.fsum(A[i][j] * u[j] for j in stages if A[i][j]) for i in stages)
+
     with mp.workdps(DIGITS):
-        exact = method.exact
-        A = [[mpf(a.numerator) / a.denominator for a in row] for row in exact[0]]
-        b = [mpf(x.numerator) / x.denominator for x in exact[1]]
-        stages = range(len(b))
-
-        @functools.cache
-        def weight(tree: Tree) -> tuple[Any, ...]:
-            u = [mpf(1)] * len(b)
-            for child in tree:
-                v = below(child)
-                u = [x * y for x, y in zip(u, v, strict=True)]
-            return tuple(u)
-
-        @functools.cache
-        def below(tree: Tree) -> tuple[Any, ...]:
-            u = weight(tree)
-            return tuple(mp.fsum(A[i][j] * u[j] for j in stages if A[i][j]) for i in stages)
-
         return [abs(mp.fdot(b, weight(t)) - mpf(1) / density(t)) for t in trees(order)]
+
+
+def coefficients(method: Method) -> Coefficients:
+    """A and b of a tableau from its exact strings, of a family by an oracle that knows nothing of the package's."""
+    with mp.workdps(DIGITS):
+        if method.family is not None:
+            A, b, _ = collocation(method.family, method.stages)
+            return A, b
+        rows, weights, _ = method.exact
+        return [[_mpf(x) for x in row] for row in rows], [_mpf(x) for x in weights]
+
+
+def embedded(method: Method, row: int) -> Coefficients:
+    """The method that a row of error weights compares an explicit one with, b̂ = b − e; q̈ at the end is a stage."""
+    with mp.workdps(DIGITS):
+        A, b = coefficients(method)
+        given = [_mpf(Fraction(x)) for x in method.error_rows[row]]
+        e = given + [mpf(0)] * (len(b) + 1 - len(given))
+        A = [[*stage, mpf(0)] for stage in (*A, b)]
+        return A, [x - y for x, y in zip([*b, mpf(0)], e, strict=True)]
+
+
+def _mpf(x: Fraction) -> Any:
+    return mpf(x.numerator) / x.denominator

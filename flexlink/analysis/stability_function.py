@@ -1,0 +1,161 @@
+"""The stability function of a Runge-Kutta method, and how far it reaches: y' = λ y is carried on by R(hλ).
+
+    R(z) = 1 + z b·(1 − zA)⁻¹·1 = P(z) / Q(z)        Q(z) = det(1 − zA)        (Hairer & Wanner, II, IV.3)
+
+A step is stable where |R| ≤ 1 + g. Along a direction d that is the sign of a polynomial,
+
+    E_d(x) = (1 + g)² |Q(xd)|² − |P(xd)|² ≥ 0
+
+and along d = i of one in x². If E_i has no zero and the poles of R lie on the right, |R| ≤ 1 + g on the whole left
+half-plane, by the maximum principle. Sturm's sequence, in fractions, tells that there is none: a proof, no sampling.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.methods import Method
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Polynomial = list[Fraction]  # lowest power first
+
+GROWTH = Fraction(1, 10**6)
+"""Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would
+call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
+
+
+def stability_function(method: Method, z: NDArray[Any]) -> Complex:
+    """R(z), of the shape of `z`."""
+    P, Q = (np.polynomial.polynomial.polyval(z, _float64(p)) for p in stability_polynomials(method))
+    return np.asarray(P / Q)
+
+
+@functools.lru_cache(maxsize=64)
+def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
+    """P and Q, exact. R is the power series 1 + Σ b A^(k−1) 1 z^k; P = R Q is of degree s, so that s + 1 terms do."""
+    A, b, _ = method.exact
+    series, power = [Fraction(1)], [Fraction(1)] * method.stages
+    for _ in range(method.stages):
+        series.append(_dot(b, power))
+        power = [_dot(row, power) for row in A]
+    Q = [Fraction(1)] if method.explicit else _determinant(A)
+    return _product(series, Q)[: method.stages + 1], Q
+
+
+def stable_reach(method: Method, directions: Complex) -> Array:
+    """The largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r, inf if for all x.
+
+    Parameters
+    ----------
+    method
+        The method.
+    directions
+        d, on the left half of the unit circle, shape (m,).
+
+    Returns
+    -------
+    array
+        r, shape (m,).
+    """
+    if is_stable_everywhere(method):
+        return np.full(directions.shape, np.inf)
+    P, Q = (_float64(p) for p in stability_polynomials(method))
+    size, square = 2 * len(P), (1 + float(GROWTH)) ** 2
+    return np.array([_first_zero(square * _square(Q, d, size) - _square(P, d, size)) for d in directions])
+
+
+@functools.lru_cache(maxsize=64)
+def is_stable_everywhere(method: Method) -> bool:
+    """Whether |R| ≤ 1 + g on the whole left half-plane: A-stable.
+
+    The poles of R are 1 / λ of A, which lie on the right: `Method` takes no others.
+    """
+    if method.explicit:  # a polynomial
+        return False
+    P, Q = stability_polynomials(method)
+    square = (1 + GROWTH) ** 2
+    return not _positive_zeros(_trimmed(square * x - y for x, y in zip(_along_i(Q), _along_i(P), strict=True)))
+
+
+def _along_i(p: Polynomial) -> Polynomial:
+    """|p(iy)|² by powers of y²: the even powers of p(iy) p(−iy), whose odd ones are zero."""
+    turned = _product(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
+    return [(-1) ** k * x for k, x in enumerate(turned[::2])]
+
+
+def _positive_zeros(p: Polynomial) -> int:
+    """Number of zeros x > 0, by Sturm's sequence; p(0) ≠ 0."""
+    sequence = [p, [k * x for k, x in enumerate(p)][1:]]
+    while len(sequence[-1]) > 0:
+        sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
+    ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # the signs at 0 and at infinity
+    at_zero, at_infinity = (sum(x * y < 0 for x, y in pairwise(signs)) for signs in ends)
+    return at_zero - at_infinity
+
+
+def _remainder(p: Polynomial, q: Polynomial) -> Polynomial:
+    """The remainder of p / q times a positive number, with 1 or −1 in front."""
+    p = list(p)
+    while len(p) >= len(q):
+        factor, shift = p[-1] / q[-1], len(p) - len(q)
+        p = _trimmed(x - (factor * q[k - shift] if k >= shift else 0) for k, x in enumerate(p[:-1]))
+    return [x / abs(p[-1]) for x in p]
+
+
+def _trimmed(p: Iterable[Fraction]) -> Polynomial:
+    """Without zeros in front of the highest powers."""
+    found = list(p)
+    while found and found[-1] == 0:
+        found.pop()
+    return found
+
+
+def _determinant(A: Sequence[Sequence[Fraction]]) -> Polynomial:
+    """det(1 − zA) by Faddeev and Le Verrier: M_1 = 1, c_k = −tr(A M_k) / k, M_k+1 = A M_k + c_k 1."""
+    stages = range(len(A))
+    M, c = [[Fraction(i == j) for j in stages] for i in stages], [Fraction(1)]
+    for k in range(1, len(A) + 1):
+        columns = list(zip(*M, strict=True))
+        M = [[_dot(row, column) for column in columns] for row in A]
+        c.append(-sum((M[i][i] for i in stages), Fraction(0)) / k)
+        for i in stages:
+            M[i][i] += c[k]
+    return c
+
+
+def _product(p: Polynomial, q: Polynomial) -> Polynomial:
+    found = [Fraction(0)] * (len(p) + len(q) - 1)
+    for i, x in enumerate(p):
+        for k, y in enumerate(q):
+            found[i + k] += x * y
+    return found
+
+
+def _dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
+    return sum((a * b for a, b in zip(x, y, strict=True) if a), Fraction(0))
+
+
+def _square(p: Array, d: complex, size: int) -> Array:
+    """|p(xd)|² by powers of x, `size` of them."""
+    along = p * d ** np.arange(len(p))
+    found = np.zeros(size)
+    found[: 2 * len(p) - 1] = np.convolve(along, along.conj()).real
+    return found
+
+
+def _first_zero(p: Array) -> float:
+    """The smallest x > 0 with p(x) = 0, inf if there is none; where p only touches 0 rounding decides."""
+    zeros = np.roots(p[::-1])
+    return float(zeros[(zeros.imag == 0) & (zeros.real > 0)].real.min(initial=np.inf))
+
+
+def _float64(p: Polynomial) -> Array:
+    return np.array(p, dtype=np.float64)

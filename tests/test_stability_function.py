@@ -1,0 +1,94 @@
+"""Stability functions: Padé's, and how far methods reach; that Radau IIA and Gauss reach everywhere is proved twice."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import factorial
+
+import numpy as np
+import pytest
+
+from flexlink.analysis.stability_function import (
+    GROWTH,
+    is_stable_everywhere,
+    stability_function,
+    stability_polynomials,
+    stable_reach,
+)
+from flexlink.describe.methods import Method, method
+
+g = float(GROWTH)
+FAMILIES = {"Gauss": 0, "Radau IIA": 1}  # by how many degrees P is below Q
+
+
+def of_family(family: str, stages: int) -> Method:
+    return Method(about="-", source="-", order=2 * stages - FAMILIES[family], family=family, stages=stages)
+
+
+def own(A: list[list[str]], b: list[str], c: list[str]) -> Method:
+    return Method(about="-", source="-", order=1, A=A, b=b, c=c)  # type: ignore[arg-type]
+
+
+THETA = own([["1/3"]], ["1"], ["1/3"])
+"""θ-method with θ = 1/3: R = (1 + 2z/3) / (1 − z/3)."""
+
+TRAPEZOID = own([["0", "0"], ["1/2", "1/2"]], ["1/2", "1/2"], ["0", "1"])
+
+BACKWARD = own([["1/6", "-4/3", "7/6"], ["1/6", "2/3", "-1/3"], ["1/6", "2/3", "1/6"]], ["1/6", "2/3", "1/6"],
+               ["0", "1/2", "1"])  # fmt: skip
+"""Kutta's explicit method of order 3, backward in time: R = 1 / (1 − z + z²/2 − z³/6)."""
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("stages", [1, 2, 3, 5])
+def test_the_stability_function_of_a_family_is_pade_s_approximation(family: str, stages: int) -> None:
+    """Hairer & Wanner, II, theorem IV.3.12."""
+    k, m = stages - FAMILIES[family], stages
+    total = factorial(k + m)
+    P = [Fraction(factorial(k + m - j) * factorial(k), total * factorial(j) * factorial(k - j)) for j in range(k + 1)]
+    Q = [(-1) ** j * Fraction(factorial(k + m - j) * factorial(m), total * factorial(j) * factorial(m - j))
+         for j in range(m + 1)]  # fmt: skip
+    found = stability_polynomials(of_family(family, stages))
+    for mine, exact in zip(found, (P + [Fraction(0)] * FAMILIES[family], Q), strict=True):
+        assert max(abs(x - y) for x, y in zip(mine, exact, strict=True)) < Fraction(1, 2**230)
+
+
+@pytest.mark.parametrize("name", ["Radau5", "Radau9", "Gauss4", "Gauss6"])
+def test_radau_and_gauss_reach_everywhere_and_are_algebraically_stable(name: str) -> None:
+    """BA + AᵀB − bbᵀ ≥ 0 with b > 0 suffices (Burrage & Butcher 1979), another proof than the zeros of E."""
+    A, b, _ = method(name).arrays
+    M = b[:, None] * A + (b[:, None] * A).T - np.outer(b, b)
+    assert np.linalg.eigvalsh(M).min() > -10 * np.finfo(float).eps
+    assert b.min() > 0
+    assert is_stable_everywhere(method(name))
+    assert np.isinf(stable_reach(method(name), np.array([1j, -1.0]))).all()
+
+
+def test_the_trapezoidal_rule_and_backward_kutta_are_told_apart() -> None:
+    """Both have no pole on the left; the second one grows between y⁴ = 24 g and y² = 3 on the imaginary axis."""
+    assert is_stable_everywhere(TRAPEZOID)
+    assert not is_stable_everywhere(BACKWARD)
+    assert not is_stable_everywhere(method("RK4"))
+
+
+def test_a_method_that_is_stable_in_a_wedge_reaches_as_far_as_it_does() -> None:
+    """|Q(iy)|² = 1 − y⁴/12 + y⁶/36: growth begins at y⁴/12 ≈ 2 g, and nowhere on the negative axis."""
+    reach = stable_reach(BACKWARD, np.array([1j, -1.0]))
+    assert reach[0] == pytest.approx((24 * g) ** 0.25, rel=1e-3)  # the next term: y²/3 / 4 of it
+    assert reach[1] == np.inf
+    assert abs(stability_function(BACKWARD, np.array([reach[0] * 1j]))[0]) == pytest.approx(1 + g, abs=1e-9)
+
+
+def test_a_method_of_ones_own_that_is_not_stable_everywhere_has_its_closed_form() -> None:
+    """θ = 1/3: (1 + g) (1 + x/3) = 2x/3 − 1 on the negative axis; on the imaginary one the squares of both sides."""
+    y = np.sqrt(((1 + g) ** 2 - 1) / (4 / 9 - (1 + g) ** 2 / 9))
+    x = (2 + g) / (2 / 3 - (1 + g) / 3)
+    np.testing.assert_allclose(stable_reach(THETA, np.array([1j, -1.0])), [y, x], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "limit"), {"RK4": 2.785293563, "DOP853": 6.393646}.items())
+def test_explicit_methods_end_on_the_real_axis_where_r_leaves_one(name: str, limit: float) -> None:
+    reach = stable_reach(method(name), np.array([-1.0 + 0j]))[0]
+    assert reach == pytest.approx(limit, rel=1e-5)
+    inside = stability_function(method(name), np.linspace(0, reach, 1001) * (-1.0 + 0j))
+    assert np.abs(inside).max() <= 1 + 1.01 * g
