@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 
+from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.modal import modes
 from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
@@ -51,6 +52,11 @@ def _show(scene: Scene) -> None:
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
+    slowest = slowest_frequency(chain, q0)
+    if np.isfinite(slowest):
+        fastest = np.abs(λ).max()
+        ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
+        print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
     evaluation = evaluation_time(scene, chain)
