@@ -106,13 +106,13 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
     step = factor * min(largest_step(scene), 0.1)
     per_sample = max(1, round(min(max(8.0, 1.0 / step), 20_000.0) / 50))
     sample = per_sample * step
-    return replace(scene, run=fl.Run(step=step, sample=sample, duration=50 * sample))
+    return scene.varied({"run": fl.Run(step=step, sample=sample, duration=50 * sample)})
 
 
 def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
-        prepare(replace(scene, run=fl.Run(step=1e9, sample=1e9, duration=1e9)), fl.lump(scene))
+        prepare(scene.varied({"run": fl.Run(step=1e9, sample=1e9, duration=1e9)}), fl.lump(scene))
     except fl.UnstableStepError as error:
         return error.largest
     return float("inf")

@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene, random_state
-from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
@@ -67,8 +66,8 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
 @compiled
 def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.Run(step=1e-5, sample=1e-4, duration=1e-3)
-    scenes = [msgspec.structs.replace(s, run=settings) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
-    scenes.append(msgspec.structs.replace(scenes[0], run=msgspec.structs.replace(settings, dynamics="lu")))
+    scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
+    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, dynamics="lu")}))
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
@@ -127,8 +126,8 @@ def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
 
 
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
-    calm = replace(driven(), run=replace(driven().run, unstable="allow"))
-    wild = replace(calm, initial=fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0)))
+    calm = driven().varied({"run.unstable": "allow"})
+    wild = calm.varied({"initial": fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
     with pytest.raises(fl.DivergenceError) as caught:
         fl.simulate_many([calm, wild, calm])
     first, _, last = caught.value.runs
@@ -139,7 +138,7 @@ def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
     runs = fl.Run(duration=0.05), fl.Run(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
-    good, wild = (msgspec.structs.replace(paper, run=run) for run in runs)
+    good, wild = (paper.varied({"run": run}) for run in runs)
     with pytest.raises(fl.DivergenceError, match="try a smaller step than") as caught:
         fl.simulate_many([good, wild, good])
     runs = caught.value.runs
@@ -181,9 +180,9 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     """All runs come back, each as far as it went; those that had not started hold their initial sample."""
-    paper = replace(fl.load_scene(models / "paper_fig5.toml"), run=fl.Run(duration=50.0))
-    starts = [replace(paper, initial=fl.Initial(joint_deg=(0.0, float(angle), 0.0))) for angle in range(-90, -72)]
-    fl.simulate_many([replace(start, run=fl.Run(duration=0.01)) for start in starts])  # compiles
+    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.Run(duration=50.0)})
+    starts = [paper.varied({"initial": fl.Initial(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)]
+    fl.simulate_many([start.varied({"run": fl.Run(duration=0.01)}) for start in starts])  # compiles
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
     with pytest.raises(fl.InterruptedRunError) as caught:

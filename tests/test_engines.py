@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import msgspec
 import mujoco
 import numpy as np
 import pytest
@@ -45,7 +44,7 @@ both = pytest.mark.parametrize("name", OTHERS)
 
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
     """The scene's first moments."""
-    return msgspec.structs.replace(scene, run=msgspec.structs.replace(scene.run, duration=duration, **run))
+    return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
 
 
 def rounding_bound(scene: Scene) -> float:
@@ -244,7 +243,7 @@ def test_mujoco_refuses_a_prescribed_joint_and_says_what_to_do() -> None:
     expected = "motion of joint 'upper' is prescribed, which MuJoCo does not know; use native or pinocchio"
     with pytest.raises(ArgumentError, match=expected):
         load("mujoco", lump(scene))
-    free = lump(msgspec.structs.replace(scene, motion=()))
+    free = lump(scene.varied({"motion": ()}))
     with pytest.raises(ArgumentError, match=expected):
         load("mujoco", free).integrate(scene)
 

@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from conftest import chain_of
@@ -74,9 +73,7 @@ def test_the_predicted_energy_loss_is_what_the_method_does_to_one_oscillator():
 
 def test_the_release_of_a_straight_arm_gives_its_modes_the_energy_of_the_static_bend():
     """With every active joint held, Σ E_m is the spring energy of the static deflection, ½ T_G·K⁻¹·T_G."""
-    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
-    held = tuple(msgspec.structs.replace(link, joint=fl.Joint(locked=True)) for link in scene.arm.links)
-    scene = msgspec.structs.replace(scene, arm=msgspec.structs.replace(scene.arm, links=held))
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"link.*.joint.locked": True})
     chain = fl.lump(scene)
     ω, E = released_modes(scene)
     load = fl.gravity_torque(chain, np.zeros(chain.n))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import pickle
 
-import msgspec
 import numpy as np
 import pytest
 from conftest import make_scene
@@ -224,7 +223,7 @@ def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> 
     """In the trajectory, in the columns and in the archive; of an arm that is driven, bent and out of the plane."""
     scene = fl.load_scene(models / "t3_spatial.toml")
     drive = fl.Drive(kind="constant", torque=tuple(float(k + 1) for k in range(len(scene.arm.links))))
-    run = fl.simulate(msgspec.structs.replace(scene, drive=drive), step=1e-5, sample=1e-4, duration=2e-4)
+    run = fl.simulate(scene.varied({"drive": drive}), step=1e-5, sample=1e-4, duration=2e-4)
     chain, last = run.chain, run.columns
     wanted = fl.energy(chain, run.q[-1], run.qd[-1])
     archive = np.load(run.save(tmp_path / "run.npz"))

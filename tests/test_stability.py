@@ -214,7 +214,7 @@ SITUATIONS = {
 def pushed(part: float) -> fl.Scene:
     scene = make_scene(flexible("a", "z", 5, joint=LOCKED), gravity=(0, 0, 0), wrench=fl.Wrench(force=(-1.0, 0, 0)))
     critical = fl.buckling_loads(fl.lump(scene), tip_wrench=scene.tip_wrench)[0]
-    return msgspec.structs.replace(scene, wrench=fl.Wrench(force=(-part * float(critical), 0, 0)))
+    return scene.varied({"wrench": fl.Wrench(force=(-part * float(critical), 0, 0))})
 
 
 @pytest.mark.parametrize("situation", SITUATIONS)
@@ -228,7 +228,7 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
     growth = []
     for step in (0.95 * h, 1.05 * h):
         run = fl.Run(step=step, sample=200 * step, duration=200 * step, unstable="allow")
-        watch = prepare(msgspec.structs.replace(scene, run=run), chain)
+        watch = prepare(scene.varied({"run": run}), chain)
         watch.record.q[0] += disturbance
         try:
             growth.append(np.abs(SingleRun(scene, watch).finish(Stop()).q[-1]).max() / np.abs(disturbance).max())

@@ -74,7 +74,7 @@ def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
 
 @pytest.mark.slow
 def test_many_runs_carry_the_balance_of_single_ones() -> None:
-    scenes = [replace(everything("xyz"), initial=fl.Initial(joint_deg=(10.0, float(angle)))) for angle in range(9)]
+    scenes = [everything("xyz").varied({"initial": fl.Initial(joint_deg=(10.0, float(angle)))}) for angle in range(9)]
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         one = fl.simulate(scene)
         np.testing.assert_allclose(many.work, one.work, rtol=1e-12, atol=1e-12)
@@ -103,7 +103,7 @@ def test_no_row_that_is_not_finite_is_ever_returned(paper: fl.Scene, sample: flo
 
 
 def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
-    wild = replace(paper, run=fl.Run(step=0.01, sample=0.01, duration=0.05, unstable="allow"))
+    wild = paper.varied({"run": fl.Run(step=0.01, sample=0.01, duration=0.05, unstable="allow")})
     with pytest.raises(fl.DivergenceError) as caught:
         fl.simulate_many([wild, wild])
     assert all(finite(run) for run in caught.value.runs)
@@ -147,7 +147,7 @@ def test_the_gains_of_a_drive_count() -> None:
             with (
                 pytest.raises(fl.UnstableStepError) if refused else contextlib.suppress(fl.DivergenceError)
             ):  # stable, not yet right
-                fl.simulate(replace(scene, run=run))
+                fl.simulate(scene.varied({"run": run}))
 
 
 def test_loads_that_stiffen_count() -> None:
@@ -159,7 +159,9 @@ def test_loads_that_stiffen_count() -> None:
     assert pulled * ω == pytest.approx(2.828427522, rel=1e-6)
     assert pulled < 0.8 * slack
     with pytest.raises(fl.UnstableStepError):
-        fl.simulate(replace(scene, wrench=fl.Wrench(force=(1e6, 0, 0))), step=slack, sample=slack, duration=10 * slack)
+        fl.simulate(
+            scene.varied({"wrench": fl.Wrench(force=(1e6, 0, 0))}), step=slack, sample=slack, duration=10 * slack
+        )
 
 
 def test_a_falling_arm_that_nothing_holds_has_a_stable_step_all_the_same() -> None:
@@ -187,15 +189,14 @@ def test_a_run_whose_energy_is_garbage_is_an_error_although_finite() -> None:
 
 def test_rounding_of_an_arm_at_rest_is_not_garbage(paper: fl.Scene) -> None:
     """Nothing is exchanged, so that any share of it is large; what is left is below the rounding of the energies."""
-    still = replace(paper, initial=replace(paper.initial, joint_deg=(0.0, -90.0, 0.0), passive="static"))
+    still = paper.varied({"initial.joint_deg": (0.0, -90.0, 0.0), "initial.passive": "static"})
     assert np.abs(fl.simulate(still, duration=0.5).imbalance).max() < 1e-10
 
 
 def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
     soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
     scene = make_scene(soft, gravity=(0.0, 0.0, -60.0), run=fl.Run(step=1e-4, sample=1e-2, duration=1.0))
-    rubber = {"aluminium": fl.Material(young=2e6, density=1000.0)}
-    run = fl.simulate(replace(scene, arm=replace(scene.arm, materials=rubber)))
+    run = fl.simulate(scene.varied({"material.aluminium": fl.Material(young=2e6, density=1000.0)}))
     assert np.degrees(np.abs(run.q).max()) > 84
     assert any("hinge 'a.1.y' is bent by" in warning for warning in run.warnings)
 

@@ -16,7 +16,7 @@ from flexlink.describe.arm import Arm
 from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
-from flexlink.describe.spec import Spec, Vector3, decode, meant, short
+from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
 from flexlink.describe.vary import changed, parsed
 
 Array = NDArray[np.float64]
@@ -194,7 +194,7 @@ def scene_from(raw: dict[str, Any]) -> Scene:
     return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in _OWN})
 
 
-_OWN = {field.encode_name: field for field in msgspec.structs.fields(Scene) if field.name != "arm"}
-_OF_ARM = {field.encode_name: field for field in msgspec.structs.fields(Arm)}
+_OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
+_OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -31,7 +32,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """
 
     def __post_init__(self) -> None:
-        for field in msgspec.structs.fields(type(self)):
+        for field in fields_of(type(self)):
             try:
                 value = plain(getattr(self, field.name))
             except RecursionError:
@@ -42,6 +43,12 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+
+@functools.cache
+def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    """Fields of a record; msgspec evaluates their annotations anew in every call."""
+    return msgspec.structs.fields(kind)
 
 
 def plain(value: object) -> object:
@@ -112,7 +119,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
         return f"{where}.{error.__cause__}".lstrip(".")
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        name, allowed = unknown[1], [field.encode_name for field in msgspec.structs.fields(kind)]
+        name, allowed = unknown[1], [field.encode_name for field in fields_of(kind)]
         key = f"{where}.{name}".lstrip(".")
         return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
     missing = re.search(r"missing required field `(.*)`", reason)
@@ -146,7 +153,7 @@ def type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
     kind = bare(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-        return next((f.type for f in msgspec.structs.fields(kind) if f.encode_name == key), None)
+        return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
 

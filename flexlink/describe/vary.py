@@ -15,7 +15,7 @@ from typing import Any, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.spec import Spec, bare, meant, plain, short, type_below
+from flexlink.describe.spec import Spec, bare, fields_of, meant, plain, short, type_below
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
@@ -102,7 +102,7 @@ class _Change:
         if isinstance(kind, Mapping):
             return [self._one_of(part, kind)]
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
-            return [self._one_of(part, [field.encode_name for field in msgspec.structs.fields(kind)])]
+            return [self._one_of(part, [field.encode_name for field in fields_of(kind)])]
         if isinstance(node, dict) and get_origin(kind) is dict:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]

@@ -68,7 +68,7 @@ def _refined(case: Case, settings: Settings) -> Iterator[Measured]:
     damping = {"ratio": settings.target, "at_hz": settings.slowest / (2 * math.pi)}
     for hinges in settings.refined:
         rule = Rule(rule=settings.chain.rule, hinges=hinges)
-        bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link": [{"damping": damping}]})
+        bare, scene = _scene(case, rule, {}), _scene(case, rule, {"link.*.damping": damping})
         found = fl.modes(fl.lump(scene))
         facts: Facts = {"damping ratio": settings.target, **rule.facts}
         ratio, asked = float(found.damping_ratios[0]), settings.target * float(found.frequencies[0]) / settings.slowest

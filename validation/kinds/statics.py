@@ -17,7 +17,7 @@ from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
-from validation.facts import Facts
+from validation.facts import Facts, said
 from validation.store import Series
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
     """
 
     loads: str
-    only: tuple[str, ...] = ()  # names of loads; default: all
+    only: tuple[float, ...] = ()  # sizes of loads; default: all
     best: Rule
     relative_to: Literal["length", "displacement"] = "length"
 
@@ -39,7 +39,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
     all_loads = choice(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
-    loads = [load for load in all_loads() if not settings.only or load.name in settings.only]
+    loads = [load for load in all_loads() if not settings.only or load.size in settings.only]
     points = []
     for at in grid(settings.rules):
         scene = existing(case, Variant(), at)
@@ -52,10 +52,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     engine = engines.load("mujoco", chain)
     pairs = []
     for load in loads:
-        facts: Facts = {"load": load.name, **settings.best.facts}
+        facts: Facts = {**load.facts, **settings.best.facts}
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
-        pairs.append(Pair(load.name, float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
+        pairs.append(Pair(said(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
         yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)
