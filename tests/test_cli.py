@@ -229,7 +229,7 @@ def test_info_says_what_damping_costs_an_explicit_step(tmp_path: Path, capsys) -
     def steps(damping: str) -> list[float]:
         assert main(["info", damped_boom(tmp_path, damping)]) == 0
         line = next(line for line in capsys.readouterr().out.splitlines() if "step, RK4" in line)
-        return [float(number) for number in re.findall(r"([\d.e-]+) s(?! of CPU)", line)]
+        return [float(number) for number in re.findall(r"(\d[\d.e-]*) s\b(?! of CPU)", line)]
 
     (free,) = steps("")
     damped, without = steps("{ ratio = 0.05, at_hz = 5.0 }")
