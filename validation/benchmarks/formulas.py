@@ -1,4 +1,4 @@
-"""Torques and motions that a benchmark gives by a formula, as tables fine enough to be exact beside its bar."""
+"""Torques and motions that a benchmark gives by a formula, as tables fine enough to be exact beside its limit."""
 
 from __future__ import annotations
 

@@ -1,0 +1,71 @@
+"""The slowest and the fastest swing of a chain's springs, in O(n) a step: what a method and its steps are chosen by."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.terms import inverse_dynamics
+
+Array = NDArray[np.float64]
+
+PASSES, CLOSE = 30, 1e-2
+"""Passes of the power iteration at most, and the relative change of ω² at which it ends: what depends on it, an error's
+weight and the choice of a method, asks for no more."""
+
+
+def slowest_frequency(chain: Chain, q: Array) -> float:
+    """Lowest angular frequency of the springs [rad/s], joints without one free, without gravity; inf if none bends.
+
+    K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁻¹ M_ap what is left of M with the free joints a: the
+    power iteration φ ← K⁻¹ S φ.
+    """
+    bent = np.flatnonzero((chain.stiffness > 0) & (chain.hinges["prescribed"] == 0))
+    free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
+    if not len(bent):
+        return np.inf
+    weightless, zero = dataclasses.replace(chain, gravity=np.zeros(3)), np.zeros(chain.n)
+
+    def times_mass(φ: Array) -> Array:
+        return inverse_dynamics(weightless, q, zero, φ)
+
+    beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
+    φ = np.zeros(chain.n)
+    φ[bent], last = 1.0, 0.0
+    for _ in range(PASSES):
+        if len(free):
+            φ[free] = -np.linalg.solve(beside[:, free], beside[:, bent] @ φ[bent])
+        after = times_mass(φ)[bent] / chain.stiffness[bent]
+        square = float(φ[bent] @ (chain.stiffness[bent] * φ[bent]) / (φ[bent] @ (chain.stiffness[bent] * after)))
+        φ[bent] = after / np.abs(after).max()
+        if abs(square - last) <= CLOSE * square:
+            break
+        last = square
+    return float(np.sqrt(square))
+
+
+def fastest_frequency(chain: Chain, q: Array) -> float:
+    """Highest angular frequency of the springs [rad/s], as an estimate from below; 0 if there is none.
+
+    K φ = ω² M φ: the power iteration φ ← M⁻¹ K φ.
+    """
+    stiffness = np.where(chain.hinges["prescribed"] == 0, chain.stiffness, 0.0)
+    if not stiffness.any():
+        return 0.0
+    hinges = chain.hinges.copy()
+    for name in ("stiffness", "damping", "coulomb"):
+        hinges[name] = 0.0
+    bare, zero = dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3)), np.zeros(chain.n)
+    φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
+    for _ in range(PASSES):
+        φ = forward_dynamics(bare, q, zero, stiffness * φ)
+        size = float(np.abs(φ).max())
+        φ /= size
+        if abs(size - last) <= CLOSE * size:
+            break
+        last = size
+    return float(np.sqrt(size))
