@@ -8,6 +8,7 @@ import sys
 
 import numpy as np
 
+from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.modal import modes
 from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
@@ -16,6 +17,7 @@ from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about, varied_scene
 from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene
+from flexlink.motion.cost import cost, evaluation_time
 from flexlink.motion.notes import notes
 from flexlink.motion.start import initial_state
 
@@ -50,12 +52,20 @@ def _show(scene: Scene) -> None:
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
     print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
+    slowest = slowest_frequency(chain, q0)
+    if np.isfinite(slowest):
+        fastest = np.abs(λ).max()
+        ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
+        print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
+    evaluation = evaluation_time(scene, chain)
     for method in catalogue.names("methods"):
-        h, undamped = stable_step_of(λ, method), stable_step_of(free, method)
-        cost = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"largest stable step, {method:<6} {_step(h)}{cost}")
+        h, seconds = cost(method, λ, evaluation)
+        undamped = stable_step_of(free, method)
+        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
+        without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
+        print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")
     if bare is not chain and chain.n <= LARGEST_MODAL:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")

@@ -119,7 +119,9 @@ class Scene(Spec, frozen=True):
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
         >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
         """
-        varied = scene_from(changed(self._document(), FIELDS, {**implied(self.run, changes), **changes}))
+        if isinstance(changes, Mapping):
+            changes = {**implied(self.run, changes), **changes}
+        varied = scene_from(changed(self._document(), FIELDS, changes))
         check_named(varied)
         return varied
 

@@ -1,0 +1,67 @@
+"""What a second of motion costs, before the run: steps as large as they may be, times what an evaluation takes here."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.stability import stable_step_of
+from flexlink.chain.chain import Chain
+from flexlink.describe.methods import method
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.kernels.runge_kutta import integrate
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.start import initial_state
+
+Complex = NDArray[np.complex128]
+
+LONG = 2e-3  # of a measurement [s]: a thousand times what the clock is good for
+REPEATS = 5  # of which the shortest counts: nothing makes a program faster than it is
+NEVER = 2**62  # no step of so many is a sample
+
+
+class Cost(NamedTuple):
+    """Of one method on a chain, about a state."""
+
+    step: float  # the largest stable one [s], inf if all are
+    seconds: float  # of CPU that a second of motion takes with it; nan if it may be any
+
+
+def cost(name: str, λ: Complex, evaluation: float) -> Cost:
+    """Cost of a method at its largest stable step.
+
+    Parameters
+    ----------
+    name
+        Name or file of the method.
+    λ
+        Eigenvalues of the chain about a state [1/s].
+    evaluation
+        `evaluation_time` of the chain [s].
+    """
+    step = stable_step_of(λ, name)
+    return Cost(step, method(name).stages * evaluation / step if np.isfinite(step) else np.nan)
+
+
+def evaluation_time(scene: Scene, chain: Chain) -> float:
+    """CPU time [s] of one stage of an explicit method in its compiled loop, measured here and now, in about 30 ms."""
+    q, qd = initial_state(scene, chain)
+    state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
+    work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+    rule = method("RK2")
+    steps_of_no_length = work, rule.arrays, input_arrays(scene, chain), 0.0
+
+    def taken(steps: int) -> float:
+        started = time.thread_time()
+        integrate(*steps_of_no_length, 0, steps, NEVER, state, none)
+        return time.thread_time() - started
+
+    taken(1)  # compiles
+    steps = 1
+    while taken(steps) < LONG:
+        steps *= 2
+    return min(taken(steps) for _ in range(REPEATS)) / (steps * rule.stages)

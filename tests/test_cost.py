@@ -1,0 +1,42 @@
+"""What a second of motion is said to cost is what it costs."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.analysis.stability import fastest_eigenvalues
+from flexlink.motion.cost import cost, evaluation_time
+
+
+def test_a_cost_is_stages_a_step_times_the_time_of_an_evaluation() -> None:
+    λ = np.array([1000j, -1000j])
+    rk4, rk10 = cost("RK4", λ, 1e-6), cost("RK10", λ, 1e-6)
+    assert rk4.step == pytest.approx(2.828427522e-3)
+    assert rk4.seconds == pytest.approx(4 * 1e-6 / 2.828427522e-3)
+    assert rk10.seconds == pytest.approx(17 * 1e-6 / 1.188515114e-3)
+    assert cost("Radau5", λ, 1e-6).step == np.inf
+    assert np.isnan(cost("Radau5", λ, 1e-6).seconds)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("flex", ["z", "xyz"])
+def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
+    """Within a factor of three: the run also judges its samples, and other programs share core and caches."""
+    scene = make_scene(flexible("a", flex, 12), initial=fl.Initial(joint_deg=(30.0,)))
+    chain = fl.lump(scene)
+    step, seconds = cost("RK4", fastest_eigenvalues(chain, np.zeros(chain.n)), evaluation_time(scene, chain))
+    samples, steps = 10, 2000
+    fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles
+    started = time.thread_time()
+    fl.simulate(scene, step=step / 2, sample=steps / samples * step / 2, duration=steps * step / 2)
+    taken = time.thread_time() - started
+    # what a run does once, however long it is: lump, judge the step
+    started = time.thread_time()
+    fl.simulate(scene, step=step / 2, sample=step / 2, duration=samples * step / 2)
+    taken -= time.thread_time() - started
+    assert 1 / 3 < taken / steps / (seconds * step) < 3

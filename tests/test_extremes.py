@@ -1,0 +1,48 @@
+"""The slowest and the fastest swing of the springs, without matrices, are those of the dense eigenproblem."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from scipy import linalg
+
+import flexlink as fl
+from flexlink.analysis.extremes import CLOSE, fastest_frequency, slowest_frequency
+
+ESTIMATE = 0.1
+
+
+def dense(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
+    """Frequencies of K φ = ω² M φ over the joints that are not prescribed, without those of free joints [rad/s]."""
+    moving = chain.hinges["prescribed"] == 0
+    K, M = chain.stiffness[moving], fl.mass_matrix(chain, q)[np.ix_(moving, moving)]
+    squares = linalg.eigh(np.diag(K), M, eigvals_only=True)
+    return np.sqrt(squares[np.count_nonzero(K == 0) :])
+
+
+def test_both_ends_of_the_spectrum_are_those_of_the_dense_problem(chain: fl.Chain, rng: np.random.Generator) -> None:
+    """The slowest converges fast; beside the fastest lie others of nearly its frequency, so that it is an estimate."""
+    q = rng.uniform(-0.3, 0.3, chain.n)
+    wanted = dense(chain, q)
+    assert slowest_frequency(chain, q) == pytest.approx(wanted[0], rel=CLOSE)
+    assert fastest_frequency(chain, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
+
+
+def test_prescribed_joints_do_not_swing() -> None:
+    chain = fl.lump(make_scene(flexible("a", segments=4), flexible("b", segments=4)))
+    hinges, q = chain.hinges.copy(), np.zeros(chain.n)
+    hinges["prescribed"][chain.active] = 1
+    held = dataclasses.replace(chain, hinges=hinges)
+    wanted = dense(held, q)
+    assert wanted[0] < 0.9 * dense(chain, q)[0]  # clamped, the arm is slower than free
+    assert slowest_frequency(held, q) == pytest.approx(wanted[0], rel=CLOSE)
+    assert fastest_frequency(held, q) == pytest.approx(wanted[-1], rel=ESTIMATE)
+
+
+def test_without_springs_nothing_swings() -> None:
+    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0)))
+    assert slowest_frequency(chain, np.zeros(1)) == np.inf
+    assert fastest_frequency(chain, np.zeros(1)) == 0.0
