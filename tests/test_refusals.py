@@ -53,8 +53,7 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         r"motion\[0\]\.link = 'boom': its joint is locked; a motion needs a free joint"),
     "two motions of one joint": (
         lambda: make_scene(flexible("boom"), motion=(fl.Motion(link="boom", **RISE),) * 2),
-        r"motion\[0\]\.link = 'boom': has two motions"),
-    "modes of an explicit method": (lambda: method("RK4").modes, r"only implicit methods have modes of A"),
+        r"motion\[1\]\.link = 'boom': has two motions"),
 }  # fmt: skip
 
 
@@ -62,6 +61,11 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
 def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], object], told: str) -> None:
     with pytest.raises(fl.SceneError, match=told):
         build()
+
+
+def test_an_explicit_method_has_no_modes() -> None:
+    with pytest.raises(fl.ArgumentError, match="only implicit methods have modes of A"):
+        _ = method("RK4").modes
 
 
 def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curvature() -> None:

@@ -52,7 +52,7 @@ def space_posture(bodies, hinges, gravity):
     """Scratch of a chain in space."""
     n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity)
     return SpacePosture(
-        work.layout, work.axes, work.rows, work.given, work.trig,
+        work.layout, work.axes, work.bodies, work.given, work.trig,
         np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
     )  # fmt: skip
 
