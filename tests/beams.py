@@ -1,22 +1,15 @@
-"""Beams as the benchmarks describe them, and their reference values."""
+"""Beams as the benchmarks describe them."""
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
-import numpy as np
-from conftest import ROOT, chain_of
+from conftest import chain_of
 
 from flexlink import Arm, Chain, Joint, Link, Material, Payload, Section
 
 THIN = 1e-16
 """Second moment of a section without rotary inertia: EI = 1 by E = 1/I, and I is below rounding beside ρ A L²."""
-
-
-def reference(name: str) -> Any:
-    """The `reference` part of a file in validation/reference; numbers are strings of all known digits."""
-    return json.loads((ROOT / "validation" / "reference" / f"{name}.json").read_text(encoding="utf-8"))["reference"]
 
 
 def thin_link(rule: str, hinges: int, name: str = "link", flex: str = "z", free: bool = False, **joint: float) -> Link:
@@ -77,9 +70,3 @@ def princeton_beam(rule: str, hinges: int) -> Chain:
         sections={"strip": Section(shape="rectangle", height=12.3777e-3, width=3.2024e-3)},
     )  # fmt: skip
     return chain_of(arm, (0.0, 0.0, 0.0))
-
-
-def order(errors: dict[int, float]) -> float:
-    """Fitted order: minus the slope of log |error| over log n."""
-    n, error = np.array(list(errors)), np.abs(list(errors.values()))
-    return float(-np.polyfit(np.log(n), np.log(error), 1)[0])

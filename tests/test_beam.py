@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from beams import order
 from conftest import ALUMINIUM, chain_of, flexible
 from numpy.polynomial import legendre
 from scipy import linalg
 
 import flexlink as fl
+from validation.benchmarks.sweep import order
 
 CONE = {"thick": fl.Section(shape="circle", diameter=0.06), "thin": fl.Section(shape="circle", diameter=0.02)}
 

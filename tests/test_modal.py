@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 
 import mpmath
 import msgspec
 import numpy as np
 import pytest
-from beams import cantilever, order, reference, thin_arm, thin_link, torsion_bar
+from beams import cantilever, thin_arm, thin_link, torsion_bar
 from conftest import chain_of, flexible, make_scene, nasty_scene
 from numpy.polynomial import legendre
 from scipy import linalg
@@ -34,8 +33,11 @@ from flexlink.analysis.modal import first_order_matrix
 from flexlink.analysis.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.describe.rules import lumping_rule
+from validation.benchmarks.reference_values import look_up
+from validation.benchmarks.sweep import order
+from validation.oracles import bending_chain, hencky
 
-BEAM = reference("eb_beam_roots")["dimensionless_omega_(betaL)^2"]
+BEAM = look_up("eb_beam_roots")["dimensionless_omega_(betaL)^2"]
 CLAMPED = np.array(BEAM["clamped_free"][:3], float)
 PINNED = np.array(BEAM["pinned_free_and_clamped_pinned"][:3], float)
 
@@ -89,14 +91,14 @@ def test_at_a_torque_free_joint_the_papers_layout_has_order_four():
 @pytest.mark.parametrize("case", ["mu=1,j=0", "mu=1,j=0.1", "mu=5,j=0", "mu=0.5,j=0.01"])
 def test_clamped_link_with_payload(case):
     μ, j = (float(part.split("=")[1]) for part in case.split(","))
-    exact = np.array(reference("cantilever_tip_mass")["beta_n_L"][case][:3], float) ** 2
+    exact = np.array(look_up("cantilever_tip_mass")["beta_n_L"][case][:3], float) ** 2
     tip = Payload(mass=μ, inertia=(0.0, 0.0, j))
     assert natural_frequencies(cantilever("legendre", 10, tip=tip))[:3] == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("ratio", ["0", "0.5", "1", "10"])
 def test_four_hinges_twist_within_a_thousandth(ratio):
-    values = reference("torsion_bar")
+    values = look_up("torsion_bar")
     exact = (
         values["x_n"]["clamped_free"] if ratio == "0" else values["x_n_clamped_tip_inertia_ratio_Jt/(rho Ip L)"][ratio]
     )
@@ -122,35 +124,22 @@ def test_matched_rotors_lift_the_order_of_twist_from_two_to_four():
 @pytest.mark.parametrize("rule, name", [("paper", "paper"), ("hencky", "nodal_2k"), ("midpoint", "midpoint")])
 @pytest.mark.parametrize("n", [3, 4, 5, 8, 10, 20])
 def test_finite_bending_chains_to_rounding(rule, name, n):
-    exact = np.array(reference("hencky_closed_forms")["dimensionless_omega_rod_chain"][f"CF,{name},n={n}"], float)
+    exact = np.array(look_up("hencky_closed_forms")["dimensionless_omega_rod_chain"][f"CF,{name},n={n}"], float)
     ω = natural_frequencies(cantilever(rule, n - 1 if rule == "paper" else n))
     assert ω[: len(exact)] == pytest.approx(exact, rel=1e-10)
 
 
 @pytest.mark.parametrize("rule", ["paper", "midpoint", "hencky", "gauss", "gregory", "clamped", "open", "legendre"])
 def test_all_modes_of_a_bending_chain_against_forty_digits(rule):
-    nodes, weights = lumping_rule(rule).hinges(10)
-    with mpmath.workdps(40):
-        x, w = [mpmath.mpf(v) for v in nodes], [mpmath.mpf(v) for v in weights]
-        S = mpmath.matrix(10)  # W½ M W½, M_ij = ∫ (ξ − x_i)₊ (ξ − x_j)₊ dξ: rods without rotary inertia, EI = 1
-        for i, j in itertools.product(range(10), repeat=2):
-            a, d = 1 - max(x[i], x[j]), abs(x[i] - x[j])
-            S[i, j] = mpmath.sqrt(w[i] * w[j]) * (a**3 / 3 + d * a**2 / 2)
-        exact = sorted(float(1 / mpmath.sqrt(v)) for v in mpmath.eigsy(S, eigvals_only=True))
+    exact = bending_chain.frequencies(*lumping_rule(rule).hinges(10))
     assert natural_frequencies(cantilever(rule, 10)) == pytest.approx(exact, rel=1e-10)
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 10, 20])
 def test_all_modes_of_finite_torsion_chains_to_rounding(n):
-    j = np.arange(1, n + 1)
-    midpoint, bending = torsion_bar("midpoint", n)
-    assert natural_frequencies(midpoint, locked=bending) == pytest.approx(
-        2 * n * np.sin((2 * j - 1) * np.pi / (4 * n)), rel=1e-10
-    )
-    paper, bending = torsion_bar("paper", n - 1)
-    assert natural_frequencies(paper, locked=bending) == pytest.approx(
-        2 * n * np.sin((2 * j[:-1] - 1) * np.pi / (2 * (2 * n - 1))), rel=1e-10
-    )
+    for rule in ("midpoint", "paper"):
+        chain, bending = torsion_bar(rule, n - 1 if rule == "paper" else n)
+        assert natural_frequencies(chain, locked=bending) == pytest.approx(hencky.twist(rule, n), rel=1e-10)
 
 
 # --- arms ------------------------------------------------------------------------------------------------------------
@@ -164,7 +153,7 @@ def test_all_modes_of_finite_torsion_chains_to_rounding(n):
      ("2 equal links, base clamped, elbow torque-free at {} deg", "free", "locked")],
 )  # fmt: skip
 def test_two_link_arms_with_locked_and_free_joints(angle, key, elbow, root):
-    exact = np.array(reference("multilink_locked_freq")["two_link_dimensionless_omega"][key.format(angle)][:3], float)
+    exact = np.array(look_up("multilink_locked_freq")["two_link_dimensionless_omega"][key.format(angle)][:3], float)
     links = thin_link("legendre", 8, "upper", free=True), thin_link("legendre", 8, "fore", free=True)
     chain = thin_arm(*links)
     q = np.zeros(chain.n)
@@ -214,7 +203,7 @@ def test_de_luca_and_sicilianos_clamped_links():
 
 @pytest.mark.parametrize("angle", [0, 45, 90])
 def test_de_luca_and_sicilianos_assembled_arm(angle):
-    values = reference("de_luca_siciliano_two_link")["exact system frequencies Hz (inextensible EB)"]
+    values = look_up("de_luca_siciliano_two_link")["exact system frequencies Hz (inextensible EB)"]
     clamped = modes(de_luca_siciliano("legendre", 8, elbow_deg=angle, locked=True)).hertz
     assert clamped[:3] == pytest.approx(
         np.array(values[f"clamped base, elbow locked at {angle} deg"][:3], float), rel=1e-5
@@ -315,7 +304,7 @@ def test_without_centrifugal_stiffness_the_spinning_beam_would_be_ten_percent_of
 @pytest.mark.slow
 @pytest.mark.parametrize("rule, hinges", [("legendre", 20), ("midpoint", 10)])
 def test_becks_column_flutters_at_the_published_load(rule, hinges):
-    values = reference("critical_loads")
+    values = look_up("critical_loads")
     chain = cantilever(rule, hinges)
 
     def at(load):

@@ -13,12 +13,9 @@ from flexlink.describe.methods import method
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
+from validation.oracles.spatial_chain import numbers
 
 ROOT = Path(__file__).parent.parent
-
-
-def numbers(values):
-    return [mpf(float(value)) for value in values]
 
 
 def test_the_50_digit_chain_is_the_textbook_double_pendulum():

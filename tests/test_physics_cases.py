@@ -178,16 +178,16 @@ def test_closed_forms_are_those_of_the_reference(n):
 
 
 @pytest.mark.parametrize("field", ["stiffness", "mass"])
-def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_bar_of_finite_chains(field):
+def test_a_chain_that_is_wrong_by_a_part_in_a_hundred_million_breaks_the_limit_of_finite_chains(field):
     case = CASES["physics_finite_chains"]
     chain = fl.lump(Variant().build(case, Rule(rule="midpoint", hinges=6)))
     exact = bending_chain.frequencies(*lumping_rule("midpoint").hinges(6))
-    bar = case.quantity["all bending modes, 40 digits"].tolerance
-    assert np.abs(fl.natural_frequencies(chain) / exact - 1).max() < bar
+    limit = case.quantity["all bending modes, 40 digits"].tolerance
+    assert np.abs(fl.natural_frequencies(chain) / exact - 1).max() < limit
     bodies, hinges = chain.bodies.copy(), chain.hinges.copy()
     (hinges if field == "stiffness" else bodies)[field][2] *= 1 + 1e-8
     wrong = dataclasses.replace(chain, bodies=bodies, hinges=hinges)
-    assert np.abs(fl.natural_frequencies(wrong) / exact - 1).max() > bar
+    assert np.abs(fl.natural_frequencies(wrong) / exact - 1).max() > limit
 
 
 # --- the report ------------------------------------------------------------------------------------------------------

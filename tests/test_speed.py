@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import datetime
 import itertools
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +31,7 @@ from validation.timing import contestants, loops, pinocchio_models, steps, stopw
 from validation.timing.families import Family, of_steps, timed_states
 from validation.timing.stopwatch import race
 
+ROOT = Path(__file__).parent.parent
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
 FLEX = {"T1": "z", "T2": "yz", "T3": "xyz"}
 
@@ -223,3 +226,36 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     assert finding.heads == ("chain", "n", "native [µs]", "mujoco [µs]")
     assert finding.lines[0] == ("T1", 10.0, pytest.approx(0.1), pytest.approx(1.0))
     assert finding.lines[1][-1] is None
+
+
+# rehearsals
+
+REHEARSED = """
+import numba, sys
+from msgspec.structs import replace
+from validation.case import load_cases
+from validation.runner import _kind, _rehearse
+[case] = load_cases(sys.argv[1])
+kind, settings = _kind(case)
+_rehearse(case)
+ready = lambda: {(name, f.py_func.__qualname__, s) for name, module in list(sys.modules.items())
+                 for f in vars(module).values() if isinstance(f, numba.core.dispatcher.Dispatcher) for s in f.overloads}
+before = ready()
+longer = replace(kind.rehearsal(settings), turns=2)
+if case.kind == "speed_batch":
+    longer = replace(longer, members=16, steps=3)
+else:
+    longer = replace(longer, chain={n: replace(f, segments=f.segments[1:2]) for n, f in settings.chain.items()})
+for _ in kind.run(case, longer):
+    pass
+print(len(before), sorted(ready() - before))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["speed_batch", "speed_calls"])
+def test_after_a_rehearsal_nothing_is_left_to_compile(case: str) -> None:
+    done = subprocess.run([sys.executable, "-c", REHEARSED, case], capture_output=True, text=True, cwd=ROOT, check=True)
+    count, _, left = done.stdout.partition(" ")
+    assert int(count) > 5
+    assert left.strip() == "[]"

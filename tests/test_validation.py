@@ -54,7 +54,7 @@ def study(tmp_path, monkeypatch):
 # the cases of the project
 
 
-@pytest.mark.parametrize("case", load_cases(), ids=lambda case: case.name)
+@pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
 def test_every_case_is_well_formed_and_every_limit_has_a_reason(case):
     decode(case.settings, KINDS[case.kind].Settings, "settings")
     assert all(path.is_file() for path in case.scene_files)
@@ -206,6 +206,14 @@ def test_a_case_is_meant_by_its_name_its_kind_their_first_words_or_a_glob(study,
     code, store = study(*words)
     assert code == 0
     assert {row.case for row in store.rows()} == meant
+
+
+def test_a_case_that_runs_by_its_name_waits_for_it_and_is_no_part_of_a_whole_study_before(study):
+    study.case_file.with_name("small_long.toml").write_text("by_name = true\n" + CASE, encoding="utf-8")
+    assert {row.case for row in study("small")[1].rows()} == {"small"}
+    assert set(study()[1].plan()) == {"small"}
+    assert {row.case for row in study("small_long")[1].rows()} == {"small", "small_long"}
+    assert set(study()[1].plan()) == {"small", "small_long"}
 
 
 def test_what_measures_time_runs_last_and_alone(monkeypatch):

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
-from validation.case import CASES, MODELS, Case, load_cases
+from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import MISSED, correctness, speed, speed_state
 from validation.store import Row, Store
 
@@ -43,12 +43,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console()
     try:
         _demand_checkout()
-        cases = load_cases(*options.cases)
+        cases = load_cases(*(options.cases or (ALL if options.list else ())))
         if options.list:
             _print_cases(console, cases)
             return 0
         store = Store(options.results)
-        store.prepare({case.name for case in load_cases()})
+        store.prepare({case.name for case in load_cases(*ALL)})
         _run(console, cases, store, options.force)
         rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
         page = None if options.no_report else _report(store.path)
@@ -84,7 +84,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("cases", nargs="*", metavar="CASE", help="names, kinds or globs of cases (default: all)")
     parser.add_argument("--force", action="store_true", help="measure again what is stored")
-    parser.add_argument("--list", action="store_true", help="list the cases and stop")
+    parser.add_argument("--list", action="store_true", help="list all cases and stop")
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
     parser.add_argument(
         "--results", type=Path, default=HERE / "results", metavar="DIR", help="store of the results (%(default)s)"

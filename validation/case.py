@@ -22,6 +22,10 @@ MODELS = HERE.parent / "models"
 BENCHMARKS = HERE / "scenes"
 
 
+ALL = ("*",)
+"""Pattern of all cases, those that run by their name only included."""
+
+
 class Quantity(Spec, frozen=True):
     """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict.
 
@@ -52,9 +56,12 @@ class Case(Spec, frozen=True):
     quantity: dict[str, Quantity]
     scenes: tuple[str, ...] = ()  # names of files in models/ or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
+    by_name: bool = False  # runs only when it is asked for: it takes long
 
     def is_meant_by(self, pattern: str) -> bool:
-        """Whether the name, the kind, or the words either begins with match a glob pattern."""
+        """Whether the name, the kind, or the words either begins with match a glob pattern; of `by_name` its name."""
+        if self.by_name:
+            return fnmatchcase(self.name, pattern)
         return any(fnmatchcase(text, p) for text in (self.name, self.kind) for p in (pattern, f"{pattern}_*"))
 
     def load_scenes(self) -> list[Scene]:
@@ -107,7 +114,7 @@ def load_case(path: Path) -> Case:
 
 
 def load_cases(*wanted: str) -> list[Case]:
-    """The cases that any of `wanted` means, by name, all if there are none.
+    """The cases that any of `wanted` means, by name; if there are none, all but those that run `by_name` only.
 
     `wanted` are names or kinds, or the words they begin with ("speed" means every speed_…), or globs of them.
 
@@ -121,4 +128,6 @@ def load_cases(*wanted: str) -> list[Case]:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
             raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
-    return [case for case in cases if not wanted or any(case.is_meant_by(pattern) for pattern in wanted)]
+    if not wanted:
+        return [case for case in cases if not case.by_name]
+    return [case for case in cases if any(case.is_meant_by(pattern) for pattern in wanted)]

@@ -25,6 +25,8 @@ WORDS: dict[str, tuple[str, str]] = {
     "order": ("order", "order {}"),
     "arithmetic": ("arithmetic", "{}"),
     "step": ("step [s]", "h = {:.4g} s"),
+    "tolerance": ("tolerance [m]", "tolerance {:g} m"),
+    "error": ("error, of the motion", "error {:g}"),
     "to step": ("to step [s]", "to {:.4g} s"),
     "duration": ("duration [s]", "{:g} s"),
     "solver": ("solver for q̈", "{}"),

@@ -5,26 +5,30 @@ from __future__ import annotations
 import datetime
 import hashlib
 import importlib.metadata
+import math
 import multiprocessing
 import os
 import platform
 import subprocess
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing.connection import wait
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
-from validation.case import Case, Measured, load_cases
-from validation.kinds import KINDS, TIMED
-from validation.store import Environment, Finished, Planned, Row, Series, Store, finite
+from validation.case import ALL, Case, Measured, load_cases
+from validation.kinds import KINDS, TIMED, Kind
+from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
-PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath")
+PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath", "scikit-sundae")
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
@@ -38,10 +42,12 @@ def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) 
     FlexlinkError
         A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
     """
-    shared = _hash_of_sources()
-    keys = {case.name: _key(case, shared) for case in load_cases()}
+    shared, known = _hash_of_sources(), load_cases(*ALL)
+    keys = {case.name: _key(case, shared) for case in known}
     wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store)]
-    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in load_cases()})
+    named = {case.name for case in cases} | set(store.finished())
+    planned = [case for case in known if not case.by_name or case.name in named]
+    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in planned})
     if wanted:
         store.note_environment(environment())
     for case, results in _in_order_of_completion(wanted, keys, report):
@@ -70,18 +76,24 @@ def _is_done(case: Case, key: str, store: Store) -> bool:
 def _in_order_of_completion(
     cases: Sequence[Case], keys: dict[str, str], report: Report
 ) -> Iterator[tuple[Case, Iterable[Row | Series]]]:
-    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured."""
+    """Each case with its results; those of a timed one, or of a single one, come one by one as they are measured.
+
+    What is timed is rehearsed while the others run, so that no core idles while its kernels are compiled.
+    """
     alone = [case for case in cases if case.kind in TIMED]
     shared = [case for case in cases if case.kind not in TIMED]
     if len(shared) < WORTH_A_POOL:
         alone, shared = shared + alone, []
     if shared:
-        with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
+        with _pool() as pool:
+            rehearsals = [pool.submit(_rehearse, case) for case in alone]
             running = {pool.submit(_all_results, case, keys[case.name]): case for case in shared}
             try:
                 for done in as_completed(running):
                     report(running[done].name, None)
                     yield running[done], done.result()
+                for rehearsal in rehearsals:
+                    rehearsal.result()
             finally:
                 pool.shutdown(cancel_futures=True)
     for case in alone:
@@ -89,8 +101,27 @@ def _in_order_of_completion(
         yield case, measure(case, keys[case.name])
 
 
+def _pool() -> ProcessPoolExecutor:
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(os.cpu_count(), mp_context=context, initializer=_end_with_parent)
+
+
+def _end_with_parent() -> None:
+    """A worker ends when the study does, even one that was killed and can tell nobody."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        watch = Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True)
+        watch.start()
+
+
 def _all_results(case: Case, key: str) -> list[Row | Series]:
     return list(measure(case, key))
+
+
+def _rehearse(case: Case) -> None:
+    kind, settings = _kind(case)
+    if rehearsal := getattr(kind, "rehearsal", None):
+        deque(kind.run(case, rehearsal(settings)), maxlen=0)
 
 
 def measure(case: Case, key: str) -> Iterator[Row | Series]:
@@ -101,13 +132,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     FlexlinkError
         The case cannot be run, or does not measure all that it wants judged.
     """
-    kind = KINDS.get(case.kind)
-    if kind is None:
-        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
-    try:
-        settings: Any = decode(case.settings, kind.Settings, "settings")
-    except SceneError as error:
-        raise SceneError(f"{case.path}: {error}") from None
+    kind, settings = _kind(case)
     missing = set(case.quantity)
     start = time.perf_counter()
     for result in kind.run(case, settings):
@@ -121,17 +146,29 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
         raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 
 
+def _kind(case: Case) -> tuple[Kind, Any]:
+    """The kind of a case, and its settings."""
+    kind = KINDS.get(case.kind)
+    if kind is None:
+        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+    try:
+        return kind, decode(case.settings, kind.Settings, "settings")
+    except SceneError as error:
+        raise SceneError(f"{case.path}: {error}") from None
+
+
 def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale
+    value = float(measured.value) if math.isfinite(measured.value) else None  # as JSON can hold it
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
         varied=dict(measured.varied), quantity=measured.quantity, metric=quantity.metric,
-        value=finite(measured.value), unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
+        value=value, unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
         note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
     )  # fmt: skip
@@ -148,9 +185,15 @@ def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *folder.glob("reference/*.json")]):
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
     return digest.digest()
+
+
+def _study_data(folder: Path) -> Iterator[Path]:
+    """References, and what tells scenes by what differs from others."""
+    yield from folder.glob("reference/**/*.json")
+    yield from folder.glob("scenes/*/*.toml")
 
 
 def versions() -> dict[str, str]:

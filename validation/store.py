@@ -15,7 +15,6 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import json
-import math
 import os
 import zipfile
 import zlib
@@ -278,11 +277,6 @@ class Store:
 def table(names: Sequence[str], rows: Sequence[Sequence[Any]]) -> dict[str, NDArray[Any]]:
     """The columns of a `Series` from its rows."""
     return {name: np.array(column) for name, column in zip(names, zip(*rows, strict=True), strict=True)}
-
-
-def finite(value: float) -> float | None:
-    """`value` as JSON can hold it: None for nan and infinity."""
-    return float(value) if math.isfinite(value) else None
 
 
 def _line(row: Row) -> str:

@@ -1,13 +1,22 @@
-"""Torques and motions that a benchmark gives by a formula, as tables fine enough to be exact beside its bar."""
+"""Torques and motions that a benchmark gives by a formula, as tables fine enough to be exact beside its limit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Drive, Motion
+from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.kernels.inputs import follow
+from flexlink.motion.actuation import motion_arrays
+from flexlink.motion.start import initial_state
+
+Array = NDArray[np.float64]
 
 
 def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
@@ -37,9 +46,34 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
     return scene.varied({"motion": [motion]})
 
 
+def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
+    """The scene's motions taken out, driven instead by the torques that they would take of the arm if it were rigid."""
+    chain = lump(scene)
+    motion = motion_arrays(scene, chain)
+    q, qd = initial_state(scene, chain)
+    times, torques = np.arange(round(scene.run.duration / step) + 1) * step, []
+    for t in times:
+        qdd = np.zeros(chain.n)
+        follow(motion, t, q, qd, qdd)
+        torque = inverse_dynamics(chain, q, qd, qdd, tip_wrench=scene.tip_wrench)
+        torques.append(tuple(_of_links(scene, chain, torque)))
+    drive = Drive(kind="table", smooth=True, times=tuple(times.tolist()), torques=tuple(torques))
+    return scene.varied({"motion": (), "drive": drive})
+
+
+def _of_links(scene: Scene, chain: Chain, tau: Array) -> Array:
+    """Torques of the active joints, one number per link; 0 where the joint is locked."""
+    found = np.zeros(len(scene.arm.links))
+    for k in chain.active:
+        found[chain.coordinate(int(k)).link - 1] = tau[k]
+    return found
+
+
 def nothing(scene: Scene) -> Scene:
     """No input."""
     return scene
 
 
-INPUTS: dict[str, Callable[[Scene], Scene]] = {"none": nothing, "torque_pulse": torque_pulse, "spin_up": spin_up}
+INPUTS: dict[str, Callable[[Scene], Scene]] = {
+    "none": nothing, "torque_pulse": torque_pulse, "spin_up": spin_up, "torques_of_motion": torques_of_motion,
+}  # fmt: skip

@@ -20,7 +20,7 @@ Errors = dict[int, float]
 
 
 class Need(Spec, frozen=True):
-    """What a user may want: these errors within a bar."""
+    """What a user may want: these errors within a limit."""
 
     name: str
     measures: tuple[str, ...]
@@ -81,7 +81,7 @@ def report(
 
 def order(errors: Errors) -> float:
     """Minus the slope of log error against log number of hinges."""
-    n, error = np.array(list(errors)), np.maximum(list(errors.values()), 1e-300)
+    n, error = np.array(list(errors)), np.maximum(np.abs(list(errors.values())), 1e-300)
     return float(-np.polyfit(np.log(n), np.log(error), 1)[0])
 
 

@@ -1,7 +1,8 @@
 """Kinds of measurement: one file each, with its `Settings` and a generator `run(case, settings)`.
 
 A kind is found by being here, under the name of its file. One that measures time says `TIMED = True`: nothing else
-runs meanwhile, and the study notes what the machine did besides.
+runs meanwhile, and the study notes what the machine did besides. If its kernels take long to compile, it has
+`rehearsal(settings)`, the settings of a short run that compiles them all: the study makes it while other cases run.
 """
 
 from __future__ import annotations

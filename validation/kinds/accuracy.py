@@ -7,7 +7,6 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from mpmath import mp
 from numpy.typing import NDArray
 
 from flexlink import engines
@@ -18,8 +17,7 @@ from flexlink.dynamics.rounding import EPS, acceleration_error
 from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.oracles.planar_chain import DIGITS
-from validation.oracles.spatial_chain import SpatialChain, numbers
+from validation.oracles import spatial_chain
 from validation.timing.families import Family
 
 Array = NDArray[np.float64]
@@ -81,7 +79,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     for name, family in settings.chain.items():
         for segments in family.segments:
             arms = [
-                (chain, states, _exact(chain, states))
+                (chain, states, spatial_chain.accelerations(chain, *(state[:3] for state in states)))
                 for chain in family.chains(case, segments)
                 for states in (family.states(chain, settings.samples, settings.seed),)
             ]
@@ -107,13 +105,6 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
                     worst, mean = float(ours.max() / error.max()), _mean(ours) / _mean(error)
                     yield Measured(f"{name}: worst error, native / {engine}", worst, "", engine, facts)
                     yield Measured(f"{name}: mean error, native / {engine}", mean, "", engine, facts)
-
-
-def _exact(chain: Chain, states: list[State]) -> list[Array]:
-    oracle = SpatialChain(chain)
-    with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
-        exact = [oracle.forward_dynamics(numbers(s.q), numbers(s.qd), numbers(s.tau)) for s in states]
-        return [np.array(values, dtype=np.float64) for values in exact]  # rounds once
 
 
 def _accelerations(name: str, chain: Chain, states: list[State]) -> list[Array]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
+from flexlink.kernels.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps
@@ -26,6 +28,11 @@ class Settings(Spec, frozen=True):
     steps: int
     turns: int = 5
     turn: float = 0.05
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """So few members and steps that nothing but compilation takes time."""
+    return replace(settings, members=LANES, steps=1, turns=1, turn=0.0)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -33,6 +34,12 @@ class Settings(Spec, frozen=True):
     chain: dict[str, Family]
     turns: int = 6
     turn: float = 0.0015
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """The shortest chain of every family, once."""
+    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
+    return replace(settings, chain=shortest, turns=1, turn=0.0)
 
 
 class Time(NamedTuple):

@@ -16,9 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from mpmath import mp, mpf
+from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from validation.oracles.planar_chain import DIGITS
 
 Vector = list[Any]
 Matrix = list[Vector]
@@ -103,6 +106,14 @@ class SpatialChain:
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
                 bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, len(axes)))
         return axes, points, bodies
+
+
+def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float64]]:
+    """q̈ [rad/s²] of states (q, q̇, T_EX), rounded once."""
+    oracle = SpatialChain(chain)
+    with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
+        exact = [oracle.forward_dynamics(*(numbers(part) for part in state)) for state in states]
+        return [np.array(values, dtype=np.float64) for values in exact]
 
 
 def numbers(values: Any) -> Vector:

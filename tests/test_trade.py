@@ -1,0 +1,160 @@
+"""The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
+
+import math
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.common.errors import SceneError
+from flexlink.motion.start import initial_state
+from validation.benchmarks import trade, trade_references
+from validation.benchmarks.first_order import FirstOrder
+from validation.benchmarks.reference_values import numbers
+from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
+from validation.timing.work_precision import Point, cost, ladder
+
+NAMES = list(trade.scenes())
+
+
+# scenes and references
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
+def test_every_reference_is_of_the_scene_as_it_is_now_and_of_two_methods_that_agree(name):
+    assert trade.is_of(trade.trade_scene(name), name)
+    assert numbers(trade.reference_name(name), "agree") <= trade_references.AGREE
+    assert trade.reference(name).shape == (trade.OUTPUTS + 1, 3)
+
+
+def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
+    scene = trade.trade_scene("pulse11")
+    young = scene.arm.materials["thin"].young
+    assert trade.is_of(scene, "pulse11")
+    assert not trade.is_of(scene.varied({"material.thin.young": young * (1 + 1e-6)}), "pulse11")
+
+
+def test_changes_stack_and_what_is_replaced_is_gone():
+    led, driven, kicked = (trade.trade_scene(name) for name in ("p2p", "p2pt", "kick11"))
+    assert [motion.link for motion in led.motion] == ["upper", "fore"]
+    assert (driven.motion, driven.drive.kind, driven.arm) == ((), "table", led.arm)
+    assert (kicked.drive.kind, kicked.drive.times) == ("constant", None)
+
+
+def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
+    exact = trade.reference("paper")
+    assert trade.tip_error("paper", exact) == 0.0
+    assert trade.tip_error("paper", exact + np.array([0.0, 0.0, 0.01])) == pytest.approx(0.01 / trade.motion_of(exact))
+    assert trade.tip_error("paper", np.full_like(exact, np.nan)) == math.inf
+
+
+# other solvers
+
+
+@pytest.mark.parametrize(("base", "drive"), [
+    ("t2", fl.Drive(kind="pd", kp=(3.0, 2.0, 1.0), kd=(0.3, 0.2, 0.1), target_deg=(5.0, 6.0, 7.0))),
+    ("t2", fl.Drive(kind="table", times=(0.1, 0.2, 0.4), torques=((1.0, 2.0, 3.0), (2.0, 0.0, 1.0), (0.0, 0.0, 5.0)))),
+    ("pulse11", None),
+])  # fmt: skip
+def test_the_first_order_form_has_the_slope_of_a_run(base, drive):
+    scene = trade.trade_scene(base)
+    scene = scene.varied({"drive": drive}) if drive else scene
+    h, f = 1e-7, FirstOrder(scene)
+    run = fl.simulate(scene, method="RK4", step=h, sample=h, duration=2 * h)
+    states = np.hstack([run.q, run.qd])
+    slope = (states[2] - states[0]) / (2 * h)
+    assert slope == pytest.approx(f(h, states[1]), rel=1e-6, abs=1e-4 * np.abs(slope).max())
+
+
+@pytest.mark.slow
+def test_a_led_joint_is_held_by_a_torque_as_the_run_leads_it():
+    scene = trade.trade_scene("p2p5").varied({"run.duration": 0.15, "run.step": 2.5e-5})
+    solved = FirstOrder(scene).by_scipy("Radau", 1e-6, 1e-8)
+    assert solved.tip == pytest.approx(fl.simulate(scene).tip, abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def beginning():
+    """The first outputs of a soft link under a pulse, and how far a tip is from them, over the motion there."""
+    scene, exact = trade.trade_scene("pulse11"), trade.reference("pulse11")[:4]
+
+    def error(tip):
+        return float(np.abs(tip - exact).max()) / trade.motion_of(exact)
+
+    return FirstOrder(scene.varied({"run.duration": 3 * scene.run.sample})), error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["Radau", "DOP853"])
+def test_scipy_comes_to_the_reference(beginning, method):
+    form, error = beginning
+    assert error(form.by_scipy(method, 1e-6, 1e-8).tip) < 1e-5
+
+
+@pytest.mark.slow
+def test_cvode_comes_to_the_reference(beginning):
+    pytest.importorskip("sksundae", reason="scikit-sundae, an optional witness, is not installed")
+    form, error = beginning
+    assert error(form.by_cvode(1e-6, 1e-8).tip) < 1e-5
+
+
+def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginning, monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
+    with pytest.raises(fl.MissingDependencyError, match="python -m pip install scikit-sundae"):
+        beginning[0].by_cvode(1e-6, 1e-8)
+
+
+def test_a_knot_that_is_an_output_up_to_rounding_is_that_output():
+    f = FirstOrder(trade.trade_scene("pulse11"))
+    assert f._knots() == [1.2000000000000002]  # the end of the pulse is an output, up to rounding
+
+
+# MuJoCo
+
+
+@pytest.mark.slow
+def test_mujoco_with_compiled_friction_and_drive_comes_to_the_reference():
+    for name, least in (("pulse11", 1e-8), ("t2", 1e-6)):
+        runs = MujocoRuns(trade.trade_scene(name))
+        assert trade.tip_error(name, runs.run("RK4", 400).tip) < least
+    errors = {each: [trade.tip_error(name, runs.run(each, steps).tip) for steps in (250, 500)] for each in INTEGRATORS}
+    assert all(fine < 0.6 * coarse < 2e-3 for coarse, fine in errors.values())
+
+
+def test_gains_are_springs_and_dampers_of_mujoco():
+    scene = trade.trade_scene("t3pd")
+    runs = MujocoRuns(scene)
+    q, qd = initial_state(scene, runs.chain)
+    runs.data.qpos, runs.data.qvel = q, qd
+    with runs._ready("RK4", 1e-6):
+        mujoco.mj_forward(runs.model, runs.data)
+    f = FirstOrder(scene)
+    assert runs.data.qacc == pytest.approx(f(0.0, f.start)[runs.chain.n :], abs=1e-8 * np.abs(runs.data.qacc).max())
+
+
+# work against precision
+
+
+def test_a_ladder_ends_at_its_error_or_before_its_budget():
+    def run(steps: int) -> Point:
+        return Point(1 / steps, 1 / steps**2, 1e-3 * steps)
+
+    assert [point.setting for point in ladder(run, 1, 1.0, 1e-2)] == [1, 1 / 2, 1 / 4, 1 / 8, 1 / 16]
+    assert [point.setting for point in ladder(run, 1, 4e-3, 1e-9)] == [1, 1 / 2, 1 / 4]
+
+
+def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order():
+    points = [Point(1.0, math.inf, 0.1), Point(0.5, 1e-2, 1.0), Point(0.25, 1e-4, 2.0)]
+    assert cost(points, 1e-1, 1.0) == (1.0, "measured")
+    assert cost(points, 1e-3, 1.0) == (pytest.approx(math.sqrt(2)), "measured")
+    assert cost(points[:2], 1e-4, 2.0) == (pytest.approx(10.0), "order")
+    assert cost(points[:1], 1e-4, 2.0) is None
+
+
+def test_a_base_that_does_not_exist_is_one_line(monkeypatch):
+    monkeypatch.setitem(trade.scenes(), "odd", trade.Varied(about="", base="nowhere"))
+    with pytest.raises(SceneError, match=r"nowhere.toml: cannot be read"):
+        trade.trade_scene("odd")

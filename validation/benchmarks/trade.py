@@ -1,0 +1,110 @@
+"""Scenes of the trade between cost and accuracy, their references, and the error that the trade is about.
+
+The error of a run is the largest distance of its tip from the reference at the outputs, over the largest distance of
+the reference's tip from where it started: 1e-2 is a hundredth of the motion.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import choice
+from flexlink.describe import catalogue
+from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.spec import Spec, decode
+from validation.benchmarks.first_order import FirstOrder
+from validation.benchmarks.formulas import INPUTS
+from validation.benchmarks.reference_values import numbers
+from validation.case import BENCHMARKS, MODELS
+
+Array = NDArray[np.float64]
+
+FILE = BENCHMARKS / "trade" / "scenes.toml"
+OUTPUTS = 20  # of every run; the first of the samples is the start
+PROBED = 1e-7  # relative: cancellation in the sums of a stiff chain; any change worth telling is larger
+
+
+class Varied(Spec, frozen=True):
+    """A scene told by what differs from another one; `change` is what `Scene.varied` takes."""
+
+    about: str
+    base: str
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+    input: Literal["none", "torque_pulse", "torques_of_motion"] = "none"
+
+
+@functools.cache
+def scenes() -> dict[str, Varied]:
+    """What the file says, by name."""
+    return {name: decode(raw, Varied, name) for name, raw in catalogue.read_toml(FILE).items()}
+
+
+@functools.cache
+def trade_scene(name: str) -> Scene:
+    """A scene of the trade, sampled at its outputs.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such scene.
+    SceneError
+        What its file says is no scene.
+    """
+    varied = choice("scene", name, scenes())
+    scene = INPUTS[varied.input](_before_input(name))
+    every = scene.run.duration / OUTPUTS
+    return scene.varied({"run.step": every, "run.sample": every})
+
+
+def _before_input(name: str) -> Scene:
+    varied = scenes()[name]
+    base = _before_input(varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+    return base.varied(varied.change | {"name": name, "about": varied.about})
+
+
+def _file(base: str) -> Path:
+    path = BENCHMARKS / f"{base}.toml"
+    return path if path.is_file() else MODELS / f"{base}.toml"
+
+
+def probe(scene: Scene) -> Array:
+    """Numbers that tell a scene: q̇ and q̈ on a fixed direction, of the start at two times, and of a state near it."""
+    f, random = FirstOrder(scene), np.random.default_rng(0)
+    direction, aside = random.normal(size=(2, len(f.start)))
+    later = scene.run.duration / 3
+    states = (0.0, f.start), (later, f.start), (later, f.start + 0.01 * aside)
+    return np.array([*(f(t, y) @ direction for t, y in states), scene.run.duration])
+
+
+def is_of(scene: Scene, name: str) -> bool:
+    """Whether the stored reference is that of this scene, up to rounding."""
+    return np.allclose(numbers(reference_name(name), "probe"), probe(scene), rtol=PROBED, atol=0.0)
+
+
+def reference_name(name: str) -> str:
+    """Of the file in `validation/reference/`."""
+    return f"trade/{name}"
+
+
+@functools.cache
+def reference(name: str) -> Array:
+    """Tip at the outputs, start included, shape (OUTPUTS + 1, 3) [m]; two methods agree on it."""
+    return numbers(reference_name(name), "tip")
+
+
+def motion_of(tip: Array) -> float:
+    """Largest distance of the tip from its start [m]."""
+    return float(np.linalg.norm(tip - tip[0], axis=1).max())
+
+
+def tip_error(name: str, tip: Array) -> float:
+    """Largest distance of the tip from the reference's, over the reference's motion; inf where it is not finite."""
+    exact = reference(name)
+    error = float(np.linalg.norm(tip - exact, axis=1).max()) / motion_of(exact)
+    return error if np.isfinite(error) else np.inf

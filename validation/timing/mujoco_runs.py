@@ -1,0 +1,189 @@
+"""Runs of MuJoCo's integrators on the exported MJCF, timed without Python in the loop.
+
+What the file does not hold is added as MuJoCo would have it at its best: PD gains as springs and dampers of its own,
+which its implicit integrators know; a constant drive as an applied force; dry friction and a table of torques by a
+compiled callback, without the interpreter.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import time
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import mujoco
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.engines.mujoco import MujocoEngine, quiet
+from flexlink.motion.actuation import DriveArrays, drive_arrays
+from flexlink.motion.start import initial_state
+
+Array = NDArray[np.float64]
+
+INTEGRATORS = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+TIME_WITHIN, BLOCK = 1 << 19, 512  # bytes of mjData among which its time is looked for, and as many at once
+
+
+class Timed(NamedTuple):
+    """Tip at the samples that were reached, shape (samples, 3) [m]; nan from where the run failed; CPU seconds."""
+
+    tip: Array
+    seconds: float
+
+
+class MujocoRuns:
+    """One scene in MuJoCo, loaded once, for any integrator and step.
+
+    Raises
+    ------
+    ArgumentError
+        MuJoCo cannot hold the scene, such as a prescribed motion.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.chain = scene, fl.lump(scene)
+        engine = MujocoEngine(self.chain)
+        self.model, self.data, self.tip = engine.model, engine.data, engine.tip
+        self.start = initial_state(scene, self.chain)
+        self.drive = drive_arrays(scene, self.chain)
+        self._add_gains()
+        changing = len(self.drive.knots) > 1
+        self.callback = None
+        if engine.coulomb.any() or changing:
+            table = self.drive if changing else None
+            self.callback = _callback(self.model, self.data, engine.coulomb, engine.coulomb_width, table)
+        self.constant = np.zeros(self.chain.n)
+        if len(self.drive.joints) and not changing:
+            self.constant[self.drive.joints] = self.drive.coefficients[0, 0]
+
+    def _add_gains(self) -> None:
+        """T = kp (target − q) − kd q̇ is a spring with its rest angle and a damper."""
+        k = self.drive.joints
+        if self.drive.kp.any() or self.drive.kd.any():
+            self.model.jnt_stiffness[k] = self.drive.kp
+            self.model.qpos_spring[k] = self.drive.target
+            self.model.dof_damping[k] += self.drive.kd
+
+    def run(self, integrator: str, steps_per_sample: int) -> Timed:
+        """A run to the scene's end; the clock runs while MuJoCo steps."""
+        run, data = self.scene.run, self.data
+        q = np.full((run.samples, self.chain.n), np.nan)
+        q[0], seconds = self.start[0], 0.0
+        with self._ready(integrator, run.sample / steps_per_sample):
+            for row in range(1, run.samples):
+                seconds += _seconds_of(self.model, data, steps_per_sample)
+                if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
+                    break
+                q[row] = data.qpos
+        good = np.isfinite(q).all(axis=1)
+        tip = np.full((run.samples, 3), np.nan)
+        tip[good] = [fl.tip_position(self.chain, row) for row in q[good]]
+        return Timed(tip, seconds)
+
+    def seconds_a_step(self, integrator: str, step: float, steps: int) -> float:
+        """CPU seconds of a step, from the first of a run."""
+        with self._ready(integrator, step):
+            return _seconds_of(self.model, self.data, steps) / steps
+
+    @contextlib.contextmanager
+    def _ready(self, integrator: str, step: float) -> Iterator[None]:
+        """Everything at the start of a run."""
+        model, data = self.model, self.data
+        model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], step
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = self.start
+        data.qfrc_applied[:], data.xfrc_applied[self.tip] = self.constant, self.scene.tip_wrench
+        with quiet(), _passive(self.callback):
+            yield
+
+
+def _seconds_of(model: Any, data: Any, steps: int) -> float:
+    begun = time.thread_time()
+    mujoco.mj_step(model, data, steps)
+    return time.thread_time() - begun
+
+
+@contextlib.contextmanager
+def _passive(callback: Any) -> Iterator[None]:
+    """MuJoCo's callback for passive forces, as a pointer to machine code: no interpreter, no lock."""
+    mujoco.set_mjcb_passive(callback)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: DriveArrays | None) -> Any:
+    """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants of the code."""
+    forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
+    n, offset = len(coulomb), _offset_of_time(model, data)
+    rubbing = np.flatnonzero(coulomb)
+    c, w = coulomb[rubbing], width[rubbing]
+    knots, coefficients, joints = (
+        (np.zeros(1), np.zeros((1, 1, 0)), np.zeros(0, np.int64))
+        if table is None
+        else (table.knots, table.coefficients, table.joints)
+    )
+
+    @numba.cfunc(types.void(types.voidptr, types.uintp))
+    def passive(_model, mjdata):  # type: ignore[no-untyped-def]
+        force = numba.carray(_pointer(forces), n)
+        rate = numba.carray(_pointer(rates), n)
+        t = numba.carray(_pointer(mjdata + offset), 1)[0]
+        for i in range(len(rubbing)):
+            force[rubbing[i]] -= c[i] * np.tanh(rate[rubbing[i]] / w[i])
+        piece = max(0, np.searchsorted(knots, t, side="right") - 1)
+        x = max(0.0, t - knots[piece])
+        for d in range(len(joints)):
+            torque = 0.0
+            for j in range(coefficients.shape[1] - 1, -1, -1):
+                torque = torque * x + coefficients[piece, j, d]
+            force[joints[d]] += torque
+
+    kept = passive.ctypes
+    kept.code = passive  # which must live as long as its pointer
+    return kept
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _pointer(_context: Any, address: Any) -> Any:
+    """An address as a pointer to float64."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float64)(address), generate
+
+
+def _offset_of_time(model: Any, data: Any) -> int:
+    """Where mjData keeps its time, in bytes from its start: found by setting it, twice."""
+    seen: list[int] = []
+    look = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(lambda _, mjdata: seen.append(mjdata))
+    with _passive(look), quiet():
+        mujoco.mj_forward(model, data)
+    marks = 0.123456789, 0.987654321
+    for start in range(0, TIME_WITHIN, BLOCK):
+        words = np.ctypeslib.as_array((ctypes.c_double * (BLOCK // 8)).from_address(seen[0] + start))
+        found = set(range(len(words)))
+        for mark in marks:
+            data.time = mark
+            found &= set(np.flatnonzero(words == mark).tolist())
+        if found:
+            data.time = 0.0
+            return start + 8 * int(found.pop())
+    raise FlexlinkError("MuJoCo's mjData does not hold its time where it is looked for")

@@ -1,0 +1,57 @@
+"""What an error costs with each of MuJoCo's integrators: a ladder of steps, or what a part of the run tells."""
+
+from __future__ import annotations
+
+import math
+
+import flexlink as fl
+from validation.benchmarks.trade import OUTPUTS, tip_error, trade_scene
+from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
+from validation.timing.work_precision import Cost, Point, cost, ladder
+
+ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
+PART = 5000  # steps that tell what a step costs
+
+
+def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
+    """Ladders of all integrators on a scene of the trade; one whose stable steps are past the budget has no point."""
+    runs = MujocoRuns(trade_scene(name))
+    found = {}
+    for integrator in INTEGRATORS:
+        first = 1
+        if integrator == "RK4":
+            first = steps_of_limit(runs)
+            whole = _whole(runs, first)
+            if whole > budget:
+                found[integrator] = [Point(runs.scene.run.sample / first, math.nan, whole)]
+                continue
+
+        def run(steps: int, integrator: str = integrator) -> Point:
+            timed = runs.run(integrator, steps)
+            return Point(runs.scene.run.sample / steps, tip_error(name, timed.tip), timed.seconds)
+
+        found[integrator] = ladder(run, first, budget, smallest)
+    return found
+
+
+def steps_of_limit(runs: MujocoRuns) -> int:
+    """Steps of RK4 between outputs at the largest stable step of the start, as flexlink predicts it."""
+    stable = fl.stable_step(runs.chain, runs.start[0], method="RK4")
+    return math.ceil(runs.scene.run.sample / stable)
+
+
+def _whole(runs: MujocoRuns, steps: int) -> float:
+    """CPU seconds of RK4's whole run with so many steps between outputs, from a part of it."""
+    part = min(steps, PART)
+    return runs.seconds_a_step("RK4", runs.scene.run.sample / steps, part) * steps * OUTPUTS
+
+
+def costs(ladders: dict[str, list[Point]], target: float) -> dict[str, Cost]:
+    """What an error costs with each integrator that gets there."""
+    found = {}
+    for integrator, points in ladders.items():
+        if len(points) == 1 and math.isnan(points[0].error):
+            found[integrator] = Cost(points[0].seconds, "limit")
+        elif known := cost(points, target, ORDER[integrator]):
+            found[integrator] = known
+    return found
