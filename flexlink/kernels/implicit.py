@@ -108,6 +108,15 @@ def implicit_step(t, h, inputs, state, accurate, work):
 
 
 @inlined
+def has_dry_friction(hinges):
+    """Whether any joint has dry friction."""
+    for k in range(len(hinges)):
+        if hinges[k].coulomb > 0.0:
+            return True
+    return False
+
+
+@inlined
 def predict(h, work):
     """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
     c, qdd, before, last = work.method.weights[C], work.stages[K], work.stages[BEFORE], work.clock[LAST]
@@ -280,11 +289,15 @@ def estimate(h, qd, qdd, work):
     """Error of the step [m], 0 where none is estimated: largest displacement of any body by e_q and by τ e_v.
 
     (1 − hγ₀ J)⁻¹ (e_q, e_v):  (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
-    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps.
+    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps. Dry friction's slope in D is that
+    at the end of the step: the steepest one, with which the iteration ends, would hide what turning round did.
     """
     hγ, vectors = h * work.method.γ, work.vectors
     if hγ == 0.0:
         return 0.0
+    if has_dry_friction(work.chain.hinges):
+        shift_rotors(hγ, work.new[1], work.factors[0], work)
+        factor(work.factors[0], work.posture)
     e_q, e_v, r, y = vectors[MIDDLE], vectors[MIDDLE + 1], vectors[RHS], vectors[SOLUTION]
     for k in range(len(qd)):
         e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]

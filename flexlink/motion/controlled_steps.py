@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.stability import stable_step
+from flexlink.common.errors import SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
@@ -28,8 +29,15 @@ from flexlink.motion.watch import Watch, gains_of
 
 Array = NDArray[np.float64]
 
-OF_A_STEP = 0.1
-"""Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less."""
+OF_A_STEP, OF_A_LONG_STEP = 0.1, 0.02
+"""Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less. Methods
+of high order take few long steps, of which each may count."""
+
+HIGH = 6
+"""Order of the steps' error from which this holds."""
+
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 LONG = 100
 """Number of steps in a run from which the error of one step must be smaller: it may have 1/√n of that of few steps."""
@@ -133,8 +141,15 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     absolute, part = run.tolerance or 0.0, run.relative_tolerance or 0.0
     if run.accuracy == "tip":
         absolute, part = absolute + part * reach, 0.0
+        least = SMALLEST * rounding.of_reach(reach)
+        if absolute < least:
+            raise SceneError(
+                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m; "
+                f"allowed are {least:.2g} m and more"
+            )
     order = float(method.order if method.explicit else method.stages + 1)
-    errors = OF_A_STEP * absolute, OF_A_STEP * part, run.duration / LONG, np.inf, OF_THE_ITERATION
+    one = OF_A_STEP if order < HIGH else OF_A_LONG_STEP
+    errors = one * absolute, one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
     return *errors, order, SHORTEST * run.duration, largest
 
 
