@@ -30,7 +30,7 @@ from flexlink.motion.watch import Watch, gains_of
 Array = NDArray[np.float64]
 
 OF_A_STEP, OF_A_LONG_STEP = 0.1, 0.02
-"""Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less. Methods
+"""Error that one step may have, as a part of the tolerance: those of all steps add up, and most count less. Methods
 of high order take few long steps, of which each may count."""
 
 HIGH = 6
@@ -70,6 +70,7 @@ class ControlledSteps:
         self.knots = knots(record.inputs, run.duration)
         self.samples = record.t, record.q, record.qd, record.works
         self.work.clock[clock.PASSES] = FEW_PASSES if run.controlled else MANY_PASSES
+        self.work.clock[clock.ROUNDING] = SMALLEST * rounding.of_position(record.chain)
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         longest = longest_step(self.method, self.name, record)
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
