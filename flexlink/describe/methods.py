@@ -175,11 +175,11 @@ class Method(Spec, frozen=True):
                 f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1} (explicit) or all "
                 f"of {stages} (implicit)"
             )
-        if stages > MOST_STAGES and lengths[0] > 0:
-            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
+        if stages > MOST_STAGES and not self.explicit:
+            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
             raise SceneError(f"b = {short(self.b)}: must sum to 1")
