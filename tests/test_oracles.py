@@ -13,7 +13,7 @@ from flexlink.describe.methods import method
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-from validation.oracles.spatial_chain import numbers
+from validation.oracles.spatial_chain import exactly
 
 ROOT = Path(__file__).parent.parent
 
@@ -40,8 +40,8 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
     g1 = (m1 * l1 / 2 + m2 * l1) * 9.81 * np.cos(q[0]) + g2
     bias = [h * qd[1] * (2 * qd[0] + qd[1]) + g1, -h * qd[0] ** 2 + g2]
     with mp.workdps(DIGITS):
-        assert np.allclose(np.array(oracle.mass_matrix(numbers(q)).tolist(), float), M, rtol=1e-14)
-        assert np.allclose(np.array(oracle.bias_torque(numbers(q), numbers(qd)), float), bias, rtol=1e-13)
+        assert np.allclose(np.array(oracle.mass_matrix(exactly(q)).tolist(), float), M, rtol=1e-14)
+        assert np.allclose(np.array(oracle.bias_torque(exactly(q), exactly(qd)), float), bias, rtol=1e-13)
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
     chain = fl.lump(fl.load_scene(ROOT / "models" / "paper_fig5.toml"))
     oracle = PlanarChain(chain)
     with mp.workdps(DIGITS):
-        start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
+        start = exactly(np.linspace(-1, 0.02, chain.n)), exactly(np.linspace(1, -2, chain.n))
         end = exact_runge_kutta.integrate(oracle.forward_dynamics, method("RK10"), start, mpf("2.5e-5"), 10)
         assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
         assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
