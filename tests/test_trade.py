@@ -1,5 +1,6 @@
 """The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
 
+import dataclasses
 import math
 import sys
 
@@ -9,10 +10,13 @@ import pytest
 
 import flexlink as fl
 from flexlink.common.errors import SceneError
+from flexlink.describe.spec import decode
 from flexlink.motion.start import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import numbers
+from validation.case import CASES, load_case
+from validation.kinds import other_solvers
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -110,6 +114,23 @@ def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginni
 def test_a_knot_that_is_an_output_up_to_rounding_is_that_output():
     f = FirstOrder(trade.trade_scene("pulse11"))
     assert f._knots() == [1.2000000000000002]  # the end of the pulse is an output, up to rounding
+
+
+@pytest.mark.slow
+def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_witness_that_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
+    witnesses = [
+        {"solver": "DOP853", "relative": [1e-6, 1e-8]}, {"solver": "CVODE", "relative": [1e-6, 1e-8], "needed": False},
+    ]  # fmt: skip
+    settings = decode({"scene": {"kick11": witnesses}, "methods": {"Radau5": 1e-5}}, other_solvers.Settings)
+    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    assert found["tip apart / allowed"].value < 1
+    assert "scikit-sundae" in found["witnesses left out"].note
+
+    run = fl.simulate(trade.trade_scene("kick11"), method="Radau5", tolerance=1e-5)
+    monkeypatch.setattr(other_solvers, "simulate", lambda *_, **__: dataclasses.replace(run, tip=run.tip + 2e-4))
+    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    assert found["tip apart / allowed"].value > 1
 
 
 # MuJoCo
