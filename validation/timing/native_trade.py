@@ -1,7 +1,7 @@
 """What an error costs with flexlink: its methods with a ladder of tolerances, RK4 with one of steps from its limit on.
 
-The clock runs while steps are taken and states of samples filled in, as MuJoCo's runs in `mj_step`; setting a run up, and
-tips, energies and the judgement of its samples, cost another few milliseconds, whatever its length.
+The clock runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`; setting a run
+up, and tips, energies and the judgement of its samples, cost another few milliseconds, whatever its length.
 """
 
 from __future__ import annotations
