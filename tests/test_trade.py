@@ -16,7 +16,7 @@ from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import numbers
 from validation.case import CASES, load_case
-from validation.kinds import other_solvers
+from validation.kinds import other_solvers, speed_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -173,6 +173,22 @@ def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order()
     assert cost(points, 1e-3, 1.0) == (pytest.approx(math.sqrt(2)), "measured")
     assert cost(points[:2], 1e-4, 2.0) == (pytest.approx(10.0), "order")
     assert cost(points[:1], 1e-4, 2.0) is None
+
+
+def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_the_limit_of_stability():
+    ours = {"Radau5": [Point(1e-2, 1e-3, 1.0), Point(1e-3, 1e-5, 2.0)]}
+    others = {
+        "RK4": {"RK4 at its limit": [Point(1e-6, math.nan, 100.0)]},
+        "MuJoCo": {"Euler": [Point(0.1, 1e-2, 1.0), Point(0.05, 5e-3, 2.0)]},
+        "solvers": {},
+    }
+    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-4, ours, others)}
+    assert rows["RK4 / flexlink, error 0.0001"].value == 50
+    assert rows["t3, MuJoCo / flexlink, error 0.0001"].value == pytest.approx(2.0 * 50 / 2.0)
+    assert "by its order" in rows["MuJoCo / flexlink, error 0.0001"].note
+    assert "Radau5, tolerance 0.001 m: 2000 ms" in rows["RK4 / flexlink, error 0.0001"].note
+    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-6, ours, others)}
+    assert rows["RK4 / flexlink, error 1e-06"].value == 0  # flexlink does not get there: no limit is met
 
 
 def test_a_base_that_does_not_exist_is_one_line(monkeypatch):

@@ -68,7 +68,6 @@ def _solvers(name: str, settings: Settings) -> Ladders:
 
 
 def _rows(name: str, error: float, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
-    best = native_trade.cheapest(ours, error)
     for method in ours:
         if own := native_trade.cheapest({method: ours[method]}, error):
             yield _time(name, "native", method, error, Cost(own[1].seconds))
@@ -76,6 +75,7 @@ def _rows(name: str, error: float, ours: Ladders, others: dict[str, Ladders]) ->
         costs = {each: known for each, points in ladders.items() if (known := _cost(group, each, points, error))}
         for each, known in costs.items():
             yield _time(name, group, each, error, known)
+        best = native_trade.cheapest(ours if group == "RK4" else ours | others["RK4"], error)
         if costs:
             least = min(costs, key=lambda each: costs[each].seconds)
             ratio = costs[least].seconds / best[1].seconds if best else 0.0
