@@ -15,6 +15,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import (
     ArgumentError,
     ConvergenceError,
+    DataFileError,
     FlexlinkError,
     MissingDependencyError,
     OutputError,
@@ -26,18 +27,16 @@ from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Pa
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.placement import Frames, frames, tip_position
 from flexlink.dynamics.terms import (
     Energy,
-    Frames,
     bias_torque,
     elastic_torque,
     energy,
-    frames,
     friction_torque,
     gravity_torque,
     inverse_dynamics,
     mass_matrix,
-    tip_position,
 )
 from flexlink.formats import to_mjcf, to_urdf
 from flexlink.motion.batch import simulate_many
@@ -59,6 +58,7 @@ __all__ = [
     "ConvergenceError",
     "Coordinate",
     "Damping",
+    "DataFileError",
     "DivergenceError",
     "Drive",
     "Energy",

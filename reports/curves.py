@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from reports.picture import Picture
-from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 
@@ -78,7 +78,7 @@ def draw_series(axes: Axes, series: Series) -> None:
 def picture(case: str, series: Series) -> Picture:
     """A figure of a series that no file in reports/figures/ takes care of."""
     found = panels_of(series)
-    figure, all_axes = panels(len(found), 3.2 if len(found) == 1 else 2.3)
+    figure, all_axes = stacked_axes(len(found), 3.2 if len(found) == 1 else 2.3)
     for axes, (name, part) in zip(all_axes, found, strict=True):
         draw_series(axes, part)
         axes.set_title(name, loc="left")

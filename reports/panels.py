@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from reports.curves import curves
 from reports.results import Results
-from reports.style import CYCLE, INK, MARKERS, panels
+from reports.style import CYCLE, INK, MARKERS, stacked_axes
 from reports.tables import series_csv
 from validation.store import Series
 
@@ -45,7 +45,7 @@ def motions(results: Results) -> list[Motion]:
 
 def draw_tall(motion: Motion) -> Figure:
     """All panels above each other, for a page."""
-    figure, axes = panels(len(motion.native), 2.05)
+    figure, axes = stacked_axes(len(motion.native), 2.05)
     _fill(axes, motion)
     axes[-1].set_xlabel("time [s]")
     return figure

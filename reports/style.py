@@ -53,7 +53,7 @@ RC: dict[str, Any] = {
 }
 
 
-def panels(rows: int, height: float, share: bool = True) -> tuple[Figure, list[Axes]]:
+def stacked_axes(rows: int, height: float, share: bool = True) -> tuple[Figure, list[Axes]]:
     """A figure of `rows` panels above each other, each `height` inches tall."""
     figure = Figure(figsize=(WIDTH, rows * height), layout="constrained")
     axes = figure.subplots(rows, 1, sharex=share, squeeze=False)

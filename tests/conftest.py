@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import numba
@@ -15,7 +17,36 @@ ROOT = Path(__file__).parent.parent
 MODELS = sorted((ROOT / "models").glob("*.toml"))
 ALUMINIUM = Material(young=70e9, poisson=0.33, density=2700.0)
 SQUARE = Section(shape="rectangle", height=0.04, width=0.04)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job control leaves it so in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
+LONGEST_AS_PYTHON = 10.0  # s of processor time
+
+
+class _TooSlow(BaseException):
+    """Which no code that is tested catches."""
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_pyfunc_call() -> Iterator[None]:
+    """Kernels that are not compiled are a hundred times slower: a test that takes too long so is skipped on its way."""
+    if not numba.config.DISABLE_JIT or not hasattr(signal, "setitimer"):
+        return (yield)
+    due = True
+
+    def ring(*_: object) -> None:
+        if due:
+            raise _TooSlow
+
+    signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_AS_PYTHON)
+    try:
+        return (yield)
+    except _TooSlow:
+        pytest.skip(f"takes more than {LONGEST_AS_PYTHON:.0f} s where kernels are not compiled")
+    finally:
+        due = False
+        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
 def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) -> Link:

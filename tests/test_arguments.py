@@ -6,6 +6,7 @@ import functools
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from conftest import MODELS, flexible, make_scene
@@ -75,11 +76,12 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "coordinate": (lambda **k: chain().coordinate(**k), {"k": 0}),
     "joint_name": (lambda **k: chain().joint_name(**k), {"k": 0}),
     "same_layout": (lambda **k: chain().same_layout(**k), {"other": chain}),
-    "number": (scene().arm.number, {"name": "waist"}),
+    "number": (scene().arm.number, {"link": "waist"}),
     "initial_state": (fl.initial_state, {"scene": scene(), "chain": chain}),
 }
 FITS = {
-    ("load_scene", "path", "text"), ("number", "name", "text"),
+    ("load_scene", "path", "text"), ("number", "link", "text"),
+    ("index", "link", "text"), ("coordinate", "k", "text"), ("joint_name", "k", "text"),
     ("solve_static", "tolerance", "number"),
     ("simulate", "method", "nothing"), ("simulate", "step", "nothing"), ("simulate", "duration", "nothing"),
     ("simulate", "step", "number"), ("simulate", "progress", "nothing"),
@@ -110,14 +112,14 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.simulate_many([scene()], threads="2"), "threads = '2': must be a whole number, got str"),
         (lambda: fl.simulate_many([scene()], threads=0), "threads = 0: must be at least 1"),
         (lambda: fl.simulate_many([scene()], threads=True), "threads = True: must be a whole number"),
-        (lambda: fl.lump(scene().arm), "scene = Arm.*: expected a Scene, got Arm"),
-        (lambda: fl.initial_state(scene(), scene()), "chain = Scene.*: expected a Chain, got Scene"),
+        (lambda: fl.lump(scene().arm), "scene = <Arm.*: expected a Scene, got Arm"),
+        (lambda: fl.initial_state(scene(), scene()), "chain = <Scene.*: expected a Chain, got Scene"),
         (lambda: fl.load_scene(5), "path = 5: expected a str or a Path, got int"),
         (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
-        (lambda: chain().index(3, 0, 0), r"link = 3: must be 1 … 2"),
-        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q has 1 dimensions; many chains take 2, of shape"),
+        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are 1 … 2, or waist, upper"),
+        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], method="uper"),
             "unknown; allowed are .*; did you mean 'upper'",
@@ -148,6 +150,30 @@ def test_numpy_numbers_are_numbers_in_every_description() -> None:
     assert fl.Material(young=np.linspace(1.0, 2.0, 3)[1], density=np.longdouble(2)) == fl.Material(young=1.5, density=2)
     table = fl.Drive(kind="table", times=np.arange(2), torques=np.ones((2, 1)))
     assert table == fl.Drive(kind="table", times=(0, 1), torques=((1,), (1,)))
+
+
+def test_numpy_arrays_are_sequences_in_every_description() -> None:
+    ones = np.ones(3)
+    assert fl.Initial(joint_deg=np.array([1, 2]), rate_deg=ones[:2]).joint_deg == (1.0, 2.0)
+    assert fl.Payload(mass=np.float32(1), inertia=ones) == fl.Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    assert fl.Wrench(force=ones, moment=2 * ones) == fl.Wrench(force=(1, 1, 1), moment=(2, 2, 2))
+    names = np.array(["a"])
+    motion = fl.Motion(
+        link=names[0], times=ones[:1] - 1, angle_deg=ones[:1], rate_deg=ones[:1], acceleration_deg=ones[:1]
+    )
+    assert motion == fl.Motion(link="a", times=(0,), angle_deg=(1,), rate_deg=(1,), acceleration_deg=(1,))
+    assert make_scene(fl.Link(name="a"), gravity=-9.81 * ones).gravity == (-9.81,) * 3
+    with pytest.raises(fl.SceneError, match=r"^force = \[1\.0, 1\.0\]: expected"):
+        fl.Wrench(force=ones[:2])
+
+
+def test_sizes_and_places_are_given_in_any_integer_of_numpy() -> None:
+    for integer in (np.int8, np.uint16, np.int64):
+        assert fl.compare(scene(), engines=np.array(["native"]), samples=integer(2), seed=integer(1)).samples == 2
+        locked = np.array([0, 2], dtype=integer)
+        np.testing.assert_array_equal(fl.modes(chain(), locked=locked).hertz, fl.modes(chain(), locked=[0, 2]).hertz)
+        assert fl.load_scene(MODELS[0]).arm.number(integer(1)) == 1
+        assert fl.Link(name="a", segments=integer(1)).segments == 1
 
 
 def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
@@ -211,3 +237,57 @@ def test_a_path_may_be_text_or_a_path(tmp_path: Path) -> None:
     assert fl.load_scene(MODELS[0]) == fl.load_scene(str(MODELS[0]))
     run = fl.simulate(scene())
     assert run.save(str(tmp_path / "a.npz")) == run.save(tmp_path / "a.npz")
+
+
+def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None:
+    arm, of = scene().arm, chain()
+    for link in ("upper", 2, np.int64(2), np.str_("upper"), np.array(2)):
+        assert arm.number(link) == 2
+        assert of.index(link, 1, 3) == of.index(2, 1, 3)
+    for joint in ("upper.1.z", 4, np.int32(4)):
+        assert of.coordinate(joint) == (2, 1, 3)
+        assert of.joint_name(joint) == "upper.1.z"
+    with pytest.raises(fl.ArgumentError, match=r"^link = 'uper': no link of this arm; .*; did you mean 'upper'\?$"):
+        of.index("uper", 0, 0)
+    for wrong in (0, 3, -1, True, 1.0, None):
+        with pytest.raises(fl.ArgumentError, match=rf"^link = {wrong}: .* allowed are 1 … 2, or waist, upper"):
+            arm.number(wrong)  # type: ignore[arg-type]
+    with pytest.raises(fl.ArgumentError, match=r"^k = 'upper.9.z': no joint of this chain; .*; did you mean"):
+        of.coordinate("upper.9.z")
+
+
+def test_a_motion_names_its_link_or_its_number() -> None:
+    def moved(link: str | int) -> fl.Trajectory:
+        motion = fl.Motion(link=link, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])  # type: ignore[arg-type]
+        return fl.simulate(
+            make_scene(fl.Link(name="waist"), flexible("upper", segments=2), motion=(motion,)), duration=0.0
+        )
+
+    for link, number in (("waist", 1), ("upper", 2)):
+        by_name, by_number = moved(link).chain, moved(number).chain
+        np.testing.assert_array_equal(by_name.hinges["prescribed"], by_number.hinges["prescribed"])
+        assert by_name.hinges["prescribed"][by_name.index(link, 0, 0)] == 1
+    two = fl.Motion(link=1, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
+    with pytest.raises(fl.SceneError, match=r"^motion\[1\]\.link = 'waist': has two motions"):
+        make_scene(fl.Link(name="waist", length=1.0), motion=(two, msgspec.structs.replace(two, link="waist")))
+
+
+def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
+    """What a scene says, what a function is given and what a file of data holds."""
+    broken = tmp_path / "own.toml"
+    broken.write_text("other = 1\n", encoding="utf-8")
+    link = functools.partial(flexible, "a", segments=3)
+    with pytest.raises(fl.SceneError, match=r"^link\[0\]\.lumping = 'gaus': unknown; .*; did you mean 'gauss'"):
+        fl.lump(make_scene(link(lumping="gaus")))
+    with pytest.raises(fl.SceneError, match=r"^link\[0\]\.segments = 2, so 1 hinges: rule 'gregory'"):
+        fl.lump(make_scene(link(lumping="gregory", segments=2)))
+    with pytest.raises(fl.SceneError, match=r"^run\.method = 'RK3': unknown"):
+        fl.simulate(scene(), method="RK3")
+    with pytest.raises(fl.ArgumentError, match=r"^method = 'RK3': unknown"):
+        fl.stable_step(chain(), method="RK3")
+    with pytest.raises(fl.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+        fl.lump(make_scene(link(lumping=str(broken))))
+    with pytest.raises(fl.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+        fl.simulate(scene(), method=str(broken))
+    with pytest.raises(fl.DataFileError, match=r"own\.toml: other = 1: unknown key"):
+        fl.stable_step(chain(), method=str(broken))

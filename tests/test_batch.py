@@ -30,7 +30,7 @@ def test_many_states_have_the_accelerations_of_single_ones(
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected \(3, {chain.n}\)"):
+    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
         fl.forward_dynamics(chain, q, q, q[:2])
 
 
@@ -177,6 +177,7 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
         fl.simulate_many([scene, scene])
 
 
+@compiled
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     """All runs come back, each as far as it went; those that had not started hold their initial sample."""

@@ -87,7 +87,7 @@ def test_a_chain_prints_as_one_short_line(chain: Chain) -> None:
 def test_an_unknown_coordinate_is_refused(chain: Chain) -> None:
     with pytest.raises(ArgumentError, match="not in this chain"):
         chain.index(1, 99, 3)
-    with pytest.raises(ArgumentError, match=f"k = {chain.n}: must be 0 …"):
+    with pytest.raises(ArgumentError, match=f"k = {chain.n}: no joint .*; allowed are 0 … {chain.n - 1}, names"):
         chain.coordinate(chain.n)
 
 

@@ -266,7 +266,7 @@ def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
     ("bad", "wanted"),
     [
         (np.zeros(9), r"q has shape \(9,\); expected \(10,\)"),
-        (np.zeros((2, 10)), r"q has shape \(2, 10\); expected \(10,\)"),
+        (np.zeros((1, 2, 10)), r"q has shape \(1, 2, 10\); expected \(10,\), or \(b, 10\) for b states"),
         (np.full(10, np.nan), r"q\[0\] = nan is not finite"),
         (np.zeros(10, complex), r"q has dtype complex128; expected real"),
         (["a"] * 10, r"q has dtype"),

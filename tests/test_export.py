@@ -34,7 +34,7 @@ from flexlink.engines import mujoco as mujoco_engine
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.formats import FORMATS
-from flexlink.formats.document import numbers, unique
+from flexlink.formats.document import decimals, unique
 from flexlink.kernels.kinematics import forward_kinematics
 
 EPS = np.finfo(float).eps
@@ -321,8 +321,8 @@ def mujoco_joint_names(chain: Chain) -> list[str]:
 
 def test_numbers_read_back_exactly_and_zero_has_no_sign(rng: np.random.Generator) -> None:
     values = np.concatenate([rng.normal(size=50) * 10.0 ** rng.integers(-12, 12, 50), [0.1 + 0.2, 1 / 3, 5e-324]])
-    assert [float(word) for word in numbers(values).split()] == values.tolist()
-    assert numbers([-0.0, 0.0, -1.5]) == "0.0 0.0 -1.5"
+    assert [float(word) for word in decimals(values).split()] == values.tolist()
+    assert decimals([-0.0, 0.0, -1.5]) == "0.0 0.0 -1.5"
 
 
 def test_the_second_of_two_equal_names_is_called_so() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -56,6 +57,18 @@ def test_options_of_one_name_stand_in_one_order() -> None:
     for function in OF_A_STATE:
         options = [name for name in by_name(function) if name in order]
         assert options == sorted(options, key=order.index), function
+
+
+FUNCTIONS = [getattr(fl, name) for name in fl.__all__ if inspect.isfunction(getattr(fl, name))]
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda function: function.__name__)
+def test_a_public_function_says_what_it_takes_returns_and_raises(function: Callable) -> None:
+    told = inspect.getdoc(function) or ""
+    for section in ("Parameters", "Returns", "Raises"):
+        assert f"\n\n{section}\n{'-' * len(section)}\n" in told
+    named = {name for line in told.splitlines() if re.fullmatch(r"\w+(, \w+)*", line) for name in line.split(", ")}
+    assert set(inspect.signature(function).parameters) <= named
 
 
 def test_engines_speak_the_same_grammar() -> None:

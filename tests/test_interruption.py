@@ -121,8 +121,8 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
 def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
     """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 16 if each may only double the one before."""
     seen: list[float] = []
-    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", 1e-3)
-    monkeypatch.setattr(sys.modules["flexlink.motion.single"], "time", SimpleNamespace(perf_counter=clock))
+    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 1e-3)
+    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "time", SimpleNamespace(perf_counter=clock))
     fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=seen.append, duration=5.0, sample=5.0)
     assert len(seen) > (30 if clock() else 15)
 
@@ -131,7 +131,7 @@ def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     whole = fl.simulate(scene, duration=0.02, sample=0.005)
     for breath in (0.0, 1e-3):
-        monkeypatch.setattr(sys.modules["flexlink.motion.single"], "BREATH", breath)
+        monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", breath)
         for sample in (0.005, 0.02):
             again = fl.simulate(scene, duration=0.02, sample=sample)
             np.testing.assert_array_equal(again.q[-1], whole.q[-1])

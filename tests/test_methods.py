@@ -10,7 +10,7 @@ from mpmath import mp
 from scipy.integrate._ivp import dop853_coefficients as published
 
 from flexlink import simulate
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import decode
@@ -79,7 +79,7 @@ def test_which_methods_estimate_their_errors() -> None:
     assert [name for name in names if method(name).controlled] == ["DOP853", "Radau5", "Radau9"]
     assert [name for name in names if method(name).explicit] == ["RK2", "RK4", "RK10", "DOP853"]
     for name in ("RK4", "Gauss6"):
-        with pytest.raises(SceneError, match=r"no error estimate by nodes; Radau IIA of 3, 5, … stages has one$"):
+        with pytest.raises(ArgumentError, match=r"no error estimate by nodes; Radau IIA of 3, 5, … stages has one$"):
             _ = method(name).embedded
 
 
@@ -111,6 +111,7 @@ def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
         ({"family": "Radau IIA", "stages": 3}, "order = 2: Radau IIA of 3 stages has order 5"),
         ({"family": "Lobatto"}, "family = 'Lobatto': allowed are 'Radau IIA', 'Gauss'"),
         (TRAPEZOID | {"stages": 3}, "stages = 3: c has 2"),
+        ({"A": (("1",) * 10,) * 10, "b": ("1",) * 10, "c": ("1",) * 10}, "10 stages: an implicit method has at most 9"),
         (TRAPEZOID | {"error": (("1", "-1"),)}, "error: only explicit methods take rows"),
         (TRAPEZOID | {"A": (("0", "0"), ("1/2", "1/3"))}, "A[1] = ('1/2', '1/3'): must sum to c[1] = '1'"),
         ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1",),)}, "error[0] has 1 weights: expe"),
@@ -132,8 +133,7 @@ def from_file(fields: dict) -> Method:
     return decode(msgspec.to_builtins({"about": "mine", "source": "-", "order": 2} | fields), Method)
 
 
-def test_a_run_of_fixed_steps_takes_no_implicit_method() -> None:
-    with pytest.raises(
-        SceneError, match=r"^run.method = 'Radau5': implicit; a run of fixed steps takes an explicit method"
-    ):
-        simulate(make_scene(flexible("a"), run=Run(method="Radau5")))
+def test_a_tolerance_takes_no_method_without_an_error_estimate() -> None:
+    allowed = "run.method = 'Gauss4': does not estimate its error; with a tolerance allowed are auto, DOP853, Radau5, "
+    with pytest.raises(SceneError, match=f"^{allowed}"):
+        simulate(make_scene(flexible("a"), run=Run(method="Gauss4", tolerance=1e-4)))

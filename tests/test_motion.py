@@ -135,7 +135,7 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor()
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ({"link": "x"}, r"motion\[0\].link = 'x': not in this arm; it has a"),
+        ({"link": "x"}, r"motion\[0\].link = 'x': no link of this arm; allowed are 1 … 1, or a"),
         ({"angle_deg": (1.0, 2.0)}, r"motion\[0\].angle_deg\[0\] = 1.0: must be the initial value, 0.0"),
     ],
 )

@@ -8,11 +8,12 @@ from conftest import chain_of
 from mpmath import mp, mpf
 
 import flexlink as fl
+from flexlink.analysis.stability_function import stability_function
 from flexlink.describe.methods import method
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-from validation.oracles.spatial_chain import numbers
+from validation.oracles.spatial_chain import exactly
 
 ROOT = Path(__file__).parent.parent
 
@@ -39,8 +40,8 @@ def test_the_50_digit_chain_is_the_textbook_double_pendulum():
     g1 = (m1 * l1 / 2 + m2 * l1) * 9.81 * np.cos(q[0]) + g2
     bias = [h * qd[1] * (2 * qd[0] + qd[1]) + g1, -h * qd[0] ** 2 + g2]
     with mp.workdps(DIGITS):
-        assert np.allclose(np.array(oracle.mass_matrix(numbers(q)).tolist(), float), M, rtol=1e-14)
-        assert np.allclose(np.array(oracle.bias_torque(numbers(q), numbers(qd)), float), bias, rtol=1e-13)
+        assert np.allclose(np.array(oracle.mass_matrix(exactly(q)).tolist(), float), M, rtol=1e-14)
+        assert np.allclose(np.array(oracle.bias_torque(exactly(q), exactly(qd)), float), bias, rtol=1e-13)
 
 
 @pytest.mark.slow
@@ -48,10 +49,25 @@ def test_the_50_digit_chain_keeps_its_own_energy_far_below_float64():
     chain = fl.lump(fl.load_scene(ROOT / "models" / "paper_fig5.toml"))
     oracle = PlanarChain(chain)
     with mp.workdps(DIGITS):
-        start = numbers(np.linspace(-1, 0.02, chain.n)), numbers(np.linspace(1, -2, chain.n))
+        start = exactly(np.linspace(-1, 0.02, chain.n)), exactly(np.linspace(1, -2, chain.n))
         end = exact_runge_kutta.integrate(oracle.forward_dynamics, method("RK10"), start, mpf("2.5e-5"), 10)
         assert abs(oracle.energy(*end) / oracle.energy(*start) - 1) < mpf("1e-25")
         assert abs(end[0][0] - start[0][0]) > mpf("1e-6")  # it did move
+
+
+@pytest.mark.parametrize("name", ["RK4", "DOP853", "Gauss4", "Radau5", "Radau9"])
+def test_runge_kutta_in_many_digits_carries_an_oscillator_on_by_the_stability_function(name):
+    """q̈ = −q: q + i p turns by R(−ih) a step, explicit or implicit."""
+    with mp.workdps(DIGITS):
+        q, p = exact_runge_kutta.integrate(lambda q, _: [-q[0]], method(name), ([mpf(1)], [mpf(0)]), mpf("0.5"), 1)
+    R = complex(stability_function(method(name), np.array([-0.5j]))[0])
+    assert float(q[0]) == pytest.approx(R.real, abs=1e-14)
+    assert float(p[0]) == pytest.approx(R.imag, abs=1e-14)
+
+
+def test_stages_that_are_not_found_are_an_error():
+    with mp.workdps(DIGITS), pytest.raises(ArithmeticError, match="not found in 200 passes; take a smaller step"):
+        exact_runge_kutta.integrate(lambda q, _: [-q[0]], method("Radau5"), ([mpf(1)], [mpf(0)]), mpf(50), 1)
 
 
 def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():

@@ -11,7 +11,7 @@ from conftest import ROOT, nasty_scene
 
 import flexlink as fl
 from flexlink.analysis.tangent import stiffness_matrix
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.rules import lumping_rule
 from flexlink.describe.spec import decode
 from flexlink.engines import load
@@ -95,7 +95,7 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
     arm = Variant().build(case, Rule(rule="gauss", hinges=6)).arm
     assert [(link.lumping, link.segments) for link in arm.links] == [("gauss", 7)] * 2
     assert existing(case, Variant(), Rule(rule="gauss", hinges=5)) is None
-    with pytest.raises(SceneError, match="lumping"):
+    with pytest.raises(fl.ArgumentError, match="lumping"):
         existing(case, Variant(), Rule(rule="none such", hinges=6))
     with pytest.raises(SceneError, match=r"tip\.mas = 1.*did you mean 'mass'"):
         existing(case, Variant(change={"tip.mas": 1.0}), Rule(rule="gauss", hinges=6))
@@ -113,7 +113,7 @@ def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(n
 
 @pytest.mark.parametrize("keys", [("no_such_file",), ("critical_loads", "no such key")])
 def test_a_reference_that_does_not_exist_is_named_with_those_that_do(keys):
-    with pytest.raises(SceneError, match=r"no.such.*there are"):
+    with pytest.raises(DataFileError, match=r"no.such.*there are"):
         reference_values.look_up(*keys)
 
 

@@ -24,8 +24,8 @@ from validation.case import CASES, Case, load_case
 from validation.kinds import speed_calls, speed_steps
 from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-from validation.oracles.spatial_chain import SpatialChain, numbers
-from validation.runner import judge
+from validation.oracles.spatial_chain import SpatialChain, exactly
+from validation.runner import judged
 from validation.store import Environment, Finished, Planned, Store
 from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
 from validation.timing.families import Family, of_steps, timed_states
@@ -187,7 +187,7 @@ def test_the_spatial_judge_is_the_planar_one_on_a_plane_chain() -> None:
     chain = fl.lump(family("T1", 3).scene(CASE, 3))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
-        q, qd, tau = (numbers(part) for part in state[:3])
+        q, qd, tau = (exactly(part) for part in state[:3])
         one, other = SpatialChain(chain), PlanarChain(chain)
         pairs = zip(one.forward_dynamics(q, qd, tau), other.forward_dynamics(q, qd, tau), strict=True)
         assert max(abs(a - b) for a, b in pairs) < mpf("1e-35")
@@ -198,7 +198,7 @@ def test_the_spatial_judge_agrees_with_every_term(model: str, models: Path) -> N
     chain = fl.lump(fl.load_scene(models / f"{model}.toml"))
     state = random_states(chain, 1)[0]
     with mp.workdps(DIGITS):
-        M, bias = SpatialChain(chain).equations(numbers(state.q), numbers(state.qd))
+        M, bias = SpatialChain(chain).equations(exactly(state.q), exactly(state.qd))
         M, bias = np.array(M.tolist(), float), np.array(bias, float)
     np.testing.assert_allclose(M, fl.mass_matrix(chain, state.q), rtol=0, atol=of_mass_matrix(chain, state.q))
     allowed = of_bias_torque(chain, state.q, state.qd)
@@ -215,7 +215,7 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     entries = [("T1", Time("native", n, 1e-8 * n)) for n in (10, 100, 1000)] + [("T1", Time("mujoco", 10, 1e-6))]
     store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
     for row in speed_calls.exponents("T1", "forward dynamics", [each for _, each in entries]):
-        store.append(judge(case, row, 0.0, "key"))
+        store.append(judged(case, row, 0.0, "key"))
     store.note_environment(Environment())
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})
     store.finish("speed_calls", Finished("key", datetime.datetime.now(datetime.UTC), "", None))

@@ -14,7 +14,7 @@ from flexlink.describe.spec import decode
 from flexlink.motion.start import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.reference_values import numbers
+from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
@@ -30,7 +30,7 @@ NAMES = list(trade.scenes())
 @pytest.mark.parametrize("name", NAMES)
 def test_every_reference_is_of_the_scene_as_it_is_now_and_of_two_methods_that_agree(name):
     assert trade.is_of(trade.trade_scene(name), name)
-    assert numbers(trade.reference_name(name), "agree") <= trade_references.AGREE
+    assert reference_array(trade.reference_name(name), "agree") <= trade_references.AGREE
     assert trade.reference(name).shape == (trade.OUTPUTS + 1, 3)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.spec import decode
 from validation import case as cases
 from validation import facts, runner
@@ -16,7 +16,7 @@ from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
 from validation.facts import head, said
 from validation.kinds import KINDS
-from validation.runner import judge
+from validation.runner import judged
 from validation.store import Conditions, Environment, Finished, Planned, Row, Series, Store
 from validation.timing import machine
 
@@ -71,7 +71,7 @@ def test_every_case_is_well_formed_and_every_limit_has_a_reason(case):
 def test_a_malformed_case_is_one_line_with_file_key_and_value(tmp_path, change, message):
     path = tmp_path / "bad.toml"
     path.write_text(CASE.replace(*change), encoding="utf-8")
-    with pytest.raises(SceneError) as error:
+    with pytest.raises(DataFileError) as error:
         load_case(path)
     assert str(error.value).startswith(f"{path}: {message}")
     assert "\n" not in str(error.value)
@@ -85,7 +85,7 @@ def verdict(value, scale=1.0, **quantity):
         name="c", kind="k", title="t", about="a",
         quantity={"x": cases.Quantity(metric="m", reason="r", **quantity)},
     )  # fmt: skip
-    return judge(case, Measured("x", value, scale=scale), 0.0, "key")
+    return judged(case, Measured("x", value, scale=scale), 0.0, "key")
 
 
 @pytest.mark.parametrize(("value", "bound", "passed"), [

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
@@ -101,16 +101,16 @@ def load_case(path: Path) -> Case:
 
     Raises
     ------
-    SceneError
+    DataFileError
         The message names the file, the key path, the value and what is allowed.
     """
-    raw = catalogue.read_toml(path)
-    if "name" in raw:
-        raise SceneError(f"{path}: name = {raw['name']!r}: unknown key; the name of a case is its file's")
     try:
+        raw = catalogue.read_toml(path)
+        if "name" in raw:
+            raise SceneError(f"name = {raw['name']!r}: unknown key; the name of a case is its file's")
         return decode(raw | {"name": path.stem}, Case)
     except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+        raise DataFileError(f"{path}: {error}") from None
 
 
 def load_cases(*wanted: str) -> list[Case]:
@@ -120,14 +120,16 @@ def load_cases(*wanted: str) -> list[Case]:
 
     Raises
     ------
-    SceneError
-        A file is not a valid case, or one of `wanted` means none.
+    DataFileError
+        A file is not a valid case.
+    ArgumentError
+        One of `wanted` means none.
     """
     cases = [load_case(path) for path in sorted(CASES.glob("*.toml"))]
     for pattern in wanted:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)
-            raise SceneError(f"case = {pattern!r}: no such case; there are {known}")
+            raise ArgumentError(f"case = {pattern!r}: no such case; there are {known}")
     if not wanted:
         return [case for case in cases if not case.by_name]
     return [case for case in cases if any(case.is_meant_by(pattern) for pattern in wanted)]

@@ -19,7 +19,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.spec import decode
 from validation.case import ALL, Case, Measured, load_cases
 from validation.kinds import KINDS, TIMED, Kind
@@ -139,25 +139,25 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case takes of what its kind measures
-            yield judge(case, result, time.perf_counter() - start, key)
+            yield judged(case, result, time.perf_counter() - start, key)
             missing.discard(result.quantity)
             start = time.perf_counter()
     if missing:  # a limit that nobody measured must not look like a limit that was kept
-        raise SceneError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
+        raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 
 
 def _kind(case: Case) -> tuple[Kind, Any]:
     """The kind of a case, and its settings."""
     kind = KINDS.get(case.kind)
     if kind is None:
-        raise SceneError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
+        raise DataFileError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
     try:
         return kind, decode(case.settings, kind.Settings, "settings")
     except SceneError as error:
-        raise SceneError(f"{case.path}: {error}") from None
+        raise DataFileError(f"{case.path}: {error}") from None
 
 
-def judge(case: Case, measured: Measured, seconds: float, key: str) -> Row:
+def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     """The row of a number: passed if it is on the right side of the case's tolerance; nan is on no side."""
     quantity = case.quantity[measured.quantity]
     tolerance = None if quantity.tolerance is None else quantity.tolerance * measured.scale

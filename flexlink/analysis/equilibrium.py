@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.analysis.tangent import Locked, load_torque, stiffness_matrix, tangent, unlocked
-from flexlink.chain.arguments import flag, given, positive, vector, wrench_vector
+from flexlink.analysis.tangent import load_torque, stiffness_matrix, tangent, unlocked
+from flexlink.chain.arguments import Joints, flag, given, positive, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ConvergenceError
 
@@ -32,7 +32,7 @@ CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; 
 STEPS = 500
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Equilibrium:
     """A posture in which all torques balance.
 
@@ -54,6 +54,13 @@ class Equilibrium:
     stable: bool
     path: Array
 
+    def __repr__(self) -> str:
+        most = np.degrees(np.abs(self.q).max())
+        return (
+            f"<Equilibrium: {'' if self.stable else 'un'}stable; {len(self.q)} joints at angles up to {most:.4g}°, "
+            f"{self.residual:.2g} N m left over>"
+        )
+
 
 def solve_static(
     chain: Chain,
@@ -63,7 +70,7 @@ def solve_static(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
     tolerance: float = 1e-9,
 ) -> Equilibrium:
     """Posture in which gravity, springs, tip wrench and drive torque balance: T_GC(q, q̇) + T_FL(q) = T_EX.
@@ -151,13 +158,28 @@ def buckling_loads(
     q: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Array:
     """Factors (dimensionless) of the present load, gravity and tip wrench together, at which the posture can buckle.
 
     Linear buckling: K_elastic + s K_load(q) is singular, with the posture held at q, and joints without a spring, too.
-    Only real positive s count, smallest first; loads that soften nothing give none. Arguments are those of
-    `solve_static`.
+    Only real positive s count; loads that soften nothing give none.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Posture [rad], shape (n,); default: springs slack, joints at zero.
+    tip_wrench
+        Force and moment on the tip [N, N m], shape (6,), axes of frame 0.
+    locked
+        Coordinates that do not move, as in `solve_static`.
+
+    Returns
+    -------
+    Array
+        Factors s, smallest first.
 
     Raises
     ------

@@ -15,17 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.analysis import eigenproblem
-from flexlink.analysis.tangent import Locked, gyroscopic_matrix, point_jacobian, tangent, unlocked
-from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.analysis.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
+from flexlink.chain.arguments import Joints, flag, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, SingularMassError
-from flexlink.dynamics.terms import frames, mass_matrix
+from flexlink.describe.spec import short_list
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import mass_matrix
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Modes:
     """Modes of small motion about a posture, slowest first.
 
@@ -49,6 +51,10 @@ class Modes:
     paths: NDArray[np.inexact]
     points: Array
     rounding: Array
+
+    def __repr__(self) -> str:
+        told = short_list([f"{f:.4g}" for f in self.hertz])
+        return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
 
     @property
     def frequencies(self) -> Array:
@@ -80,7 +86,7 @@ def modes(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
 
@@ -137,11 +143,30 @@ def natural_frequencies(
     *,
     tip_wrench: ArrayLike | None = None,
     follower: bool = False,
-    locked: Locked = (),
+    locked: Joints = (),
 ) -> Array:
-    """Natural angular frequencies [rad/s], shape (modes,), slowest first, nan for a motion that just falls.
+    """Natural angular frequencies, slowest first, nan for a motion that just falls.
 
-    They are `modes(...).frequencies`; arguments and errors as there.
+    They are `modes(...).frequencies`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
+    tip_wrench, follower, locked
+        Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
+
+    Returns
+    -------
+    Array
+        |λ| [rad/s], shape (modes,).
+
+    Raises
+    ------
+    ArgumentError, SingularMassError
+        As in `modes`.
     """
     return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
 

@@ -199,12 +199,17 @@ def stable_step(
     method
         Name or file of a Runge-Kutta method.
 
+    Returns
+    -------
+    float
+        The step [s]; inf if nothing holds or brakes any joint.
+
     Raises
     ------
-    SceneError
-        Unknown method.
     ArgumentError
-        An argument has the wrong shape, is not real or not finite.
+        An argument has the wrong shape, is not real or not finite; unknown method.
+    DataFileError
+        The method's own file is not valid.
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """

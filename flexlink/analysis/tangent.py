@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.arguments import Joints, joint_indices
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import short
 from flexlink.dynamics import rounding
-from flexlink.dynamics.terms import bias_torque, frames
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.slopes import add_gyroscopic, add_load_stiffness, turned_with_tip
 
 Array = NDArray[np.float64]
-
-Locked = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
-"""What does not move: see `unlocked`."""
 
 
 class Stiffness(NamedTuple):
@@ -60,48 +57,19 @@ class Stiffness(NamedTuple):
         return bool((np.linalg.eigvals(self.K / np.outer(self.S, self.S)).real < -self.rounding).any())
 
 
-def unlocked(chain: Chain, locked: Locked) -> NDArray[np.intp]:
-    """Sequential indices of the coordinates that may move: neither locked nor moving as prescribed.
-
-    `locked` is a boolean mask, shape (n,), or a sequence of indices, names of joints (`Chain.joint_name`: "boom",
-    "boom.2.z") and names of links, whose active joint is meant.
+def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
+    """Sequential indices of the coordinates that may move: neither locked (`joint_indices`) nor moving as prescribed.
 
     Raises
     ------
     ArgumentError
-        `locked` holds something that is no coordinate, or leaves nothing to move.
+        `locked` holds something that is no joint, or leaves nothing to move.
     """
-    if isinstance(locked, str) or not isinstance(locked, Iterable):
-        locked = (locked,)
-    items = list(locked)
-    if items and all(isinstance(item, bool | np.bool_) for item in items):
-        if len(items) != chain.n:
-            raise ArgumentError(f"locked: a mask of {len(items)} booleans; expected one per coordinate, {chain.n}")
-        held = np.flatnonzero(np.array(items, dtype=bool))
-    else:
-        held = np.array([k for item in items for k in _coordinates(chain, item)], dtype=np.intp)
+    held = joint_indices("locked", locked, chain)
     free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
     if not len(free):
-        raise ArgumentError(f"locked = {short(items)}: nothing is left to move; prescribed joints do not, either")
+        raise ArgumentError(f"locked = {short(locked)}: nothing is left to move; prescribed joints do not, either")
     return free
-
-
-def _coordinates(chain: Chain, item: object) -> list[int]:
-    """What one entry of `locked` holds: nothing where the joint of a link is locked in the scene."""
-    if isinstance(item, str):
-        found = [k for k in range(chain.n) if chain.joint_name(k) == item]
-        if found or item in chain.link_names:
-            return found
-        known = [*chain.link_names, *(chain.joint_name(k) for k in range(chain.n))]
-        close = difflib.get_close_matches(item, known, n=1)
-        hint = f"; did you mean {close[0]!r}?" if close else ""
-        links = short(", ".join(chain.link_names)).strip("'")
-        raise ArgumentError(f"locked: {item!r} is no link and no joint of this chain; its links are {links}{hint}")
-    if isinstance(item, int | np.integer) and not isinstance(item, bool) and 0 <= item < chain.n:
-        return [int(item)]
-    raise ArgumentError(
-        f"locked: {short(item)} is no coordinate; allowed are 0 … {chain.n - 1}, names of joints and links, or a mask"
-    )
 
 
 def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import difflib
 import sys
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,14 +14,19 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import meant, plain, short
 from flexlink.kernels.finite import is_finite
 
+if TYPE_CHECKING:
+    from flexlink.chain.chain import Chain
+
 Array = NDArray[np.float64]
 T = TypeVar("T")
+Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
+"""Joints of a chain: see `joint_indices`."""
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
 
 
-def vector(name: str, value: ArrayLike, size: int) -> Array:
-    """`value` as a finite float64 array of shape (size,).
+def vector(name: str, value: ArrayLike, size: int, *, many: bool = False) -> Array:
+    """`value` as a finite float64 array of shape (size,); `many` says that the function would also take (b, size).
 
     Raises
     ------
@@ -30,19 +36,12 @@ def vector(name: str, value: ArrayLike, size: int) -> Array:
     if type(value) is not np.ndarray or value.dtype is not FLOAT64 or not value.flags.carray:
         value = real_array(name, value, (size,))
     if value.shape != (size,):
-        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},)")
+        also = f", or (b, {size}) for b states" if many else ""
+        raise ArgumentError(f"{name} has shape {value.shape}; expected ({size},){also}")
     if not is_finite(value):
         k = int(np.argmin(np.isfinite(value)))
         raise ArgumentError(f"{name}[{k}] = {value[k]} is not finite; expected {size} finite numbers")
     return value
-
-
-def matrix(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
-    """`value` as a finite float64 array of shape (b, n); errors as in `vector`."""
-    array = real_array(name, value, shape)
-    if array.shape != shape:
-        raise ArgumentError(f"{name} has shape {array.shape}; expected {shape}")
-    return vector(name, array.reshape(-1), array.size).reshape(shape)
 
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
@@ -94,13 +93,65 @@ def given(name: str, value: object, kind: type[T]) -> T:
 
 def all_given(name: str, values: object, kind: type[T]) -> list[T]:
     """`values` as a list, every one of which must be a `kind`; errors as in `given`."""
+    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(sequence(name, values, kind.__name__))]
+
+
+def sequence(name: str, values: object, item: str) -> list[Any]:
+    """`values` as a list; `item` says of what, in the message that refuses anything else, such as a text."""
     try:
-        items = None if isinstance(values, str | bytes) else list(values)  # type: ignore[call-overload]
+        if not isinstance(values, str | bytes):
+            return list(values)  # type: ignore[call-overload, no-any-return]
     except TypeError:  # of a 0-d array, too, which has an __iter__
-        items = None
-    if items is None:
-        raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {kind.__name__}")
-    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(items)]
+        pass
+    raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {item}")
+
+
+def joint_indices(name: str, value: Joints, chain: Chain) -> NDArray[np.intp]:
+    """Sequential indices of the joints that `value` means.
+
+    A boolean mask, shape (n,), one index, name of a joint (`Chain.joint_name`: "boom", "boom.2.z") or name of a link,
+    whose active joint is meant, or a sequence of them. Where the joint of a link is locked in the scene, its name means
+    none.
+
+    Raises
+    ------
+    ArgumentError
+        `value` holds something that is no joint; the message says what is allowed.
+    """
+    one = (
+        isinstance(value, str) or not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and not value.ndim)
+    )
+    items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
+    if items and all(isinstance(item, bool | np.bool_) for item in items):
+        if len(items) != chain.n:
+            raise ArgumentError(f"{name}: a mask of {len(items)} booleans; expected one per joint, {chain.n}")
+        return np.flatnonzero(np.array(items, dtype=bool))
+    found = [joint_index(name, item, chain, perhaps_locked=True) for item in items]
+    return np.array([k for k in found if k >= 0], dtype=np.intp)
+
+
+def joint_index(name: str, value: object, chain: Chain, *, perhaps_locked: bool = False) -> int:
+    """Sequential index of the joint that `value`, an index or a name, means; −1 for a link whose joint is locked.
+
+    Raises
+    ------
+    ArgumentError
+        `value` is no joint, or, unless `perhaps_locked`, one that is locked.
+    """
+    wanted, names = _number(value), chain.joint_names
+    if type(wanted) is int and 0 <= wanted < chain.n:
+        return wanted
+    if isinstance(wanted, str) and wanted in names:
+        return names.index(wanted)
+    if perhaps_locked and isinstance(wanted, str) and wanted in chain.link_names:
+        return -1
+    close = difflib.get_close_matches(wanted, [*chain.link_names, *names], n=1) if isinstance(wanted, str) else []
+    hint = f"; did you mean {close[0]!r}?" if close else ""
+    links = short(", ".join(chain.link_names)).strip("'")
+    raise ArgumentError(
+        f"{name} = {short(value)}: no joint of this chain; allowed are 0 … {chain.n - 1}, "
+        f"names such as {names[-1]!r}, and links: {links}{hint}"
+    )
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given, integer
+from flexlink.chain.arguments import given, integer, joint_index
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.names import link_number
 from flexlink.describe.spec import short
 
 Array = NDArray[np.float64]
@@ -191,8 +192,8 @@ class Chain:
             and self.is_planar == other.is_planar
         )
 
-    def index(self, link: int, segment: int, axis: int) -> int:
-        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}.
+    def index(self, link: int | str, segment: int, axis: int) -> int:
+        """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.
 
         Raises
         ------
@@ -200,7 +201,7 @@ class Chain:
             There is no such coordinate, or its joint is locked.
         """
         wanted = Coordinate(
-            integer("link", link, 1, len(self.link_names)), integer("segment", segment, 0), integer("axis", axis, 0, 3)
+            link_number("link", link, self.link_names), integer("segment", segment, 0), integer("axis", axis, 0, 3)
         )
         if wanted not in self._sequential:
             known = short(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
@@ -209,25 +210,26 @@ class Chain:
             )
         return self._sequential[wanted]
 
-    def coordinate(self, k: int) -> Coordinate:
-        """Three-index coordinate of the sequential index `k`, 0 ≤ k < n.
+    def coordinate(self, k: int | str) -> Coordinate:
+        """Three-index coordinate of a joint, given by its sequential index `k`, 0 ≤ k < n, or by its name.
 
         Raises
         ------
         ArgumentError
-            `k` is out of range.
+            There is no such joint.
         """
-        return self.coordinates[integer("k", k, 0, self.n - 1)]
+        return self.coordinates[joint_index("k", k, self)]
 
-    def joint_name(self, k: int) -> str:
-        """Unique readable name of coordinate `k`: "upper", or "upper.2.z" for a passive hinge; errors as above.
+    def joint_name(self, k: int | str) -> str:
+        """Unique readable name of joint `k`: "upper", or "upper.2.z" for a passive hinge; errors as above.
 
         Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
         """
-        return self._names[integer("k", k, 0, self.n - 1)]
+        return self.joint_names[joint_index("k", k, self)]
 
     @functools.cached_property
-    def _names(self) -> tuple[str, ...]:
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of all joints, in sequential order."""
         hinges = [f"{self.link_names[c.link - 1]}.{c.segment}.{' xyz'[c.axis]}" for c in self.coordinates]
         distinct = unique([*self.link_names, *hinges])  # links come first: they keep their own names
         links = len(self.link_names)

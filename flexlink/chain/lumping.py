@@ -39,16 +39,18 @@ def lump(scene: Scene) -> Chain:
     SceneError
         A lumping rule does not exist or does not fit its link, or the dimensions lead to a mass, inertia or stiffness
         beyond float64.
+    DataFileError
+        A rule's own file is not valid.
     ArgumentError
         `scene` is no Scene.
     """
     name, arm = given("scene", scene, Scene).name, scene.arm
-    moved = {motion.link for motion in scene.motion}
+    moved = {arm.number(motion.link) for motion in scene.motion}
     placed = hinges_of(arm)
     builder = _Builder()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for k, link in enumerate(arm.links):
-            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], link.name in moved)
+            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
             _add_beam(builder, arm, link, k + 1, *placed[k])
         builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
     builder.start_body()

@@ -30,6 +30,7 @@ EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
   flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
   flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+  flexlink simulate models/t3_spatial.toml --tolerance 1e-4
   flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
@@ -103,8 +104,15 @@ def _parser() -> argparse.ArgumentParser:
     own = "the scene's"
     run = add("simulate", simulate_scene, "Simulate a scene with the native solver.")
     run.add_argument("scene", type=Path, help="scene file (.toml)")
-    run.add_argument("--method", help=f"{', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}")
-    run.add_argument("--step", type=float, help=f"integration step [s]; default: {own}")
+    run.add_argument(
+        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
+    )
+    run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
+    run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")
+    run.add_argument(
+        "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
+    )
+    run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
     run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
     run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
     run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")

@@ -33,7 +33,7 @@ def show_modes(options: argparse.Namespace) -> int:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")
     with about(options.scene):
         chain = lump(scene)
-        names = {*chain.link_names, *(chain.joint_name(k) for k in range(chain.n))}
+        names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
         found = modes(chain, initial_state(scene, chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))

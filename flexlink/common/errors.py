@@ -14,11 +14,15 @@ class FlexlinkError(Exception):
 
 
 class SceneError(FlexlinkError, ValueError):
-    """A description (TOML file or Python object) that is not a valid arm, scene, rule or method."""
+    """A scene, or a part of one such as a link (TOML file or Python object), that is not valid."""
+
+
+class DataFileError(FlexlinkError, ValueError):
+    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, a case of the study."""
 
 
 class ArgumentError(FlexlinkError, ValueError):
-    """An argument of a public function with a wrong shape, dtype, value or name."""
+    """An argument of a function with a wrong shape, dtype, value or name."""
 
 
 class SingularMassError(FlexlinkError, ArithmeticError):

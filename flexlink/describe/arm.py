@@ -9,8 +9,9 @@ import msgspec
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.names import link_number
 from flexlink.describe.sections import SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short_list
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -229,21 +230,21 @@ class Arm(Spec, frozen=True):
         if all(link.joint.locked and link.flex == "rigid" for link in self.links):
             raise SceneError("link: every joint is locked and every link rigid; at least one must move")
 
+    def __repr__(self) -> str:
+        return f"<Arm: {short_list([f'{link.name!r} ({link.flex})' for link in self.links])}>"
+
     def loss_time(self, link: Link) -> float:
         """Kelvin-Voigt's η [s] of a link's hinges: of its `damping`, or else of its material."""
         if link.flex == "rigid" or link.material is None:
             return 0.0
         return (link.damping or self.materials[link.material]).loss_time
 
-    def number(self, name: str) -> int:
-        """Number of the link called `name`, from 1.
+    def number(self, link: str | int) -> int:
+        """Number, from 1, of a link given by its name or number.
 
         Raises
         ------
-        SceneError
-            There is none.
+        ArgumentError
+            There is no such link.
         """
-        names = [link.name for link in self.links]
-        if not isinstance(name, str) or name not in names:
-            raise SceneError(f"link = {short(name)}: not in this arm; it has {', '.join(names)}{meant(name, names)}")
-        return names.index(name) + 1
+        return link_number("link", link, [each.name for each in self.links])

@@ -9,7 +9,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe.spec import decode, meant, short
 
 T = TypeVar("T")
@@ -81,12 +81,14 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
 
     Raises
     ------
-    SceneError
-        No such name (the message lists those that exist), or a file that is not a valid description.
+    ArgumentError
+        No such name; the message lists those that exist.
+    DataFileError
+        A file that is missing, or not a valid description.
     """
     known = names(folder)
     if not isinstance(name, str) or not (is_own(name) or name in known):
-        raise SceneError(
+        raise ArgumentError(
             f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
             f"{meant(name, known)}"
         )
@@ -94,7 +96,7 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     try:
         found: T = _decoded(path, _version(path), cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
-        raise SceneError(f"{key} = {short(name)}: {error}") from None
+        raise DataFileError(f"{key} = {short(name)}: {error}") from None
     return found
 
 

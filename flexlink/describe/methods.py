@@ -12,9 +12,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue, collocation
-from flexlink.describe.situation import Run
+from flexlink.describe.situation import AUTO, Run
 from flexlink.describe.spec import Spec, short
 
 Array = NDArray[np.float64]
@@ -27,7 +27,7 @@ CLOSE = Fraction(1, 10**15)
 """How far sums of coefficients may be from what they must be: decimals are rounded."""
 
 MOST_STAGES = 9
-"""Of a family: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages)."""
+"""Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
 
 WORST_CONDITION = 1e7
 """Of the eigenvectors of A: Newton's corrections pass through them and keep 9 digits, where one would do."""
@@ -130,11 +130,11 @@ class Method(Spec, frozen=True):
 
         Raises
         ------
-        SceneError
+        ArgumentError
             The method is explicit.
         """
         if self.explicit:
-            raise SceneError(f"{self.about}: explicit; only implicit methods have modes of A")
+            raise ArgumentError(f"{self.about}: explicit; only implicit methods have modes of A")
         return _modes(self)
 
     @property
@@ -145,11 +145,11 @@ class Method(Spec, frozen=True):
 
         Raises
         ------
-        SceneError
+        ArgumentError
             The method is explicit, or has no such estimate.
         """
         if self.explicit or not self.controlled:
-            raise SceneError(f"{self.about}: no error estimate by nodes; Radau IIA of 3, 5, … stages has one")
+            raise ArgumentError(f"{self.about}: no error estimate by nodes; Radau IIA of 3, 5, … stages has one")
         γ = float(self.modes.real[0])
         return Embedded(γ, -γ * _float64(collocation.weights_at(self.exact[2], Fraction(0))))
 
@@ -178,6 +178,8 @@ class Method(Spec, frozen=True):
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
+        if stages > MOST_STAGES and not self.explicit:
+            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
             raise SceneError(f"b = {short(self.b)}: must sum to 1")
@@ -205,26 +207,38 @@ def method(name: str) -> Method:
 
     Raises
     ------
-    SceneError
-        Unknown name, or a file that is not a valid method.
+    ArgumentError
+        Unknown name.
+    DataFileError
+        A file that is not a valid method.
     """
     return catalogue.load("methods", "method", name, Method)
 
 
 def check_method(run: Run) -> None:
-    """The method of a run is there, and explicit.
+    """The method of a run is there, and it can do what the run asks of it.
 
     Raises
     ------
     SceneError
         The message names the key, the value and what is allowed.
+    DataFileError
+        The method's own file is not valid.
     """
+    if run.method == AUTO:
+        if not run.controlled:
+            raise SceneError(f"run.method = {AUTO!r}: picks a method for a tolerance; give run.tolerance, or a method")
+        return
     try:
-        explicit = method(run.method).explicit
-    except SceneError as error:
-        raise SceneError(f"run.{error}") from None
-    if not explicit:
-        raise SceneError(f"run.method = {short(run.method)}: implicit; a run of fixed steps takes an explicit method")
+        able = method(run.method).controlled or not run.controlled
+    except (ArgumentError, DataFileError) as error:
+        kind = DataFileError if isinstance(error, DataFileError) else SceneError
+        raise kind(f"run.{error}") from None
+    if not able:
+        allowed = ", ".join([AUTO, *(name for name in catalogue.names("methods") if method(name).controlled)])
+        raise SceneError(
+            f"run.method = {short(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
+        )
 
 
 def _check_number(where: str, x: str) -> None:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.spec import NonNegative, Positive, Spec, short
@@ -98,7 +98,7 @@ class LumpingRule(Spec, frozen=True):
 
         Raises
         ------
-        SceneError
+        ArgumentError
             The rule does not exist for that many hinges; the message says what it takes.
         """
         if self.grid is not None:
@@ -110,7 +110,7 @@ class LumpingRule(Spec, frozen=True):
         if count % size:
             below = count - count % size
             near = " or ".join(str(k + 1) for k in (below, below + size) if k)
-            raise SceneError(f"takes its hinges in groups of {size}; near are {near} segments")
+            raise ArgumentError(f"takes its hinges in groups of {size}; near are {near} segments")
         elements = count // size
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements
@@ -147,7 +147,7 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
     corrected = len(grid.first_weights) + len(grid.last_weights)
     spaces = grid.first + count - 1 + grid.last
     if count < max(1, corrected) or spaces <= 0:
-        raise SceneError(f"needs at least {max(1, corrected) + 1} segments")
+        raise ArgumentError(f"needs at least {max(1, corrected) + 1} segments")
     weights = np.ones(count)
     weights[: len(grid.first_weights)] = grid.first_weights
     weights[count - len(grid.last_weights) :] = grid.last_weights[::-1]
@@ -158,7 +158,7 @@ def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
 
     if count > MOST_JACOBI:
-        raise SceneError(f"takes at most {MOST_JACOBI + 1} segments; rules such as gauss take any number")
+        raise ArgumentError(f"takes at most {MOST_JACOBI + 1} segments; rules such as gauss take any number")
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))
@@ -172,13 +172,16 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     ------
     SceneError
         No such rule, it does not exist for that many hinges, or a hinge would have no inertia on one of its sides.
+    DataFileError
+        A rule's own file is not valid.
     """
     found = []
     for k, link in enumerate(arm.links):
         try:
             found.append(_hinges_of(link))
-        except SceneError as error:
-            raise SceneError(f"link[{k}].{error}") from None
+        except (ArgumentError, SceneError, DataFileError) as error:
+            kind = DataFileError if isinstance(error, DataFileError) else SceneError
+            raise kind(f"link[{k}].{error}") from None
     return found
 
 
@@ -202,8 +205,8 @@ def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
     try:
         nodes, weights = rule.hinges(count)
         if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
-            raise SceneError("puts them closer, or gives them less weight, than float64 can tell from zero")
-    except SceneError as error:
+            raise ArgumentError("puts them closer, or gives them less weight, than float64 can tell from zero")
+    except ArgumentError as error:
         raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {link.lumping!r} {error}") from None
     return nodes, weights
 
@@ -213,7 +216,9 @@ def lumping_rule(name: str) -> LumpingRule:
 
     Raises
     ------
-    SceneError
-        Unknown name, or a file that is not a valid rule.
+    ArgumentError
+        Unknown name.
+    DataFileError
+        A file that is not a valid rule.
     """
     return catalogue.load("lumping", "lumping", name, LumpingRule)

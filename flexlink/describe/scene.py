@@ -10,12 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm
 from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
-from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
+from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied
 from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
 from flexlink.describe.vary import changed, parsed
 
@@ -55,24 +55,32 @@ class Scene(Spec, frozen=True):
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+        moved: set[int] = set()
         for k, motion in enumerate(self.motion):
-            self._check_motion(motion, f"motion[{k}]")
+            number = self._check_motion(motion, f"motion[{k}]")
+            if number in moved:
+                raise SceneError(f"motion[{k}].link = {motion.link!r}: has two motions")
+            moved.add(number)
 
-    def _check_motion(self, motion: Motion, path: str) -> None:
+    def __repr__(self) -> str:
+        run = self.run
+        return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+
+    def _check_motion(self, motion: Motion, path: str) -> int:
+        """Number of the link that moves."""
         try:
             number = self.arm.number(motion.link)
-        except SceneError as error:
+        except ArgumentError as error:
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
-        if [other.link for other in self.motion].count(motion.link) > 1:
-            raise SceneError(f"{path}.link = {motion.link!r}: has two motions")
         for key, start, first in (
             ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
             ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
         ):
             if start != first:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+        return number
 
     @property
     def tip_wrench(self) -> Array:
@@ -91,7 +99,7 @@ class Scene(Spec, frozen=True):
             lists of one number per link (`initial.joint_deg.upper`); a name with a dot stands in quotes. `*` stands for
             all links on which the key has an effect: `flex`, `segments`, `lumping` and `damping` of those that are
             flexible, `material` and `section` of those that have some, friction, armature, rates and torques of those
-            whose joint is free.
+            whose joint is free. A tolerance takes the place of fixed steps, and a step that of a tolerance.
 
         Returns
         -------
@@ -111,6 +119,8 @@ class Scene(Spec, frozen=True):
         >>> soft = scene.varied({"material.aluminium.young": 35e9, "initial.joint_deg.upper": -45.0})
         >>> free = scene.varied({"motion": (), "drive": Drive(kind="constant", torque=(0.0, 5.0, 0.0))})
         """
+        if isinstance(changes, Mapping):
+            changes = {**implied(self.run, changes), **changes}
         varied = scene_from(changed(self._document(), FIELDS, changes))
         check_named(varied)
         return varied
@@ -136,12 +146,19 @@ def load_scene(path: str | Path) -> Scene:
         A TOML file in the format of the scenes in `models/`. Files that it names (`method`, `lumping`) are sought
         from its own folder.
 
+    Returns
+    -------
+    Scene
+        As the file says.
+
     Raises
     ------
     ArgumentError
         `path` is no path.
     SceneError
         The message names the file, the key path, the value and what is allowed.
+    DataFileError
+        The file of a rule or method that the scene names is not valid.
     """
     path = catalogue.given_path("path", path)
     raw = catalogue.read_toml(path)
@@ -151,8 +168,8 @@ def load_scene(path: str | Path) -> Scene:
     try:
         scene = scene_from(raw)
         check_named(scene)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
+    except (SceneError, DataFileError) as error:
+        raise type(error)(f"{path}: {error}") from None
     return scene
 
 
@@ -169,6 +186,8 @@ def check_named(scene: Scene) -> None:
     ------
     SceneError
         The message names the key path, the value and what is allowed.
+    DataFileError
+        The file of a rule or method is not valid.
     """
     hinges_of(scene.arm)
     check_method(scene.run)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Literal
 
 import msgspec
@@ -13,9 +14,11 @@ from flexlink.describe import catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 
 Array = NDArray[np.float64]
+AUTO = "auto"  # in place of a method's name
 Dynamics = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
+Accuracy = Literal["tip", "deflection"]
 """What becomes of a run that is not stable."""
 
 
@@ -77,7 +80,7 @@ class Motion(Spec, frozen=True):
     between, then on at the last rate.
     """
 
-    link: str
+    link: str | int  # name, or number from 1
     times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
     angle_deg: tuple[float, ...]
     rate_deg: tuple[float, ...]
@@ -102,27 +105,53 @@ class Wrench(Spec, frozen=True):
 
 
 class Run(Spec, frozen=True):
-    """How to integrate: method, fixed step, duration, time between stored samples [s], solver of forward dynamics.
+    """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
+
+    Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
+    of any body's place, or `relative_tolerance`, a part of the arm's reach (accuracy = "tip") or of its largest
+    deflection so far (accuracy = "deflection"); `step` then has no effect. method = "auto", the default then, takes the
+    cheapest method. Vibrations too small to matter for the tip's path may be damped away by accuracy = "tip".
 
     `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
     """
 
-    method: str = "RK4"
+    method: str = ""  # default: RK4, or, with a tolerance, auto
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
     dynamics: Dynamics = "articulated"
     unstable: Unstable = "refuse"
+    tolerance: Positive | None = None  # m
+    relative_tolerance: Positive | None = None
+    accuracy: Accuracy = "tip"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.method:
+            msgspec.structs.force_setattr(self, "method", "auto" if self.controlled else "RK4")
         msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
-        whole("sample", self.sample, "step", self.step)
+        if self.controlled:
+            self._check_tolerance()
+        else:
+            whole("sample", self.sample, "step", self.step)
         whole("duration", self.duration, "sample", self.sample)
+
+    def _check_tolerance(self) -> None:
+        if self.tolerance is not None and self.relative_tolerance is not None:
+            raise SceneError(
+                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too"
+            )
+        if self.accuracy == "deflection" and self.relative_tolerance is None:
+            raise SceneError("accuracy = 'deflection': takes relative_tolerance, a part of the deflection")
+
+    @property
+    def controlled(self) -> bool:
+        """Whether steps follow from a tolerance."""
+        return self.tolerance is not None or self.relative_tolerance is not None
 
     @property
     def steps_per_sample(self) -> int:
-        """Number of steps between two stored samples."""
+        """Number of fixed steps between two stored samples."""
         return round(self.sample / self.step)
 
     @property
@@ -133,7 +162,8 @@ class Run(Spec, frozen=True):
     @property
     def times(self) -> Array:
         """Times of the stored samples [s], shape (samples,)."""
-        return np.arange(self.samples, dtype=np.float64) * (self.steps_per_sample * self.step)
+        between = self.sample if self.controlled else self.steps_per_sample * self.step
+        return np.arange(self.samples, dtype=np.float64) * between
 
 
 def whole(name: str, value: float, unit_name: str, unit: float) -> None:
@@ -149,3 +179,25 @@ def whole(name: str, value: float, unit_name: str, unit: float) -> None:
         raise SceneError(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
     if abs(ratio - round(ratio)) > 1e-9 * max(1.0, ratio) or (value > 0 and round(ratio) == 0):
         raise SceneError(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+
+
+def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
+    """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
+
+    Raises
+    ------
+    SceneError
+        Both are given.
+    """
+    said = {path for path, value in changes.items() if value is not None}
+    tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
+    if tolerances and step:
+        raise SceneError(f"run.step = {short(changes['run.step'])}: {min(tolerances)} is given, too")
+    gone: list[str] = []
+    if tolerances or step:
+        gone += ["run.tolerance", "run.relative_tolerance"]
+    if step:
+        gone += ["run.accuracy"]
+    if (tolerances and not run.controlled) or (step and run.method == AUTO):
+        gone += ["run.method"]
+    return dict.fromkeys(gone)

@@ -6,7 +6,8 @@ import difflib
 import functools
 import math
 import re
-from collections.abc import Iterable, Mapping
+import reprlib
+from collections.abc import Iterable, Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -20,6 +21,10 @@ NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Vector3 = tuple[float, float, float]
 
 T = TypeVar("T")
+
+BRIEF = reprlib.Repr()
+BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
+BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
 class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -43,6 +48,20 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             except msgspec.ValidationError as error:
                 raise SceneError(_explain(value, field.type, field.encode_name, error)) from None
             msgspec.structs.force_setattr(self, field.name, kept)
+
+    def __repr__(self) -> str:
+        """What is not as by default, long texts and tables cut."""
+        said = [
+            f"{field.name}={BRIEF.repr(getattr(self, field.name))}"
+            for field in msgspec.structs.fields(self)
+            if getattr(self, field.name) != _default(field)
+        ]
+        return f"{type(self).__name__}({', '.join(said)})"
+
+
+def _default(field: msgspec.structs.FieldInfo) -> object:
+    made = field.default_factory
+    return field.default if made is msgspec.NODEFAULT else made()
 
 
 @functools.cache
@@ -191,3 +210,8 @@ def short(value: object) -> str:
     except Exception as error:  # whatever the class of the value raises, and an int of 5000 digits
         return "…" if isinstance(error, RecursionError) else f"<{type(value).__name__}>"
     return text if len(text) <= 60 else text[:57] + "…"
+
+
+def short_list(items: Sequence[str]) -> str:
+    """Items with commas, those in the middle of many left out."""
+    return ", ".join(items if len(items) <= 8 else [*items[:5], "…", *items[-2:]])

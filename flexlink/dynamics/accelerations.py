@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import all_given, choice, dimensions, matrix, vector, wrench_vector
+from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.situation import Dynamics
+from flexlink.dynamics.batches import about_state, is_batch, rows
 from flexlink.dynamics.singularity import no_acceleration
 from flexlink.kernels import forward
 from flexlink.kernels.finite import is_finite
@@ -35,7 +36,7 @@ def forward_dynamics(
     tip_wrench: ArrayLike | None = None,
     method: str = "articulated",
 ) -> Array:
-    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR, shape (n,) [rad/s²], or (b, n) for b states at once.
+    """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
     A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
 
@@ -44,13 +45,18 @@ def forward_dynamics(
     chain
         The chain; with (b, n) states also b chains of one layout (`Chain.same_layout`), such as an arm with b payloads.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or all (b, n): "articulated" then takes
-        eight states side by side.
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states, a part of shape
+        (n,) being the same in all: "articulated" then takes eight states side by side.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
     method
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
+
+    Returns
+    -------
+    Array
+        q̈, shape (n,), or (b, n) [rad/s²].
 
     Raises
     ------
@@ -59,12 +65,12 @@ def forward_dynamics(
     SingularMassError
         A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
     """
-    if not isinstance(chain, Chain) or dimensions(q) == 2:
+    if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
         solver = solver_for(chains[0], method)
-        return _forward_dynamics_of_many(chains, solver, q, qd, tau, wrench_vector(tip_wrench))
+        return _forward_dynamics_of_many(chains, solver, wrench_vector(tip_wrench), q, qd, tau)
     n, solver = chain.n, solver_for(chain, method)
-    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
+    q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = wrench_vector(tip_wrench)
     qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
@@ -83,21 +89,22 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 
 
 def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: forward.Solver, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, wrench: Array
+    chains: Sequence[Chain], solver: forward.Solver, wrench: Array, *state: ArrayLike
 ) -> Array:
-    if dimensions(q) != 2:
-        raise ArgumentError(f"q has {dimensions(q)} dimensions; many chains take 2, of shape (b, {chains[0].n})")
-    shape = b, _ = np.shape(q)[0], chains[0].n
-    states = [matrix(name, value, shape) for name, value in (("q", q), ("qd", qd), ("tau", tau))]
+    n = chains[0].n
+    if not is_batch(*state):
+        raise ArgumentError(f"q, qd, tau: many chains take as many states, of which one part has the shape (b, {n})")
+    states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
+    b = len(states[0])
     if len(chains) not in {1, b}:
         raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
     if b == 0:
-        return np.zeros(shape)
+        return np.zeros((b, n))
     qdd = _side_by_side(chains, solver, wrench, states)
     if not is_finite(qdd.reshape(-1)):
-        state = int(np.argmin(np.isfinite(qdd).all(axis=1)))
-        error = no_acceleration(chains[state % len(chains)], solver, wrench, *(part[state] for part in states))
-        raise type(error)(f"state {state}: {error}")
+        k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
+        culprit = chains[k % len(chains)]
+        raise about_state(k, no_acceleration(culprit, solver, wrench, *(part[k] for part in states)))
     return qdd
 
 

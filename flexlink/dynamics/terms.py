@@ -2,7 +2,8 @@
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX                         (paper, equations 2 and 3)
 
-All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order. The tip wrench
+All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
+results then have a leading b, and a part of the state of shape (n,) belongs to all of them. The tip wrench
 (f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
 """
 
@@ -17,10 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import beyond_float64, choice, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.batches import each, is_batch
 from flexlink.kernels import mass
 from flexlink.kernels.energy import energies
 from flexlink.kernels.finite import is_finite
-from flexlink.kernels.kinematics import forward_kinematics
 from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
 
 Array = NDArray[np.float64]
@@ -34,7 +35,7 @@ MASS_METHODS = {
 
 
 class Energy(NamedTuple):
-    """Energies [J]: scalars for one state, arrays over samples in a `Trajectory`."""
+    """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
 
     kinetic: Array | float
     gravity: Array | float  # zero when all mass is at the origin of frame 0
@@ -45,12 +46,15 @@ class Energy(NamedTuple):
         """Kinetic + gravity + elastic."""
         return self.kinetic + self.gravity + self.elastic
 
+    def __repr__(self) -> str:
+        told = [f"{name} {_span(np.asarray(value))} J" for name, value in self._asdict().items()]
+        return f"<Energy: {', '.join(told)}>"
 
-class Frames(NamedTuple):
-    """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
 
-    rotations: Array  # (bodies, 3, 3), R: v_0 = R v_body
-    points: Array  # (bodies, 3), origins [m]
+def _span(values: Array) -> str:
+    if values.ndim == 0:
+        return f"{float(values):.9g}"
+    return f"{values.min():.6g} … {values.max():.6g}" if values.size else "–"
 
 
 def inverse_dynamics(
@@ -65,22 +69,25 @@ def inverse_dynamics(
     chain
         The chain.
     q, qd, qdd
-        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,).
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m].
 
     Returns
     -------
     Array
-        τ = M(q) q̈ + T_GC(q, q̇), shape (n,) [N m].
+        τ = M(q) q̈ + T_GC(q, q̇), shape (n,), or (b, n) [N m].
 
     Raises
     ------
     ArgumentError
         An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
+    if is_batch(q, qd, qdd):
+        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
     n = given("chain", chain, Chain).n
-    q, qd, qdd, wrench = vector("q", q, n), vector("qd", qd, n), vector("qdd", qdd, n), wrench_vector(tip_wrench)
+    q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
+    wrench = wrench_vector(tip_wrench)
     tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
     if not is_finite(tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
@@ -95,13 +102,44 @@ def _at(what: str, chain: Chain, values: Array) -> str:
 def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> Array:
     """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
 
-    Parameters, shapes and errors are those of `inverse_dynamics`. Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+    Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    Array
+        T_GC, shape (n,), or (b, n) [N m].
+
+    Raises
+    ------
+    ArgumentError
+        As in `inverse_dynamics`.
     """
     return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0, shape (n,) [N m].
+    """T_G: the torque that holds the arm against gravity, T_GC with q̇ = 0.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_G, shape (n,), or (b, n) [N m].
 
     Raises
     ------
@@ -112,14 +150,28 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
-    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones, shape (n,) [N m].
+    """T_FL = k (θ − θ₀) on passive joints, 0 on active ones.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_FL, shape (n,), or (b, n) [N m].
 
     Raises
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
-    q = vector("q", q, given("chain", chain, Chain).n)
+    if is_batch(q):
+        return each(elastic_torque, chain, {"q": q})
+    q = vector("q", q, given("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
         torque: Array = chain.stiffness * (q - chain.rest)
     if not is_finite(torque):
@@ -128,17 +180,31 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
 
 
 def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
-    """T_FR = d q̇ + c tanh(q̇ / w), shape (n,) [N m].
+    """T_FR = d q̇ + c tanh(q̇ / w).
 
     d is viscous friction on active joints and structural damping on passive ones; c is the Coulomb torque and w the
     `coulomb_width` over which the law turns round smoothly.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    qd
+        Rates [rad/s], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Array
+        T_FR, shape (n,), or (b, n) [N m].
 
     Raises
     ------
     ArgumentError
         `qd` has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
-    qd = vector("qd", qd, given("chain", chain, Chain).n)
+    if is_batch(qd):
+        return each(friction_torque, chain, {"qd": qd})
+    qd = vector("qd", qd, given("chain", chain, Chain).n, many=True)
     hinges = chain.hinges
     with np.errstate(over="ignore"):  # far beyond the width tanh is 1
         torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
@@ -148,24 +214,31 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Array:
-    """Joint-space inertia M(q), symmetric positive definite, shape (n, n) [kg m²].
+    """Joint-space inertia M(q), symmetric positive definite.
 
     Parameters
     ----------
     chain
         The chain.
     q
-        Angles [rad], shape (n,).
+        Angles [rad], shape (n,), or (b, n) for b states.
     method
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
+
+    Returns
+    -------
+    Array
+        M, shape (n, n), or (b, n, n) [kg m²].
 
     Raises
     ------
     ArgumentError
         `q` has the wrong shape, is not real or not finite, the method is unknown, or M is beyond float64.
     """
-    q = vector("q", q, given("chain", chain, Chain).n)
+    if is_batch(q):
+        return each(mass_matrix, chain, {"q": q}, method=method)
+    q = vector("q", q, given("chain", chain, Chain).n, many=True)
     M = np.zeros((chain.n, chain.n))
     trace = choice("method", method, MASS_METHODS)(chain.arrays, q, M)
     if not math.isfinite(trace):
@@ -174,36 +247,31 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
 
 
 def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
-    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy [J].
+    """Kinetic ½ q̇ᵀMq̇, gravity −Σ m g·p and elastic Σ ½ k (θ − θ₀)² energy.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
+
+    Returns
+    -------
+    Energy
+        Its three parts [J], numbers, or shape (b,) each.
 
     Raises
     ------
     ArgumentError
         `q` or `qd` has the wrong shape, is not real or not finite, or an energy is beyond float64.
     """
+    if is_batch(q, qd):
+        return each(energy, chain, {"q": q, "qd": qd})
     n = given("chain", chain, Chain).n
-    q, qd = vector("q", q, n), vector("qd", qd, n)
+    q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
     found = Energy(*energies(chain.arrays, q, qd))
     if not math.isfinite(found.total):
         name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
         raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
     return found
-
-
-def frames(chain: Chain, q: ArrayLike) -> Frames:
-    """Rotation and origin of every body frame in frame 0; the last one is the tip frame.
-
-    Raises
-    ------
-    ArgumentError
-        `q` has the wrong shape, is not real or not finite.
-    """
-    arrays = given("chain", chain, Chain).arrays
-    placed = forward_kinematics(arrays, vector("q", q, chain.n))
-    return Frames(placed.rotations, placed.points)
-
-
-def tip_position(chain: Chain, q: ArrayLike) -> Array:
-    """Origin of the tip frame in frame 0, shape (3,) [m]; errors as in `frames`."""
-    tip: Array = frames(chain, q).points[-1]
-    return tip

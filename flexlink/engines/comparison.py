@@ -33,39 +33,39 @@ STUDIED = 200  # states at which a difference is looked at for its cause
 PIECES = 200  # progress is reported about this often
 
 
-class Quantity(NamedTuple):
+class Term(NamedTuple):
     """How one term of the equation of motion is evaluated, and two values compared: (n,) or (n, n), 1 is allowed."""
 
     evaluate: Callable[[Engine, State], Array]
     error: Callable[[Chain, State, Array, Array], Array]
 
 
-QUANTITIES: dict[str, Quantity] = {
-    "M": Quantity(
+QUANTITIES: dict[str, Term] = {
+    "M": Term(
         lambda e, s: e.mass_matrix(s.q),
         lambda c, s, one, other: in_units(one - other, rounding.of_mass_matrix(c, s.q)),
     ),
-    "T_G": Quantity(
+    "T_G": Term(
         lambda e, s: e.gravity_torque(s.q),
         lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, np.zeros(c.n))),
     ),
-    "T_GC": Quantity(
+    "T_GC": Term(
         lambda e, s: e.bias_torque(s.q, s.qd),
         lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd)),
     ),
-    "T_GC with tip wrench": Quantity(
+    "T_GC with tip wrench": Term(
         lambda e, s: e.bias_torque(s.q, s.qd, tip_wrench=s.wrench),
         lambda c, s, one, other: in_units(one - other, rounding.of_bias_torque(c, s.q, s.qd, tip_wrench=s.wrench)),
     ),
-    "T_FL": Quantity(
+    "T_FL": Term(
         lambda e, s: e.elastic_torque(s.q),
         lambda c, s, one, other: in_units(one - other, rounding.of_elastic_torque(c, s.q)),
     ),
-    "T_FR": Quantity(
+    "T_FR": Term(
         lambda e, s: e.friction_torque(s.qd),
         lambda c, s, one, other: in_units(one - other, rounding.of_friction_torque(c, s.qd)),
     ),
-    "q̈": Quantity(
+    "q̈": Term(
         lambda e, s: e.forward_dynamics(s.q, s.qd, s.tau, tip_wrench=s.wrench),
         lambda c, s, one, other: rounding.acceleration_error(
             c, s.q, s.qd, s.tau, solutions=(one, other), tip_wrench=s.wrench
@@ -96,7 +96,7 @@ class Difference:
     quantity: str
     error: float
     joint: str
-    worst: State
+    worst: State = dataclasses.field(repr=False)
     hint: str
 
     @property
@@ -105,13 +105,17 @@ class Difference:
         return self.error <= 1
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Comparison:
     """Rows of `Difference` of one scene; prints as a table with the diagnosis below."""
 
     scene: str
     samples: int
     rows: tuple[Difference, ...]
+
+    def __repr__(self) -> str:
+        agree = sum(row.passed for row in self.rows)
+        return f"<Comparison {self.scene!r}: {agree} of {len(self.rows)} quantities agree at {self.samples} states>"
 
     @property
     def passed(self) -> bool:
@@ -178,6 +182,11 @@ def compare(
         Of the random numbers (PCG64).
     progress
         Called with the finished fraction, from 0 to 1, now and then.
+
+    Returns
+    -------
+    Comparison
+        For every engine and quantity the largest difference, and what it looks like; prints as a table.
 
     Raises
     ------

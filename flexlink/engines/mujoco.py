@@ -101,7 +101,7 @@ class MujocoEngine:
         if run.method != "RK4":
             raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
         if scene.motion:
-            raise _no_motion(scene.name, scene.motion[0].link)
+            raise _no_motion(scene.name, scene.arm.links[scene.arm.number(scene.motion[0].link) - 1].name)
         samples = t, q, qd = start(scene)
         data = self.data
         mujoco.mj_resetData(model, data)

@@ -35,6 +35,9 @@ class State(NamedTuple):
     tau: Array
     wrench: Array
 
+    def __repr__(self) -> str:
+        return f"<State: {len(self.q)} joints>"
+
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
     """Independent uniform states: angles over (−π, π), rates, drive torques and wrench up to the ranges above.

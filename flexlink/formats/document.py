@@ -18,18 +18,18 @@ def valid(name: str) -> str:
     return NOT_XML.sub("\ufffd", name)
 
 
-def joint_names(chain: Chain) -> list[str]:
+def xml_joint_names(chain: Chain) -> list[str]:
     """One name per coordinate, in sequential order; "universe" is Pinocchio's own."""
     given("chain", chain, Chain)
-    return unique(["universe", *(valid(chain.joint_name(k)) for k in range(chain.n))])[1:]
+    return unique(["universe", *map(valid, chain.joint_names)])[1:]
 
 
-def link_names(chain: Chain) -> list[str]:
+def xml_link_names(chain: Chain) -> list[str]:
     """Names of the base, of the frame behind each coordinate, and of the tip: n + 2 of them."""
-    return unique(["base_link", *(f"{name}_link" for name in joint_names(chain)), "tip"])
+    return unique(["base_link", *(f"{name}_link" for name in xml_joint_names(chain)), "tip"])
 
 
-def numbers(values: Iterable[float]) -> str:
+def decimals(values: Iterable[float]) -> str:
     """Shortest decimals that read back to the same float64; adding 0.0 turns −0.0 into 0.0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 

@@ -23,7 +23,7 @@ from flexlink.chain.arguments import given
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
-from flexlink.formats.document import joint_names, link_names, numbers, text, valid
+from flexlink.formats.document import decimals, text, valid, xml_joint_names, xml_link_names
 
 Array = NDArray[np.float64]
 
@@ -64,10 +64,10 @@ def to_mjcf(chain: Chain) -> str:
         raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
     root = ET.Element("mujoco", model=valid(chain.name))
     ET.SubElement(root, "compiler", COMPILER)
-    option = ET.SubElement(root, "option", integrator="RK4", gravity=numbers(chain.gravity))
+    option = ET.SubElement(root, "option", integrator="RK4", gravity=decimals(chain.gravity))
     ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
     ET.SubElement(root, "size", nuser_jnt="1")
-    joints, links = joint_names(chain), link_names(chain)
+    joints, links = xml_joint_names(chain), xml_link_names(chain)
     parent, frame, waiting = ET.SubElement(root, "worldbody"), _Frame(), list[_Hinge]()
     for body in chain.bodies[:-1]:
         place = _Frame(body["rotation"], body["translation"])
@@ -84,7 +84,7 @@ def to_mjcf(chain: Chain) -> str:
             frame, waiting = _Frame(), []
     if waiting:
         raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
-    option.set("timestep", numbers([_safe_step(chain)]))
+    option.set("timestep", decimals([_safe_step(chain)]))
     end = chain.bodies[-1]
     tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
     _inertial(
@@ -134,13 +134,13 @@ class _Hinge:
             "damping": [hinge["damping"]], "armature": [hinge["armature"]], "frictionloss": [hinge["coulomb"]],
             "user": [hinge["coulomb_width"]],
         }  # fmt: skip
-        written = {key: numbers(value) for key, value in values.items()}
+        written = {key: decimals(value) for key, value in values.items()}
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | written)
 
 
 def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
-    quaternion = numbers(quaternion_from_matrix(frame.R))
-    return ET.SubElement(parent, "body", name=name, pos=numbers(frame.r), quat=quaternion)
+    quaternion = decimals(quaternion_from_matrix(frame.R))
+    return ET.SubElement(parent, "body", name=name, pos=decimals(frame.r), quat=quaternion)
 
 
 def _principal(body: np.void) -> tuple[Array, Array]:
@@ -170,6 +170,6 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
 def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
     """Mass, centre and principal moments."""
     ET.SubElement(
-        parent, "inertial", mass=numbers([body["mass"]]), pos=numbers(body["center"]),
-        quat=numbers(quaternion_from_matrix(axes)), diaginertia=numbers(moments),
+        parent, "inertial", mass=decimals([body["mass"]]), pos=decimals(body["center"]),
+        quat=decimals(quaternion_from_matrix(axes)), diaginertia=decimals(moments),
     )  # fmt: skip

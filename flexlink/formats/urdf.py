@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
-from flexlink.formats.document import joint_names, link_names, numbers, text, valid
+from flexlink.formats.document import decimals, text, valid, xml_joint_names, xml_link_names
 
 Array = NDArray[np.float64]
 
@@ -36,10 +36,15 @@ def to_urdf(chain: Chain) -> str:
     str
         The document; joints in sequential order, named as `Chain.joint_name` does. Link `tip` is the tip frame.
         Numbers read back exactly, except that placements turn by roll, pitch and yaw.
+
+    Raises
+    ------
+    ArgumentError
+        `chain` is no Chain.
     """
-    joints, links = joint_names(chain), link_names(chain)
+    joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
-    ET.SubElement(robot, "flexlink", gravity=numbers(chain.gravity))
+    ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity))
     link = ET.SubElement(robot, "link", name=links[0])
     for body in chain.bodies[:-1]:
         translation, rotation = body["translation"], body["rotation"]
@@ -63,22 +68,22 @@ def _joint(
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
-    ET.SubElement(joint, "origin", xyz=numbers(translation), rpy=numbers(rpy_from_matrix(rotation)))
+    ET.SubElement(joint, "origin", xyz=decimals(translation), rpy=decimals(rpy_from_matrix(rotation)))
     return joint
 
 
 def _hinge(joint: ET.Element, hinge: np.void) -> None:
-    ET.SubElement(joint, "axis", xyz=numbers(np.eye(3)[hinge["axis"]]))
+    ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
     ET.SubElement(joint, "limit", LIMIT)
     dynamics = {"damping": hinge["damping"], "friction": hinge["coulomb"]}
-    ET.SubElement(joint, "dynamics", {name: numbers([value]) for name, value in dynamics.items()})
+    ET.SubElement(joint, "dynamics", {name: decimals([value]) for name, value in dynamics.items()})
     own = ("stiffness", "rest", "coulomb_width", "armature")
-    ET.SubElement(joint, "flexlink", {name: numbers([hinge[name]]) for name in own})
+    ET.SubElement(joint, "flexlink", {name: decimals([hinge[name]]) for name in own})
 
 
 def _inertial(link: ET.Element, body: np.void) -> None:
     inertial = ET.SubElement(link, "inertial")
-    ET.SubElement(inertial, "origin", xyz=numbers(body["center"]))
-    ET.SubElement(inertial, "mass", value=numbers([body["mass"]]))
-    moments = {name: numbers([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
+    ET.SubElement(inertial, "origin", xyz=decimals(body["center"]))
+    ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
+    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
     ET.SubElement(inertial, "inertia", moments)

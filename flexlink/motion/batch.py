@@ -18,8 +18,9 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.lanes import LANES
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
-from flexlink.motion.result import Trajectory
-from flexlink.motion.single import SingleRun, pieces, prepare
+from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.result import Steps, Trajectory
+from flexlink.motion.single import SingleRun, prepare
 from flexlink.motion.watch import Watch
 
 Array = NDArray[np.float64]
@@ -119,7 +120,7 @@ def _alike(a: Member, b: Member) -> bool:
 def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
     run, chain = block[0].scene.run, block[0].chain
     solver = solver_for(chain, run.dynamics)
-    if len(block) == 1 or solver.lanes_workspace is None:
+    if len(block) == 1 or solver.lanes_workspace is None or not block[0].watch.explicit:
         return [member.run(stop) for member in block]
     eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
     chains = [member.chain for member in eight]
@@ -129,24 +130,24 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
         q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
     state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
     work = lanes_workspace(solver, chains)
-    rows = 1
-    for done in pieces(block[0].watch, work, state, samples):
-        rows = done // run.steps_per_sample + 1
+    done = 0
+    for done in pieces(block[0].watch, work, state, samples):  # noqa: B007  where it ended
         if stop.asked:
             break
     if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
         return [member.run(stop) for member in block]
+    rows = done // run.steps_per_sample + 1
     return [
-        _outcome(member.watch, stop, *(array[:rows, ..., lane] for array in samples))
+        _outcome(member.watch, stop, steps_up_to(run, done), *(array[:rows, ..., lane] for array in samples))
         for lane, member in enumerate(block)
     ]
 
 
-def _outcome(watch: Watch, stop: Stop, q: Array, qd: Array, works: Array) -> Outcome:
+def _outcome(watch: Watch, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Outcome:
     """What became of a member, whose first samples are given."""
     record, rows = watch.record, len(works)
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
-    if not watch.look(rows):
+    if not watch.look(rows, steps):
         return watch.diverged()
     run = watch.trajectory()
     return run if rows == len(record.t) else InterruptedRunError(run, stop.signal or signal.SIGINT)

@@ -6,7 +6,7 @@ import dataclasses
 import importlib
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
+
+
+class Steps(NamedTuple):
+    """How a run advanced."""
+
+    method: str
+    taken: int
+    evaluations: int  # of forward or inverse dynamics
+    rejected: int = 0  # steps that were taken again, shorter: their error was too large
+    failed: int = 0  # … whose stages were not found
+    why: str = ""  # of a method that was picked
+
+    def __str__(self) -> str:
+        again = f", {self.rejected} rejected, {self.failed} not solved" if self.rejected or self.failed else ""
+        picked = f" ({self.why})" if self.why else ""
+        return f"{self.method}{picked}: {self.taken} steps{again}, {self.evaluations} evaluations"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -52,6 +68,8 @@ class Trajectory:
         integrated with the run's own method; None of a run of another engine.
     warnings
         What a reader of the result must know, such as that it was insisted on an unstable step.
+    steps
+        How the run advanced; None of a run of another engine.
     """
 
     chain: Chain
@@ -63,10 +81,12 @@ class Trajectory:
     energy: Energy
     work: Array | None = None
     warnings: tuple[str, ...] = ()
+    steps: Steps | None = None
 
     def __repr__(self) -> str:
         samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
-        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints>"
+        doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints{doubts}>"
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -110,7 +130,7 @@ class Trajectory:
     @property
     def columns(self) -> dict[str, Array]:
         """Every sampled quantity as a named column with its unit, in the order of the CSV file."""
-        names = [self.chain.joint_name(k) for k in range(self.chain.n)]
+        names = self.chain.joint_names
         return {
             "t [s]": self.t,
             **{f"q {name} [rad]": self.q[:, k] for k, name in enumerate(names)},
@@ -214,11 +234,13 @@ class Record:
         """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""
         return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.wrench[:3])
 
-    def trajectory(self, stop: int, warnings: tuple[str, ...] = (), balanced: bool = True) -> Trajectory:
+    def trajectory(
+        self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True
+    ) -> Trajectory:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings)
+        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings, steps)
 
 
 def _kept(array: Array, stop: int) -> Array:
@@ -235,7 +257,7 @@ class _Writer:
         run = self.trajectory
         if self.format == ".npz":
             kinetic, gravity, elastic = run.energy
-            joints = np.array([run.chain.joint_name(k) for k in range(run.chain.n)])
+            joints = np.array(run.chain.joint_names)
             with path.open("wb") as file:
                 arrays = {
                     "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,

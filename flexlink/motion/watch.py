@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from flexlink.kernels.samples import tip_errors
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.endings import DivergenceError
-from flexlink.motion.result import Record, Trajectory
+from flexlink.motion.result import Record, Steps, Trajectory
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
         The step is beyond it, and `run.unstable` does not allow it.
     """
     run = scene.run
-    if run.duration == 0:
+    if run.duration == 0 or run.controlled or not method(run.method).explicit:
         return ()
     λ = fastest_eigenvalues(chain, q, qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
     largest = stable_step_of(λ, run.method)
@@ -92,12 +92,13 @@ class Watch:
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
         self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
-        self.tableau = method(run.method).arrays
+        self.explicit = not run.controlled and method(run.method).explicit
+        self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
 
-    def look(self, stop: int) -> bool:
-        """Derive and judge the samples before `stop` that were not looked at; whether all are good."""
-        first = self.good
+    def look(self, stop: int, steps: Steps | None = None) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good."""
+        first, self.steps = self.good, steps or self.steps
         if stop == first or self.fault:
             return not self.fault
         with np.errstate(all="ignore"):
@@ -106,26 +107,22 @@ class Watch:
             self._judge_energy(slice(first, stop))
             if self.good > first:
                 self._judge_bend(slice(first, self.good))
-            if self.good > first:
+            if self.good > first and self.explicit:
                 self._probe_steps(slice(first, self.good))
         return not self.fault
 
     def trajectory(self) -> Trajectory:
         """The good samples, with the warnings."""
-        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()))
+        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
 
-    def diverged(self, step: int = 0, state: Sequence[Array] = ()) -> DivergenceError:
-        """The error of a run with a fault, or else of one whose `state` after step number `step` is not finite."""
+    def diverged(self, failure: str = "") -> DivergenceError:
+        """The error of a run with a fault, or else of one whose steps ended early, as they say."""
         record, run = self.record, self.run
-        if self.fault:
-            told = f"t = {record.t[self.good]:.6g} s: {self.fault}"
-        else:
-            joint = record.chain.joint_name(int(np.argmin(np.isfinite(state[0]) & np.isfinite(state[1]))))
-            told = f"no longer finite at t = {step * run.step:.6g} s (step {step}, joint {joint!r})"
-        kept = f"{self.good} samples kept"
-        return DivergenceError(
-            f"{record.chain.name}: {told}; try a smaller step than {run.step:g} s; {kept}", self.trajectory()
-        )
+        told = f"t = {record.t[self.good]:.6g} s: {self.fault}" if self.fault else failure
+        advice = f"try a smaller step than {run.step:g} s"
+        if run.controlled:
+            advice = "try a smaller tolerance, another method, or fixed steps"
+        return DivergenceError(f"{record.chain.name}: {told}; {advice}; {self.good} samples kept", self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:
         """Samples are finite, their kinetic energy is positive, and their energy balances."""
@@ -134,10 +131,10 @@ class Watch:
         r = balance.imbalance(energy, work, start)
         X = _running_largest(self._exchanged, balance.turned_over(energy, work, start))
         one = _running_largest(self._rounded, rounding.of_energy_balance(record.chain, energy, work, record.q[rows]))
-        ε = one * (1 + self.run.steps_per_sample * np.arange(rows.start, rows.stop))
+        ε = one * (1 + self._steps_up_to(rows))
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
-        garbage = np.abs(r) > balance.SHARE * X + ε
+        garbage = np.abs(r) > balance.SHARE * X + ε + self._allowed(energy[0])
         share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
         self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
         if garbage.any():
@@ -149,6 +146,26 @@ class Watch:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _allowed(self, kinetic: Array) -> Array | float:
+        """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
+
+        τ, in which a body gets δ off its way, is a hundredth of the run: a long step.
+        """
+        if not self.run.controlled:
+            return 0.0
+        chain, reach = self.record.chain, rounding.reach(self.record.chain)
+        δ = self.run.tolerance or (self.run.relative_tolerance or 0.0) * reach
+        mass = float(chain.bodies["mass"].sum())
+        return δ * (
+            mass * float(np.linalg.norm(chain.gravity)) + np.sqrt(2 * mass * np.abs(kinetic)) * 100 / self.run.duration
+        )
+
+    def _steps_up_to(self, rows: slice) -> Array | int:
+        """Number of steps up to each of these samples; where steps differ, up to now."""
+        if self.run.controlled:
+            return self.steps.taken
+        return self.run.steps_per_sample * np.arange(rows.start, rows.stop)
 
     def _judge_bend(self, rows: slice) -> None:
         """No hinge is bent far, and M is positive definite in spite of the negative rotors of matched twist."""
@@ -180,7 +197,7 @@ class Watch:
         probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
         errors = np.empty(len(probed))
         tip_errors(
-            record.chain.arrays, record.scratch, self.tableau, record.inputs, self.run.step,
+            record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
             probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < rounding.of_position(record.chain)] = 0.0

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, INK, MARKERS, legend_above, panels
+from reports.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
 from reports.tables import rows_csv
 from validation.store import Finished, Row
 
@@ -33,7 +33,7 @@ def _picture(
 ) -> Picture:
     labels = list(dict.fromkeys(_label(row) for row in rows))
     engines = list(dict.fromkeys(row.engine for row in rows))
-    figure, (axes,) = panels(1, 1.3 + 0.33 * len(labels))
+    figure, (axes,) = stacked_axes(1, 1.3 + 0.33 * len(labels))
     for number, engine in enumerate(engines):
         found = [row for row in rows if row.engine == engine]
         values = [max(row.value or 0.0, limits[0] * 1.3) for row in found]  # 0 has no place on a log axis: at its edge

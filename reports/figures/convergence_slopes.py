@@ -8,7 +8,7 @@ from reports.curves import curves
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 
 SECTION = "integrators"
@@ -20,7 +20,7 @@ def draw(results: Results) -> Iterator[Picture]:
     for case, rows in results.of_kind("convergence"):
         slopes = {row.varied["method"]: row.value for row in rows if row.quantity == "slope"}
         for series in (s for s in results.series[case] if s.what in TAKES):
-            figure, (axes,) = panels(1, 3.2)
+            figure, (axes,) = stacked_axes(1, 3.2)
             for place, curve in enumerate(curves(series)):
                 label = f"{curve.label}, slope {number(slopes.get(curve.label))}"
                 axes.plot(curve.x, curve.y, MARKERS[place] + "-", color=CYCLE[place], label=label)

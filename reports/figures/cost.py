@@ -8,7 +8,7 @@ from statistics import median
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, panels
+from reports.style import CYCLE, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "integrators"
@@ -25,7 +25,7 @@ def draw(results: Results) -> Iterator[Picture]:
         if not costs:
             continue
         unit = next(row.unit for row in rows if row.quantity == "cost per step")
-        figure, (axes,) = panels(1, 0.9 + 0.4 * len(costs))
+        figure, (axes,) = stacked_axes(1, 0.9 + 0.4 * len(costs))
         values = [median(found) for found in costs.values()]
         bars = axes.barh(list(costs), values, color=CYCLE[: len(costs)], height=0.6)
         axes.bar_label(bars, [f"{number(value)} {unit}" for value in values], padding=3)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, INK, legend_above, panels
+from reports.style import CYCLE, INK, legend_above, stacked_axes
 from reports.tables import series_csv
 
 SECTION = "trajectory"
@@ -18,7 +18,7 @@ def draw(results: Results) -> Iterator[Picture]:
     """One picture a scene of which a case stored the motion."""
     for case, series in results.showing(*TAKES):
         if not series.engine:
-            figure, (axes,) = panels(1, 3.0)
+            figure, (axes,) = stacked_axes(1, 3.0)
             for place, curve in enumerate(curves(series)):
                 total = curve.label == "total"
                 colour, line = (INK, "--") if total else (CYCLE[place % len(CYCLE)], "-")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 
 SECTION = "trajectory"
@@ -17,7 +17,7 @@ TAKES = ("drift",)
 def draw(results: Results) -> Iterator[Picture]:
     """Points measured, lines predicted, one colour a method."""
     for case, series in results.showing(*TAKES):
-        figure, (axes,) = panels(1, 3.2)
+        figure, (axes,) = stacked_axes(1, 3.2)
         predicted = list(curves(series, "predicted"))
         for place, (found, line) in enumerate(zip(curves(series, "measured"), predicted, strict=True)):
             colour, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]

@@ -10,7 +10,7 @@ from reports.curves import curves
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, GREY, INK, legend_above, panels, tidy_logs
+from reports.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 
 SECTION = "trajectory"
@@ -23,7 +23,7 @@ def draw(results: Results) -> Iterator[Picture]:
         value = {(row.scene, row.quantity): row.value for row in rows if row.engine == "native"}
         for series in (s for s in results.series[case] if s.what in TAKES):
             scene = series.scene
-            figure, (axes,) = panels(1, 3.6)
+            figure, (axes,) = stacked_axes(1, 3.6)
             for place, curve in enumerate(curves(series)):
                 seen = curve.y > 0.0
                 axes.plot(curve.x[seen], curve.y[seen], color=CYCLE[place % len(CYCLE)], label=curve.label)

@@ -9,7 +9,7 @@ import numpy as np
 from reports.curves import floats, groups
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, MARKERS, legend_above, panels, tidy_logs
+from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 
@@ -32,7 +32,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 def _picture(name: str, series: Series, x: str, y: str, title: str) -> Picture:
-    figure, (axes,) = panels(1, 3.4)
+    figure, (axes,) = stacked_axes(1, 3.4)
     for place, (method, rows) in enumerate(groups(series)):
         across, up = floats(series.columns[x][rows]), floats(series.columns[y][rows])
         seen = np.isfinite(up) & (up > 0.0)  # a run that diverged has no error to draw

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, INK, VERMILION, legend_above, panels
+from reports.style import BLUE, INK, VERMILION, legend_above, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "integrators"
@@ -27,7 +27,7 @@ def draw(results: Results) -> Iterator[Picture]:
         if not shown:
             continue
         left = min(shown) * 1e-5
-        figure, (axes,) = panels(1, 1.5 + 0.5 * len(methods))
+        figure, (axes,) = stacked_axes(1, 1.5 + 0.5 * len(methods))
         for name, label, colour, marker in CURVES:
             found = [row for row in rows if row.quantity == name and row.value is not None]
             values = [max(row.value or 0.0, left) for row in found]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from reports.chapters import chapter_of_kinds, sections
 from reports.picture import Picture
 from reports.results import Results, used
-from reports.style import BLUE, INK, VERMILION, legend_above, panels, tidy_logs
+from reports.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import rows_csv
 from validation.store import Row
 
@@ -26,7 +26,7 @@ def draw(results: Results) -> Iterator[Picture]:
     if not rows:
         return
     lines = {section.id: names.index(section.short) for section in sections() if section.short in names}
-    figure, (axes,) = panels(1, 0.75 + 0.36 * len(names))
+    figure, (axes,) = stacked_axes(1, 0.75 + 0.36 * len(names))
     for passed, colour, marker, label in ((True, BLUE, "o", "passes"), (False, VERMILION, "X", "fails")):
         chosen = [row for row in rows if row.passed is passed]
         if chosen:

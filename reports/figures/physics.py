@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from reports.curves import curves
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, legend_above, panels, tidy_logs
+from reports.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Row, Series
 
@@ -59,7 +59,7 @@ MOTION = "Continuous reference, the judged chain, and the chain beside it."
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
     orders = {(row.varied["measure"], row.varied["rule"]): row.value for row in rows if row.quantity == "fitted order"}
-    figure, all_axes = panels(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
+    figure, all_axes = stacked_axes(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
     for place, (axes, series) in enumerate(zip(all_axes, sweeps, strict=True)):
         _rules(axes, series, {rule: orders.get((series.part, rule)) for rule in LOOKS})
         axes.set(xlabel=series.x_label if place == len(sweeps) - 1 else "", ylabel=series.y_label)
@@ -79,7 +79,7 @@ def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
 
 
 def _price(series: Series) -> Figure:
-    figure, (axes,) = panels(1, 3.4)
+    figure, (axes,) = stacked_axes(1, 3.4)
     _rules(axes, series, {})
     axes.set(xlabel=series.x_label, ylabel=series.y_label)
     legend_above(figure, axes, 3)
@@ -87,7 +87,7 @@ def _price(series: Series) -> Figure:
 
 
 def _motion(series: Series) -> Figure:
-    figure, (axes,) = panels(1, 2.9)
+    figure, (axes,) = stacked_axes(1, 2.9)
     for curve, (colour, line, marker) in zip(
         curves(series), ((INK, "", "o"), (VERMILION, "--", ""), (BLUE, "-", "")), strict=True
     ):

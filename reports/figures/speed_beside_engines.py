@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREY, INK, panels
+from reports.style import BLUE, GREY, INK, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "speed"
@@ -23,7 +23,7 @@ def draw(results: Results) -> Iterator[Picture]:
             continue
         labels = [f"{row.engine} {row.varied.get('solver', '')}\n{row.scene}" for row in found]
         values = [row.value or 0.0 for row in found]
-        figure, (axes,) = panels(1, 0.9 + 0.5 * len(found))
+        figure, (axes,) = stacked_axes(1, 0.9 + 0.5 * len(found))
         colours = [BLUE if row.engine == "native" else GREY for row in found]
         bars = axes.barh(labels, values, color=colours, height=0.6)
         axes.bar_label(bars, [f"{number(value)}×" for value in values], padding=3)

@@ -8,7 +8,7 @@ from reports.curves import curves, panels_of
 from reports.numbers import number
 from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, panels, tidy_logs
+from reports.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.facts import Fact
 from validation.store import Series
@@ -38,7 +38,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 def _picture(name: str, series: Series, exponents: Exponents) -> Picture:
     families = panels_of(series)
-    figure, axes = panels(len(families), 2.3)
+    figure, axes = stacked_axes(len(families), 2.3)
     for panel, (family, part) in zip(axes, families, strict=True):
         for curve in curves(part):
             colour, line, label = LOOKS[curve.label]

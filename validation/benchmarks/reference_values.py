@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import DataFileError
 
 FOLDER = Path(__file__).parent.parent / "reference"
 
@@ -27,20 +27,20 @@ def look_up(name: str, *keys: str) -> Any:
 
     Raises
     ------
-    SceneError
+    DataFileError
         The file or a key does not exist.
     """
     if not (FOLDER / f"{name}.json").is_file():
         known = ", ".join(sorted(path.stem for path in FOLDER.glob("*.json")))
-        raise SceneError(f"reference = {name!r}: no such file; there are {known}")
+        raise DataFileError(f"reference = {name!r}: no such file; there are {known}")
     found = _file(name)
     for key in keys:
         if key not in found:
-            raise SceneError(f"reference {name}: {key!r} is not in it; there are {', '.join(found)}")
+            raise DataFileError(f"reference {name}: {key!r} is not in it; there are {', '.join(found)}")
         found = found[key]
     return found
 
 
-def numbers(name: str, *keys: str) -> Array:
+def reference_array(name: str, *keys: str) -> Array:
     """A number or list of numbers of a reference file as float64, rounded once."""
     return np.array(look_up(name, *keys), dtype=np.float64)

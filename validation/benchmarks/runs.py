@@ -25,10 +25,10 @@ def told(run: Run) -> dict[str, Fact]:
     return {"method": run.method, "step": run.step, "duration": run.duration}
 
 
-def panels(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
+def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}
-    names = [chain.joint_name(k) for k in range(chain.n)]
+    names = chain.joint_names
     degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
     links = [chain.coordinate(k).link for k in range(chain.n)]
 

@@ -20,7 +20,7 @@ from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
-from validation.benchmarks.reference_values import numbers
+from validation.benchmarks.reference_values import reference_array
 from validation.case import BENCHMARKS, MODELS
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ def probe(scene: Scene) -> Array:
 
 def is_of(scene: Scene, name: str) -> bool:
     """Whether the stored reference is that of this scene, up to rounding."""
-    return np.allclose(numbers(reference_name(name), "probe"), probe(scene), rtol=PROBED, atol=0.0)
+    return np.allclose(reference_array(reference_name(name), "probe"), probe(scene), rtol=PROBED, atol=0.0)
 
 
 def reference_name(name: str) -> str:
@@ -95,7 +95,7 @@ def reference_name(name: str) -> str:
 @functools.cache
 def reference(name: str) -> Array:
     """Tip at the outputs, start included, shape (OUTPUTS + 1, 3) [m]; two methods agree on it."""
-    return numbers(reference_name(name), "tip")
+    return reference_array(reference_name(name), "tip")
 
 
 def motion_of(tip: Array) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from flexlink.chain.arguments import choice
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError
 from flexlink.describe.rules import lumping_rule
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec
@@ -74,6 +74,6 @@ def existing(case: Case, variant: Variant, wanted: Rule) -> Scene | None:
     rule = lumping_rule(wanted.rule)
     try:
         rule.hinges(wanted.hinges)
-    except SceneError:
+    except ArgumentError:
         return None
     return variant.build(case, wanted)

@@ -14,7 +14,7 @@ from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
 from validation.benchmarks.parity import follower_stiffness, load_stiffness, springs, squares
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import numbers
+from validation.benchmarks.reference_values import reference_array
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
@@ -48,7 +48,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
-    exact = {load.name: float(numbers("critical_loads", load.key)) for load in settings.load}
+    exact = {load.name: float(reference_array("critical_loads", load.key)) for load in settings.load}
     points = []
     for at in grid(settings.rules):
         scenes = [existing(case, load.variant, at) for load in settings.load]

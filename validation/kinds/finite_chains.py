@@ -16,7 +16,7 @@ from flexlink import engines
 from flexlink.describe.rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
-from validation.benchmarks.reference_values import look_up, numbers
+from validation.benchmarks.reference_values import look_up, reference_array
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -70,7 +70,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
     for rule, name in NAMES.items():
         for n in settings.cells:
             facts: Facts = {"rule": rule, "cells": n}
-            exact = numbers("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
+            exact = reference_array("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
             chain = _chain(case, rule, n)
             for engine, found in _both(chain):
                 yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, facts)
@@ -88,7 +88,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _arm(case: Case) -> Iterator[Measured]:
     """The errors that an independent program found for the straight arm with a locked elbow."""
-    exact = numbers("two_link_locked_lumped", "exact_omega")
+    exact = reference_array("two_link_locked_lumped", "exact_omega")
     for rule in ("paper", "midpoint"):
         for n, errors in look_up("two_link_locked_lumped", "rel_error_first3", rule).items():
             chain = _chain(case, rule, int(n), TWO_LINKS)

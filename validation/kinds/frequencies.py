@@ -22,7 +22,7 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.motion.start import initial_state
 from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import numbers
+from validation.benchmarks.reference_values import reference_array
 from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
@@ -89,7 +89,7 @@ def _facts(variant: Variant, settings: Settings) -> Facts:
 
 
 def _exact(variant: Variant, settings: Settings) -> Array:
-    return numbers(settings.reference, *variant.keys)[: settings.modes] ** settings.power
+    return reference_array(settings.reference, *variant.keys)[: settings.modes] ** settings.power
 
 
 def _state(scene: Scene, variant: Variant, settings: Settings) -> tuple[Chain, Array, list[int], int]:

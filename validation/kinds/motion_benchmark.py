@@ -26,7 +26,7 @@ from flexlink.motion.actuation import motion_arrays
 from flexlink.motion.result import Trajectory
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import look_up, numbers
+from validation.benchmarks.reference_values import look_up, reference_array
 from validation.benchmarks.runs import told
 from validation.benchmarks.sweep import Point, Sweep, report
 from validation.benchmarks.variant import Rule, Variant, existing, grid
@@ -57,7 +57,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
-    exact = numbers(settings.reference, "values")[:, list(settings.columns)]
+    exact = reference_array(settings.reference, "values")[:, list(settings.columns)]
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
     tried = [at for at in grid(settings.rules) if existing(case, Variant(), at) is not None]
     points = [Point(at, _errors(settings, run(at), exact)) for at in tried]

@@ -17,7 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion.single import simulate
-from validation.benchmarks.runs import panels, points_of
+from validation.benchmarks.runs import motion_series, points_of
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series
@@ -37,7 +37,7 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon."""
     for short in case.load_scenes():
-        yield from panels(short, simulate(short))
+        yield from motion_series(short, simulate(short))
         scene = short.varied({"run.duration": settings.duration, "run.step": settings.step})
         ours = simulate(scene)
         own = np.max([_running_max(other, ours.q) for other in _own_differences(scene)], axis=0)
@@ -53,7 +53,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
             begun = (part[: short.run.samples] for part in (t, q, qd))
-            yield from panels(short, points_of(short, ours.chain, *begun), name)
+            yield from motion_series(short, points_of(short, ours.chain, *begun), name)
             curves[name] = _running_max(q, ours.q)
             ratio = float((curves[name][within] / own[within]).max())
             upto = facts | {"duration": float(ours.t[end - 1])}

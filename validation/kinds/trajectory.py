@@ -9,7 +9,7 @@ import numpy as np
 from flexlink import engines
 from flexlink.describe.spec import Spec
 from flexlink.motion.single import simulate
-from validation.benchmarks.runs import panels, points_of, told
+from validation.benchmarks.runs import motion_series, points_of, told
 from validation.case import Case, Measured
 from validation.store import Series
 
@@ -24,11 +24,11 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Largest difference of joint angles, rates and tip over the run; the panels of figure 5."""
     for scene in case.load_scenes():
         ours = simulate(scene)
-        yield from panels(scene, ours)
+        yield from motion_series(scene, ours)
         differences = {"time [s]": ours.t}
         for name in settings.engines:
             t, q, qd = engines.load(name, ours.chain).integrate(scene)
-            yield from panels(scene, points_of(scene, ours.chain, t, q, qd), name)
+            yield from motion_series(scene, points_of(scene, ours.chain, t, q, qd), name)
             differences[name] = np.abs(q - ours.q).max(axis=1)
             yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, told(scene.run))
             yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, told(scene.run))

@@ -1,4 +1,8 @@
-"""Explicit Runge-Kutta in mpmath from the exact coefficients, for q̈ = f(q, q̇)."""
+"""Runge-Kutta in mpmath from the exact coefficients, for q̈ = f(q, q̇).
+
+The stages of an implicit method are found by iterating on their slopes, one after the other: plain, and enough where h
+is so small that an order shows.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +15,9 @@ from flexlink.describe.methods import Method
 
 Vector = list[Any]
 
+SOLVED, MOST_PASSES = mpf("1e-30"), 200
+"""Relative change of the slopes at which stages are found: far below the errors that are looked at."""
+
 
 def integrate(
     acceleration: Callable[[Vector, Vector], Vector],
@@ -19,19 +26,47 @@ def integrate(
     duration: Any,
     steps: int,
 ) -> tuple[Vector, Vector]:
-    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision."""
+    """q and q̇ after `duration` [s] in equal steps, in mpmath's working precision; stages of implicit ones to `SOLVED`.
+
+    Raises
+    ------
+    ArithmeticError
+        The iteration of an implicit method's stages does not end; the step is too large.
+    """
     exact = method.exact
     A, b = [[_mpf(x) for x in row] for row in exact[0]], [_mpf(x) for x in exact[1]]
     h = mpf(duration) / steps
     y = [mpf(x) for part in state for x in part]
     n = len(y) // 2
+
+    def slope(weights: Vector, slopes: list[Vector]) -> Vector:
+        stage = _combine(y, h, weights, slopes)
+        return stage[n:] + acceleration(stage[:n], stage[n:])
+
     for _step in range(steps):
         slopes: list[Vector] = []
         for row in A:
-            stage = _combine(y, h, row, slopes)
-            slopes.append(stage[n:] + acceleration(stage[:n], stage[n:]))
+            slopes.append(slope(row, slopes))
+        if not method.explicit:
+            _solve(A, slopes, slope)
         y = _combine(y, h, b, slopes)
     return y[:n], y[n:]
+
+
+def _solve(A: list[Vector], slopes: list[Vector], slope: Callable[[Vector, list[Vector]], Vector]) -> None:
+    """Slopes of all stages, in place, from first ones that are wrong."""
+    for _pass in range(MOST_PASSES):
+        moved = mpf(0)
+        for i, row in enumerate(A):
+            before, slopes[i] = slopes[i], slope(row, slopes)
+            moved = max(moved, _size([x - y for x, y in zip(slopes[i], before, strict=True)]) / _size(slopes[i]))
+        if moved < SOLVED:
+            return
+    raise ArithmeticError(f"the stages are not found in {MOST_PASSES} passes; take a smaller step")
+
+
+def _size(x: Vector) -> Any:
+    return max(map(abs, x))
 
 
 def _combine(y: Vector, h: Any, weights: Vector, slopes: list[Vector]) -> Vector:

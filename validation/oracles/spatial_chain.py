@@ -88,9 +88,9 @@ class SpatialChain:
         p, ω, α, a = ([zero] * 3 for _ in range(4))
         axes, points, bodies = [], [], []
         for row in self.chain.bodies:
-            r = times(R, numbers(row["translation"]))
+            r = times(R, exactly(row["translation"]))
             p, a = add(p, r), add(a, add(cross(α, r), cross(ω, cross(ω, r))))
-            R = product(R, [numbers(line) for line in row["rotation"]])
+            R = product(R, [exactly(line) for line in row["rotation"]])
             for k in range(int(row["first"]), int(row["stop"])):
                 axis = int(self.chain.hinges["axis"][k])
                 e = [R[line][axis] for line in range(3)]
@@ -99,9 +99,9 @@ class SpatialChain:
                 α = add(α, [qd[k] * x for x in cross(ω, e)])
                 ω = add(ω, [qd[k] * x for x in e])
                 R = product(R, turn(axis, q[k]))
-            c = times(R, numbers(row["center"]))
+            c = times(R, exactly(row["center"]))
             if row["mass"] or row["inertia"].any():
-                turned = product(R, [numbers(line) for line in row["inertia"]])
+                turned = product(R, [exactly(line) for line in row["inertia"]])
                 inertia = product(turned, [list(column) for column in zip(*R, strict=True)])
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
                 bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, len(axes)))
@@ -112,11 +112,11 @@ def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float
     """q̈ [rad/s²] of states (q, q̇, T_EX), rounded once."""
     oracle = SpatialChain(chain)
     with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
-        exact = [oracle.forward_dynamics(*(numbers(part) for part in state)) for state in states]
+        exact = [oracle.forward_dynamics(*(exactly(part) for part in state)) for state in states]
         return [np.array(values, dtype=np.float64) for values in exact]
 
 
-def numbers(values: Any) -> Vector:
+def exactly(values: Any) -> Vector:
     """Floats, exactly."""
     return [mpf(float(x)) for x in values]
 

@@ -1,0 +1,36 @@
+"""Links by name or number: one rule wherever a link is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import meant, plain, short, short_list
+
+
+def link_number(argument: str, value: object, names: Sequence[str]) -> int:
+    """Number, from 1, of the link that `value` names, or whose number it is.
+
+    Parameters
+    ----------
+    argument
+        What `value` is called, for the message.
+    value
+        A link's name, or its number from 1 to len(names).
+    names
+        Names of the links, from the base outward.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such link; the message lists those that there are.
+    """
+    wanted = plain(value)
+    if isinstance(wanted, str) and wanted in names:
+        return names.index(wanted) + 1
+    if type(wanted) is int and 1 <= wanted <= len(names):
+        return wanted
+    raise ArgumentError(
+        f"{argument} = {short(value)}: no link of this arm; allowed are 1 … {len(names)}, or {short_list(names)}"
+        f"{meant(wanted, names)}"
+    )

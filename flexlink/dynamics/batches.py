@@ -1,0 +1,87 @@
+"""Many states at once: one rule of shapes for all functions of a state, and the way through the rows of a batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import dimensions, given, real_array
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError, FlexlinkError
+
+Array = NDArray[np.float64]
+R = TypeVar("R")
+
+
+def is_batch(*state: ArrayLike) -> bool:
+    """Whether any part of a state has more than one dimension."""
+    try:
+        for part in state:
+            if part.ndim > 1:  # type: ignore[union-attr]
+                return True
+    except AttributeError:  # of a list
+        return any(dimensions(part) > 1 for part in state)
+    return False
+
+
+def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
+    """The parts of b states, shape (b, n) each, of which one has this shape, and any may have the shape (n,).
+
+    Raises
+    ------
+    ArgumentError
+        A part has another shape, is not real or not finite; the message names it and the shapes allowed.
+    """
+    parts = {name: real_array(name, part, (n,)) for name, part in state.items()}
+    b, leader = next((len(part), name) for name, part in parts.items() if part.ndim > 1)
+    for name, part in parts.items():
+        if part.shape not in {(n,), (b, n)}:
+            many = f"(b, {n}) for b states" if name == leader else f"({b}, {n}), as many as {leader}"
+            raise ArgumentError(f"{name} has shape {part.shape}; expected ({n},), or {many}")
+        if not np.isfinite(part).all():
+            place = tuple(int(k) for k in np.argwhere(~np.isfinite(part))[0])
+            raise ArgumentError(f"{name}{list(place)} = {part[place]} is not finite; expected finite numbers")
+    return [np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
+
+
+def about_state(k: int, error: FlexlinkError) -> FlexlinkError:
+    """An error of one state of many, which says of which."""
+    error.args = (f"state {k}: {error}", *error.args[1:])
+    return error
+
+
+def each(function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], **options: object) -> R:
+    """What a `function` of a chain and one state finds of b states, along a new first axis; of a NamedTuple, per field.
+
+    Row by row the results are those of single states, to the bit.
+
+    Parameters
+    ----------
+    function
+        Takes the chain, the parts of the state and the options.
+    chain
+        The chain.
+    state
+        Its parts by name, in order; see `rows`.
+    options
+        The same for all states.
+
+    Raises
+    ------
+    FlexlinkError
+        As of single states; the message says which one.
+    """
+    found: list[R] = []
+    many = rows(given("chain", chain, Chain).n, state)
+    b = len(many[0])
+    for k in range(max(b, 1)):  # the first of none shows the shape
+        try:
+            found.append(function(chain, *(part[k] if b else np.zeros(chain.n) for part in many), **options))
+        except FlexlinkError as error:
+            raise about_state(k, error) from None
+    if isinstance(found[0], tuple):
+        return type(found[0])(*(np.array(field)[:b] for field in zip(*found, strict=True)))
+    return cast("R", np.array(found)[:b])

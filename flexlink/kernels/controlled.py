@@ -1,0 +1,216 @@
+"""Steps whose length follows from their error, and samples at any time between them; whole loop compiled.
+
+    h ← 0.9 h (tolerance / error)^(1/p)        p: order of the error in h
+
+and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, Solving Ordinary Differential Equations
+II, IV.8). A step ends where an input has a knot, of which no polynomial knows, and is not soon longer than one that
+failed. Between the ends of a step the motion is the quintic polynomial that has their q, q̇ and q̈.
+
+With a tolerance of infinity all steps are as long as the largest.
+"""
+
+import math
+
+import numpy as np
+from numba.extending import overload
+
+from flexlink.kernels.clock import (
+    ACCEPTED,
+    CEILING,
+    DEFLECTION,
+    ERROR,
+    FAILED,
+    ITERATIONS,
+    KNOT,
+    LAST,
+    POWER,
+    REFUSED,
+    REJECTED,
+    ROW,
+    SLOWEST,
+    STEP,
+    TAKEN,
+    TIME,
+    WORK,
+)
+from flexlink.kernels.compiler import INLINED, inlined, kernel, recursion
+from flexlink.kernels.embedded import EmbeddedWork, embedded_step
+from flexlink.kernels.forward import forward_dynamics
+from flexlink.kernels.implicit import ImplicitWork, implicit_step
+from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.shifted import displacement, place_bodies
+
+GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
+SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
+AT_THE_END = 1e-9  # part of a step that is no time between its ends
+
+ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
+
+
+def take_step(t, h, inputs, state, accurate, work):
+    """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
+    return ALGORITHMS[type(work)](t, h, inputs, state, accurate, work)
+
+
+@overload(take_step, jit_options=INLINED)
+def _take_step(t, h, inputs, state, accurate, work):
+    algorithm = ALGORITHMS[work.instance_class]
+    return lambda t, h, inputs, state, accurate, work: algorithm(t, h, inputs, state, accurate, work)  # noqa: PLW0108
+
+
+@kernel
+def advance(work, forward, inputs, settings, count, state, knots, samples, most):
+    """Take up to `most` steps from `state` q, q̇, q̈ (n,) and W (2,), in place, and fill in the samples on the way.
+
+    `work` is scratch of the method, `forward` of forward dynamics.
+
+    `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
+    a step is long [s], a shorter one may have √(its part of that length) of it, so that errors of random sign add up to
+    the same in a run of many steps; what the iteration may leave [m], and that as a part of the error; p; smallest and
+    largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
+    (rows, n), W (rows,).
+    """
+    absolute, part, long, exact, left, p, smallest, largest = settings
+    tau, clock = np.zeros(len(state[0])), work.clock
+    for _ in range(most):
+        t, end = clock[TIME], knots[count[KNOT]]
+        ends = t + 1.01 * clock[STEP] >= end
+        h = end - t if ends else clock[STEP]
+        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, math.sqrt(h / long))
+        accurate = min(exact, left * tolerance)
+        error, iterations = take_step(t, h, inputs, state, accurate, work)
+        count[ITERATIONS] += iterations
+        if not error < tolerance:
+            refuse(h, error / tolerance, p, clock, count)
+            if clock[STEP] <= smallest:
+                return STUCK
+            continue
+        sample(t, h, inputs, state, work, count, samples, tau)
+        wanted = following(h, error / tolerance, p, iterations, clock)
+        clock[STEP] = min(largest, max(wanted, clock[STEP]) if h < clock[STEP] else wanted)
+        clock[TIME] = end if ends else t + h
+        count[TAKEN] += 1
+        take_on(state, work)
+        clock[DEFLECTION] = max(clock[DEFLECTION], deflection(state[0], tau, work))
+        if ends:
+            count[KNOT] += 1
+            if count[KNOT] == len(knots):
+                return ENDED
+            begin(end, inputs, state, tau, forward)
+    return GOES_ON
+
+
+@kernel
+def first_step(work, state, settings, duration):
+    """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
+    absolute, part, largest = settings[0], settings[1], settings[7]
+    q, qd, qdd = state[0], state[1], state[2]
+    bent, clock, slowest = np.zeros(len(q)), work.clock, work.clock[SLOWEST]
+    place_bodies(q, work.posture)
+    clock[DEFLECTION] = deflection(q, bent, work)
+    for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
+        bent[k] = slowest * (qd[k] + slowest * qdd[k]) if work.chain.hinges[k].stiffness > 0.0 else 0.0
+    clock[DEFLECTION] = max(clock[DEFLECTION], displacement(bent, work.posture))
+    moves = displacement(qdd, work.posture)
+    clock[STEP] = min(largest, 0.01 * duration)
+    if moves > 0.0:
+        clock[STEP] = min(clock[STEP], math.sqrt((absolute + part * clock[DEFLECTION]) / moves))
+
+
+@recursion
+def deflection(q, bent, work):
+    """Largest displacement [m] of a body by all springs' angles; scratch `bent` (n,)."""
+    for k in range(len(q)):
+        hinge = work.chain.hinges[k]
+        bent[k] = q[k] - hinge.rest if hinge.stiffness > 0.0 else 0.0
+    return displacement(bent, work.posture)
+
+
+@recursion
+def begin(t, inputs, state, tau, forward):
+    """q̈ and the power of a state at time t, where an input may have a knot."""
+    q, qd, qdd, done = state
+    for k in range(len(tau)):
+        tau[k] = 0.0
+    follow(inputs.motion, t, q, qd, qdd)
+    drive_torque(inputs.drive, t, q, qd, tau)
+    done[1] = forward_dynamics(inputs.wrench, q, qd, tau, qdd, forward)
+
+
+@inlined
+def take_on(state, work):
+    """The end of the step is the new state."""
+    q, qd, qdd, done = state
+    for k in range(len(q)):
+        q[k], qd[k], qdd[k] = work.new[0, k], work.new[1, k], work.new[2, k]
+    done[0], done[1] = work.clock[WORK], work.clock[POWER]
+    work.clock[ACCEPTED] = 1.0
+
+
+@recursion
+def refuse(h, error, p, clock, count):
+    """A shorter step, after one with an error, as a part of the tolerance, of 1 or more; nan: no step was found."""
+    if math.isnan(error):
+        if clock[REFUSED] > 0.0:
+            clock[LAST] = 0.0
+        count[FAILED] += 1
+        clock[STEP], clock[CEILING] = 0.4 * h, 0.7 * h
+    else:
+        count[REJECTED] += 1
+        clock[STEP] = h * max(SHRINK, SAFETY * error ** (-1.0 / p))
+    clock[REFUSED] = 1.0
+
+
+@recursion
+def following(h, error, p, iterations, clock):
+    """Length of the step after one of length h with an error, as a part of the tolerance, below 1."""
+    safety = SAFETY * 21.0 / (20.0 + iterations)
+    error = max(error, 1e-10)
+    factor = safety * error ** (-1.0 / p)
+    if clock[LAST] > 0.0 and clock[ERROR] > 0.0:
+        factor = min(factor, safety * h / clock[LAST] * (clock[ERROR] / (error * error)) ** (1.0 / p))
+    wanted = h * min(GROW, max(SHRINK, factor))
+    if clock[REFUSED] > 0.0:
+        wanted = min(wanted, h)
+    if clock[CEILING] > 0.0:
+        wanted = min(wanted, clock[CEILING])
+        clock[CEILING] *= 1.5
+    clock[LAST], clock[ERROR], clock[REFUSED] = h, max(error, 0.01), 0.0
+    return wanted
+
+
+@recursion
+def sample(t, h, inputs, state, work, count, samples, spare):
+    """Fill in the samples up to the end of the step, t + h."""
+    q, qd, qdd, done = state
+    times, qs, qds, works = samples
+    new, n = work.new, len(q)
+    while count[ROW] < len(times) and times[count[ROW]] <= t + (1.0 + AT_THE_END) * h:
+        row = count[ROW]
+        x = min(1.0, (times[row] - t) / h)
+        at_end = x > 1.0 - AT_THE_END
+        for k in range(n):
+            start, end = (q[k], qd[k], qdd[k]), (new[0, k], new[1, k], new[2, k])
+            qs[row, k], qds[row, k] = (end[0], end[1]) if at_end else quintic(x, h, start, end)
+        ends = work.clock[WORK], work.clock[POWER]
+        works[row] = ends[0] if at_end else cubic(x, h, (done[0], done[1]), ends)
+        follow(inputs.motion, times[row], qs[row], qds[row], spare)
+        count[ROW] += 1
+
+
+@inlined
+def quintic(x, h, start, end):
+    """Value and rate at a part x of a step of length h of the polynomial with these values, rates and accelerations."""
+    v, a = h * start[1], h * h * start[2]
+    D, E, F = end[0] - start[0] - v - 0.5 * a, h * end[1] - v - a, h * h * end[2] - a
+    c3, c4, c5 = 10.0 * D - 4.0 * E + 0.5 * F, 7.0 * E - 15.0 * D - F, 6.0 * D - 3.0 * E + 0.5 * F
+    value = start[0] + x * (v + x * (0.5 * a + x * (c3 + x * (c4 + x * c5))))
+    return value, (v + x * (a + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / h
+
+
+@inlined
+def cubic(x, h, start, end):
+    """Value at a part x of a step of length h of the polynomial with these values and rates."""
+    v = h * start[1]
+    D, E = end[0] - start[0] - v, h * end[1] - v
+    return start[0] + x * (v + x * (3.0 * D - E + x * (E - 2.0 * D)))

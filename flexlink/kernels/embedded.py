@@ -1,0 +1,96 @@
+"""One step of an explicit Runge-Kutta method that estimates its error; its last stage is the next step's first.
+
+L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
+q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
+
+Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1; of two errors ε and ε₃, of
+which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett & Wanner, Solving Ordinary
+Differential Equations I, II.10).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from flexlink.kernels.clock import POWER, SLOWEST, WORK
+from flexlink.kernels.compiler import inlined, recursion
+from flexlink.kernels.forward import forward_dynamics
+from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.runge_kutta import add_stage
+from flexlink.kernels.shifted import displacement, place_bodies
+
+
+class EmbeddedMethod(NamedTuple):
+    """Coefficients of a method and the weights of its errors."""
+
+    A: Any
+    b: Any
+    c: Any
+    d: Any  # (1 or 2, s + 1)
+
+
+class EmbeddedWork(NamedTuple):
+    """Scratch of `embedded_step`, with the constants of a chain."""
+
+    method: EmbeddedMethod
+    chain: Any
+    forward: Any  # scratch of forward dynamics
+    posture: Any
+    clock: Any  # see there
+    new: Any  # (3, n) q, q̇, q̈ at the end of the step
+    K: Any  # (s + 1, n), and so L
+    L: Any
+    Q: Any  # (n,)
+    tau: Any
+    e: Any  # (2, n)
+
+
+@recursion
+def embedded_step(t, h, inputs, state, accurate, work):
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1, as one pass.
+
+    `accurate` has no say.
+    """
+    q, qd, qdd, done = state
+    A, b, c, d = work.method
+    K, L, s = work.K, work.L, len(c)
+    for k in range(len(q)):
+        L[0, k], K[0, k] = qd[k], qdd[k]
+    work.clock[WORK] = done[0] + h * b[0] * done[1]
+    for i in range(1, s):
+        work.clock[WORK] += h * b[i] * evaluate(t + c[i] * h, h, inputs, q, qd, A[i], i, work.Q, work)
+    work.clock[POWER] = evaluate(t + h, h, inputs, q, qd, b, s, work.new[0], work)
+    for k in range(len(q)):
+        work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
+    place_bodies(work.new[0], work.posture)
+    ε = error_by(0, h, work)
+    if len(d) == 1 or ε == 0.0:
+        return ε, 1
+    return ε * ε / math.hypot(ε, 0.1 * error_by(1, h, work)), 1
+
+
+@inlined
+def evaluate(t, h, inputs, q, qd, weights, i, angles, work):
+    """Stage i from the ones before it: angles, L_i and K_i; returns the power there."""
+    K, L, tau = work.K, work.L, work.tau
+    for k in range(len(q)):
+        angles[k], L[i, k], tau[k] = q[k], qd[k], 0.0
+    for j in range(i):
+        add_stage(weights[j] * h, L, K, j, angles, L[i])
+    follow(inputs.motion, t, angles, L[i], K[i])
+    drive_torque(inputs.drive, t, angles, L[i], tau)
+    return forward_dynamics(inputs.wrench, angles, L[i], tau, K[i], work.forward)
+
+
+@inlined
+def error_by(row, h, work):
+    """Largest displacement [m] of any body by e_q and by max(h, 1 / ω₁) e_v, as in `implicit`."""
+    d, e_q, e_v = work.method.d[row], work.e[0], work.e[1]
+    for k in range(len(e_q)):
+        e_q[k] = e_v[k] = 0.0
+    for i in range(len(d)):
+        add_stage(h * d[i], work.L, work.K, i, e_q, e_v)
+    for k in range(len(e_q)):
+        if work.chain.hinges[k].prescribed:
+            e_q[k] = e_v[k] = 0.0
+        e_v[k] *= max(h, work.clock[SLOWEST])
+    return max(displacement(e_q, work.posture), displacement(e_v, work.posture))

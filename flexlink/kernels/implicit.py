@@ -1,0 +1,304 @@
+"""One step of an implicit Runge-Kutta method for M q̈ = f(t, q, q̇), in O(n); unknown are the stages' q̈, K_i.
+
+    Q_i = q + c_i h q̇ + h² Σ (A²)_ij K_j       V_i = q̇ + h Σ a_ij K_j
+    R_i = f(t + c_i h, Q_i, V_i) − M(Q_i) K_i = 0                            by recursive Newton-Euler
+    q ← q + h q̇ + h² Σ (b A)_i K_i             q̇ ← q̇ + h Σ b_i K_i
+
+Simplified Newton: of the Jacobian only springs, dampers, friction's slope and a drive's gains, diagonal matrices K and
+D, and M at one posture. With A = T Λ T⁻¹ it falls apart into one system for each eigenvalue λ of A, of which one of
+each complex pair suffices:
+
+    (M + hλ D + h²λ² K) x = T⁻¹ R          K_i ← K_i + T x
+
+M with other rotors, which `shifted` solves in O(n). What is left out, stiffness of gravity and of rates, makes the
+iteration contract by 1e-3 to 0.2 at useful steps.
+
+Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
+
+    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from flexlink.kernels.clock import ACCEPTED, LAST, PASSES, POWER, SLOWEST, WORK, WORST
+from flexlink.kernels.compiler import inlined, recursion
+from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.inverse import inverse_dynamics_into
+from flexlink.kernels.joint_torques import elastic, friction
+from flexlink.kernels.shifted import A, displacement, factor, place_bodies, solve
+
+STALLED = 0.5  # contraction from which an iteration that is near its end goes on in its rounding only
+NEAR = 10.0  # how many times what it may leave is near
+FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to
+SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
+
+
+K, BEFORE, ANGLES, RATES, RESIDUALS = range(5)  # of all stages: q̈, that of the last step that was accepted, q, q̇, R
+TAU, MIDDLE, RHS, SOLUTION, KP, KD = 0, 1, 3, 4, 5, 6  # of all joints: scratch, of the middle of a step two, and gains
+VECTORS = 7
+COUPLING, TWICE = range(2)  # A and A²
+B, BA, C, D = range(4)  # b, b A, c and d
+
+
+class ImplicitMethod(NamedTuple):
+    """Coefficients of a method, its eigenvalues with their vectors, and the weights of its error."""
+
+    A: Any  # (2, s, s) A and A²
+    weights: Any  # (4, s) b, b A, c and d
+    γ: Any  # the real eigenvalue; 0: no error is estimated
+    real: Any
+    T_real: Any
+    Tinv_real: Any
+    pairs: Any
+    T_pairs: Any
+    Tinv_pairs: Any
+
+
+class ImplicitWork(NamedTuple):
+    """Scratch of `implicit_step`, with the constants of a chain, and its drive's gains."""
+
+    method: ImplicitMethod
+    chain: Any
+    inverse: Any  # scratch of inverse dynamics
+    posture: Any
+    clock: Any  # see there
+    new: Any  # (3, n) q, q̇, q̈ at the end of the step
+    stages: Any  # (5, s, n)
+    power: Any  # (s,)
+    vectors: Any  # (7, n)
+    factors: Any  # (r, n, 8)
+    pairs: Any  # (2, n) complex
+    factors_pairs: Any  # (p, n, 8) complex
+
+
+@recursion
+def implicit_step(t, h, inputs, state, accurate, work):
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
+
+    The iteration ends where it moves no body by more than `accurate` [m]; the error is nan if it does not get there.
+    """
+    q, qd, qdd = state[0], state[1], state[2]
+    angles, rates = work.vectors[MIDDLE], work.vectors[MIDDLE + 1]
+    predict(h, work)
+    for k in range(len(q)):
+        angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
+    follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
+    place_bodies(angles, work.posture)
+    factor_all(h, rates, work)
+    before, contraction, fresh = 0.0, 0.3, True
+    for iteration in range(1, int(work.clock[PASSES]) + 1):
+        residuals(t, h, inputs, q, qd, work)
+        moved = improve(h, work)
+        if iteration > 1:
+            contraction = moved / before
+        before = moved
+        left = min(contraction, 0.9)
+        stalled = iteration > 1 and contraction > STALLED and moved <= NEAR * accurate
+        if stalled or moved * left <= accurate * (1.0 - left):
+            finish(t, h, inputs, state, work)
+            return estimate(h, qd, qdd, work), iteration
+        if not moved < math.inf or (iteration > 3 and contraction > 1.0):
+            break
+        if fresh and iteration > 1 and contraction > SLOW:
+            fresh = False
+            slowest_rates(qd, rates, work)
+            factor_all(h, rates, work)
+    return math.nan, iteration
+
+
+@inlined
+def predict(h, work):
+    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
+    c, qdd, before, last = work.method.weights[C], work.stages[K], work.stages[BEFORE], work.clock[LAST]
+    s, n = qdd.shape
+    for i in range(s):
+        for k in range(n):
+            if work.clock[ACCEPTED] > 0.0:
+                before[i, k] = qdd[i, k]
+            qdd[i, k] = 0.0
+    work.clock[ACCEPTED] = 0.0
+    if last > 0.0 and h <= FARTHEST * last:
+        for i in range(s):
+            for j in range(s):
+                weight = 1.0
+                for m in range(s):
+                    if m != j:
+                        weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
+                for k in range(n):
+                    qdd[i, k] += weight * before[j, k]
+
+
+@inlined
+def slope(work, k, rate):
+    """D of one joint: dampers, a drive's gain and the slope of the chord of dry friction, which does not overshoot."""
+    hinge = work.chain.hinges[k]
+    d = hinge.damping + work.vectors[KD, k]
+    if hinge.coulomb > 0.0:
+        x = abs(rate) / hinge.coulomb_width
+        d += hinge.coulomb / hinge.coulomb_width * (math.tanh(x) / x if x > 1e-8 else 1.0)
+    return d
+
+
+@recursion
+def factor_all(h, rates, work):
+    """Prepare M + hλ D + h²λ² K for every λ, with friction's slope at these rates."""
+    for m in range(len(work.method.real)):
+        shift_rotors(h * work.method.real[m], rates, work.factors[m], work)
+        factor(work.factors[m], work.posture)
+    for m in range(len(work.method.pairs)):
+        shift_rotors(h * work.method.pairs[m], rates, work.factors_pairs[m], work)
+        factor(work.factors_pairs[m], work.posture)
+
+
+@inlined
+def shift_rotors(z, rates, factors, work):
+    """A = rotors + z D + z² K."""
+    for k in range(len(factors)):
+        hinge = work.chain.hinges[k]
+        factors[k, A] = hinge.armature + z * (slope(work, k, rates[k]) + z * (hinge.stiffness + work.vectors[KP, k]))
+
+
+@recursion
+def slowest_rates(qd, rates, work):
+    """The rate of each joint nearest to 0 at the start and in all stages, 0 if it turns round: the steepest chord."""
+    for k in range(len(qd)):
+        least = qd[k]
+        for i in range(work.stages.shape[1]):
+            rate = work.stages[RATES, i, k]
+            if least * rate <= 0.0:
+                least = 0.0
+            elif abs(rate) < abs(least):
+                least = rate
+        rates[k] = least
+
+
+@recursion
+def residuals(t, h, inputs, q, qd, work):
+    """R_i of all stages, and the power P_i of all that has no potential."""
+    A, c, qdd = work.method.A, work.method.weights[C], work.stages[K]
+    for i in range(len(c)):
+        Q, V, ti = work.stages[ANGLES, i], work.stages[RATES, i], t + c[i] * h
+        for k in range(len(q)):
+            Q[k], V[k] = q[k] + c[i] * h * qd[k], qd[k]
+        for j in range(len(c)):
+            weight2, weight = h * h * A[TWICE, i, j], h * A[COUPLING, i, j]
+            for k in range(len(q)):
+                Q[k] += weight2 * qdd[j, k]
+                V[k] += weight * qdd[j, k]
+        follow(inputs.motion, ti, Q, V, qdd[i])
+        work.power[i] = residual(ti, inputs, Q, V, qdd[i], work.stages[RESIDUALS, i], work)
+
+
+@recursion
+def residual(t, inputs, q, qd, qdd, R, work):
+    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power q̇·(T_EX − T_FR) + m·ω."""
+    chain, tau = work.chain, work.vectors[TAU]
+    for k in range(len(q)):
+        tau[k] = 0.0
+    drive_torque(inputs.drive, t, q, qd, tau)
+    power = inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
+    for k in range(len(q)):
+        hinge = chain.hinges[k]
+        spring = elastic(hinge, q[k])
+        if hinge.prescribed:
+            power += qd[k] * (R[k] + spring)
+            R[k] = 0.0
+        else:
+            working = tau[k] - friction(hinge, qd[k])
+            power += qd[k] * working
+            R[k] = working - spring - R[k]
+    return power
+
+
+@recursion
+def improve(h, work):
+    """K += T x for all eigenvalues; returns how far this moves a body at the end of the step [m]."""
+    method, qdd, R = work.method, work.stages[K], work.stages[RESIDUALS]
+    r, x, z = work.vectors[RHS], work.vectors[SOLUTION], work.pairs
+    s, n = qdd.shape
+    δq, δv = work.vectors[MIDDLE], work.vectors[TAU]
+    for k in range(n):
+        δq[k] = δv[k] = 0.0
+    for m in range(len(method.real)):
+        for k in range(n):
+            r[k] = 0.0
+        for j in range(s):
+            for k in range(n):
+                r[k] += method.Tinv_real[m, j] * R[j, k]
+        solve(work.factors[m], r, x, work.posture)
+        for i in range(s):
+            add_change(h, method, i, method.T_real[i, m], x, qdd[i], δq, δv)
+    for m in range(len(method.pairs)):
+        for k in range(n):
+            z[0, k] = 0.0
+        for j in range(s):
+            for k in range(n):
+                z[0, k] += method.Tinv_pairs[m, j] * R[j, k]
+        solve(work.factors_pairs[m], z[0], z[1], work.posture)
+        for i in range(s):
+            add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
+    worst = 0
+    for k in range(n):
+        δv[k] *= max(h, work.clock[SLOWEST])
+        if abs(δv[k]) > abs(δv[worst]):
+            worst = k
+    work.clock[WORST] = worst
+    return max(displacement(δq, work.posture), displacement(δv, work.posture))
+
+
+@inlined
+def add_change(h, method, i, weight, x, qdd, δq, δv):
+    """K_i += Re(weight x), and what that changes at the end of the step."""
+    for k in range(len(x)):
+        δ = (weight * x[k]).real
+        qdd[k] += δ
+        δq[k] += h * h * method.weights[BA, i] * δ
+        δv[k] += h * method.weights[B, i] * δ
+
+
+@recursion
+def finish(t, h, inputs, state, work):
+    """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
+    q, qd, done = state[0], state[1], state[3]
+    weights, qdd, new = work.method.weights, work.stages[K], work.new
+    s = len(qdd)
+    for k in range(len(q)):
+        new[0, k], new[1, k], new[2, k] = q[k] + h * qd[k], qd[k], qdd[s - 1, k]
+    work.clock[WORK], work.clock[POWER] = done[0], work.power[s - 1]
+    for i in range(s):
+        work.clock[WORK] += h * weights[B, i] * work.power[i]
+        weight2, weight = h * h * weights[BA, i], h * weights[B, i]
+        for k in range(len(q)):
+            new[0, k] += weight2 * qdd[i, k]
+            new[1, k] += weight * qdd[i, k]
+    follow(inputs.motion, t + h, new[0], new[1], new[2])
+
+
+@recursion
+def estimate(h, qd, qdd, work):
+    """Error of the step [m], 0 where none is estimated: largest displacement of any body by e_q and by τ e_v.
+
+    (1 − hγ₀ J)⁻¹ (e_q, e_v):  (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
+    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps.
+    """
+    hγ, vectors = h * work.method.γ, work.vectors
+    if hγ == 0.0:
+        return 0.0
+    e_q, e_v, r, y = vectors[MIDDLE], vectors[MIDDLE + 1], vectors[RHS], vectors[SOLUTION]
+    for k in range(len(qd)):
+        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]
+        for i in range(work.stages.shape[1]):
+            e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
+            e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
+        hinge = work.chain.hinges[k]
+        r[k] = -(work.factors[0, k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + vectors[KP, k]) * e_q[k]
+    solve(work.factors[0], r, y, work.posture)
+    for k in range(len(qd)):
+        if work.chain.hinges[k].prescribed:
+            e_q[k] = e_v[k] = 0.0
+        else:
+            e_v[k] += y[k]
+            e_q[k] += hγ * e_v[k]
+            e_v[k] *= max(h, work.clock[SLOWEST])
+    return max(displacement(e_q, work.posture), displacement(e_v, work.posture))

@@ -1,0 +1,47 @@
+"""method = "auto": which method steps with a tolerance are cheapest with, and why."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from flexlink.analysis.extremes import fastest_frequency, slowest_frequency
+from flexlink.dynamics import rounding
+from flexlink.motion.result import Record
+
+STIFF = 1e3
+"""Product of the fastest frequency and the duration up to which a run is short for an explicit method: it takes a few
+hundred steps, as an implicit one does."""
+
+SMALL, SMALLER = 1e-5, 1e-6
+"""Parts of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper, and up to
+which an undamped arm swings on in all its modes, which an implicit method would have to follow, too."""
+
+FEW = 16
+"""Joints up to which these modes are so slow that DOP853 follows them more cheaply."""
+
+
+class Choice(NamedTuple):
+    """A method, and why it is the cheapest."""
+
+    method: str
+    why: str
+
+
+def cheapest(record: Record, tolerance: float) -> Choice:
+    """The method that is expected to be the cheapest for an error of `tolerance` [m] on the chain of a record.
+
+    Measured on the scenes of the trade study: an implicit method's steps do not depend on how fast the chain's fastest
+    modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
+    """
+    chain, q = record.chain, record.q[0]
+    duration, part = float(record.t[-1]), tolerance / rounding.reach(chain)
+    fastest, slowest = fastest_frequency(chain, q), slowest_frequency(chain, q)
+    if fastest * duration <= STIFF:
+        return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
+    stiffness = f"stiffness ratio {fastest / slowest:.3g}"
+    damped = bool(chain.hinges["damping"][chain.stiffness > 0].any())
+    if part <= SMALLER and not damped and chain.n <= FEW:
+        return Choice("DOP853", f"undamped, {chain.n} joints, tolerance {part:.2g} of the reach")
+    if part <= SMALL and not chain.hinges["coulomb"].any():
+        return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")
+    return Choice("Radau5", stiffness)

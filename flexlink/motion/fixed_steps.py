@@ -1,0 +1,75 @@
+"""Fixed steps of an explicit Runge-Kutta method, t = k · step, in pieces between which Python looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.methods import method
+from flexlink.describe.situation import Run
+from flexlink.kernels.runge_kutta import integrate
+from flexlink.motion.pace import Pace, Reached
+from flexlink.motion.result import Steps
+from flexlink.motion.watch import Watch
+
+Array = NDArray[np.float64]
+Arrays = tuple[Array, Array, Array]
+"""q, q̇ and W."""
+
+
+class FixedSteps:
+    """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
+
+    def __init__(self, watch: Watch) -> None:
+        record, run = watch.record, watch.run
+        self.run, self.failure = run, ""
+        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
+        self.joint_name = record.chain.joint_name
+        self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        self._done = next(self._pieces)  # compiles, while no signal is deferred
+
+    def __iter__(self) -> Iterator[Reached]:
+        run, q, qd = self.run, *self.state[:2]
+        last = (run.samples - 1) * run.steps_per_sample
+        yield Reached(1, 0.0 if last else 1.0)
+        for done in self._pieces:
+            self._done = done
+            if not (np.isfinite(q).all() and np.isfinite(qd).all()):
+                joint, step = int(np.argmin(np.isfinite(q) & np.isfinite(qd))), self._done + 1
+                told = f"(step {step}, joint {self.joint_name(joint)!r})"
+                self.failure = f"no longer finite at t = {step * run.step:.6g} s {told}"
+            yield Reached(self._done // run.steps_per_sample + 1, self._done / last)
+
+    @property
+    def steps(self) -> Steps:
+        """What was done so far."""
+        return steps_up_to(self.run, self._done)
+
+
+def steps_up_to(run: Run, number: int) -> Steps:
+    """What a run has done after a number of steps."""
+    return Steps(run.method, number, number * method(run.method).stages)
+
+
+def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
+    """Integrate in pieces of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
+
+    The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
+    `integrate`.
+    """
+    run, record = watch.run, watch.record
+    first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
+    fixed = scratch, method(run.method).arrays, record.inputs, run.step
+    yield int(integrate(*fixed, 0, 0, every, state, samples))
+    pace = Pace()
+    while first < last:
+        stop = min(first + pace.start(), last)
+        done = int(integrate(*fixed, first, stop, every, state, samples))
+        pace.end()
+        yield done
+        if done < stop:
+            return
+        first = stop

@@ -1,0 +1,31 @@
+"""Long work in pieces: how far a run is, and how much to do before Python looks up again."""
+
+from __future__ import annotations
+
+import time
+from typing import NamedTuple
+
+BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
+
+
+class Reached(NamedTuple):
+    """How far a run is."""
+
+    rows: int  # samples that are there
+    part: float  # of its time
+
+
+class Pace:
+    """Number of steps that take about `BREATH`: `size`, from 1 on, at most twice the last."""
+
+    def __init__(self) -> None:
+        self.size, self._started = 1, time.perf_counter()
+
+    def start(self) -> int:
+        """Time what is done from now on; returns `size`."""
+        self._started = time.perf_counter()
+        return self.size
+
+    def end(self) -> None:
+        """`size` steps have been taken."""
+        self.size = max(1, int(self.size * min(2.0, BREATH / max(time.perf_counter() - self._started, 1e-9))))

@@ -1,0 +1,106 @@
+"""Functions of a state take many at once, (b, n) or (n,) for every part: results have a leading b and the same bits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from conftest import nasty_scene, random_state
+
+import flexlink as fl
+
+WRENCH = [1.0, -2.0, 3.0, 0.5, -0.4, 0.3]
+CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
+    "inverse_dynamics": (fl.inverse_dynamics, ["q", "qd", "qdd"], {"tip_wrench": WRENCH}),
+    "bias_torque": (fl.bias_torque, ["q", "qd"], {"tip_wrench": WRENCH}),
+    "gravity_torque": (fl.gravity_torque, ["q"], {}),
+    "elastic_torque": (fl.elastic_torque, ["q"], {}),
+    "friction_torque": (fl.friction_torque, ["qd"], {}),
+    "mass_matrix": (fl.mass_matrix, ["q"], {"method": "upper"}),
+    "energy": (fl.energy, ["q", "qd"], {}),
+    "frames": (fl.frames, ["q"], {}),
+    "tip_position": (fl.tip_position, ["q"], {}),
+    "forward_dynamics": (fl.forward_dynamics, ["q", "qd", "tau"], {"tip_wrench": WRENCH}),
+}
+NASTY = fl.lump(nasty_scene())
+
+
+def batch(chain: fl.Chain, rng: np.random.Generator, b: int) -> dict[str, np.ndarray]:
+    q, qd = (np.array(x).reshape(b, chain.n) for x in zip(*(random_state(chain, rng) for _ in range(b)), strict=True))
+    return {"q": q, "qd": qd, "qdd": rng.normal(size=q.shape), "tau": rng.normal(size=q.shape)}
+
+
+def fields(found: object) -> tuple:
+    return found if isinstance(found, tuple) else (found,)
+
+
+def equal(many: object, singles: list[object]) -> None:
+    for field, values in zip(fields(many), zip(*map(fields, singles), strict=True), strict=True):
+        np.testing.assert_array_equal(field, np.array(values))
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_row_of_a_batch_is_the_single_call_to_the_bit(name: str, chain: fl.Chain, rng) -> None:
+    function, names, options = CALLS[name]
+    parts = [batch(chain, rng, 9)[part] for part in names]
+    many = function(chain, *parts, **options)
+    assert type(many) is type(function(chain, *(part[0] for part in parts), **options))
+    equal(many, [function(chain, *row, **options) for row in zip(*parts, strict=True)])
+
+
+@pytest.mark.parametrize("name", [name for name, (_, names, _) in CALLS.items() if len(names) > 1])
+@pytest.mark.parametrize("batched", range(3))
+def test_a_part_of_one_state_belongs_to_all(name: str, batched: int, rng) -> None:
+    function, names, options = CALLS[name]
+    several = batch(NASTY, rng, 3)
+    lead = names[batched % len(names)]
+    parts = {part: several[part] if part == lead else several[part][0].tolist() for part in names}
+    many = function(NASTY, **parts, **options)
+    equal(many, [function(NASTY, **(parts | {lead: row}), **options) for row in several[lead]])
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_lists_views_and_integers_are_batches_and_no_state_gives_no_result(name: str, rng) -> None:
+    function, names, options = CALLS[name]
+    n = NASTY.n
+    whole = rng.integers(0, 2, (4, n))
+    expected = function(NASTY, *[whole.astype(float)] * len(names), **options)
+    backwards = np.asfortranarray(whole.astype(float))
+    backwards.flags.writeable = False
+    for same in (whole, whole.tolist(), backwards):
+        equal(function(NASTY, *[same] * len(names), **options), [*zip(*fields(expected), strict=True)])
+    for none, one in zip(
+        fields(function(NASTY, *[np.zeros((0, n))] * len(names), **options)), fields(expected), strict=True
+    ):
+        assert none.shape == (0, *one.shape[1:])
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) -> None:
+    function, names, options = CALLS[name]
+    n, good = NASTY.n, np.zeros((2, NASTY.n))
+    last = names[-1]
+    wrong: dict[str, object] = {
+        rf"{last} has shape \(3,\); expected \({n},\), or \(b, {n}\) for b states": np.zeros(3),
+        rf"{last} has shape \(2, 3\); expected \({n},\), or \(b, {n}\) for b states": np.zeros((2, 3)),
+        rf"{last} has shape \(2, 1, {n}\); expected \({n},\), or \(b, {n}\) for b states": np.zeros((2, 1, n)),
+        rf"{last}\[1, 2\] = nan is not finite": np.where(np.arange(2 * n).reshape(2, n) == n + 2, np.nan, 0.0),
+        rf"{last} has dtype <U1; expected real numbers": [["a"] * n] * 2,
+    }
+    for wanted, value in wrong.items():
+        others = [good[0]] * (len(names) - 1)
+        with pytest.raises(fl.ArgumentError, match=f"^{wanted}"):
+            function(NASTY, *others, value, **options)
+    if len(names) > 1:
+        with pytest.raises(fl.ArgumentError, match=rf"^{last} has shape \(3, {n}\); expected .* as many as {names[0]}"):
+            function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
+
+
+def test_an_error_of_one_state_of_many_says_of_which() -> None:
+    rates = np.zeros((3, NASTY.n))
+    rates[1] = 1e160
+    with pytest.raises(fl.ArgumentError, match=r"^state 1: the torque of joint 'waist' is beyond"):
+        fl.bias_torque(NASTY, np.zeros(NASTY.n), rates)
+    with pytest.raises(fl.ArgumentError, match=r"^state 1: the kinetic energy is beyond"):
+        fl.energy(NASTY, np.zeros(NASTY.n), rates)

@@ -1,0 +1,89 @@
+"""What contradicts itself is refused where it is described: the thing, its value, and what is allowed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.analysis.modal import first_order_matrix
+from flexlink.describe.methods import method
+from flexlink.motion.actuation import input_arrays
+
+BOX = {"shape": "box", "height": 0.04, "width": 0.06}
+TABLE = {"kind": "table", "times": (0.0, 1.0), "torques": ((0.0,), (1.0,))}
+RISE = {"times": (0.0, 1.0), "angle_deg": (0.0, 90.0), "rate_deg": (0.0, 0.0), "acceleration_deg": (0.0, 0.0)}
+
+
+def locked() -> fl.Link:
+    return flexible("boom", joint=fl.Joint(locked=True))
+
+
+REFUSED: dict[str, tuple[Callable[[], object], str]] = {
+    "walls as thick as the box": (
+        lambda: fl.Section(**BOX, wall=0.02), r"wall = 0.02: must be less than half of height and width"),
+    "a box without wall": (lambda: fl.Section(**BOX), r"wall: missing; a box needs"),
+    "a link without name": (lambda: fl.Link(name=""), r"name = '': must not be empty"),
+    "material without section": (
+        lambda: fl.Link(name="a", length=1.0, material="steel"),
+        r"material = 'steel', section = None: give both, or neither"),
+    "taper to a section from none": (
+        lambda: fl.Link(name="a", length=1.0, section_tip="thin"), r"section_tip = 'thin': needs a section at the"),
+    "a rigid link in segments": (
+        lambda: fl.Link(name="a", length=1.0, segments=3), r"segments = 3: a rigid link has 1"),
+    "a flexible link in one": (lambda: flexible("a", segments=1), r"segments = 1: a flexible link needs at least 2"),
+    "a flexible link without length": (
+        lambda: flexible("a", length=0.0), r"length = 0.0: a flexible link needs a length > 0"),
+    "a flexible link without material": (
+        lambda: fl.Link(name="a", length=1.0, flex="z", segments=3), r"a flexible link needs a material and a section"),
+    "a scene without name": (lambda: replace(make_scene(flexible("a")), name=""), r"name = '': must not be"),
+    "times that stand": (
+        lambda: fl.Drive(**TABLE | {"times": (1.0, 1.0)}), r"times = \(1\.0, 1\.0\): must increase"),
+    "smooth through one point": (
+        lambda: fl.Drive(kind="table", times=(0.0,), torques=((1.0,),), smooth=True),
+        r"smooth = True: needs a table with at least 2 times"),
+    "a row of torques too few": (
+        lambda: fl.Drive(**TABLE | {"torques": ((0.0,),)}), r"torques has 1 rows: expected one per time, 2"),
+    "a motion of a locked joint": (
+        lambda: make_scene(locked(), motion=(fl.Motion(link="boom", **RISE),)),
+        r"motion\[0\]\.link = 'boom': its joint is locked; a motion needs a free joint"),
+    "two motions of one joint": (
+        lambda: make_scene(flexible("boom"), motion=(fl.Motion(link="boom", **RISE),) * 2),
+        r"motion\[1\]\.link = 'boom': has two motions"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("build", "told"), REFUSED.values(), ids=REFUSED.keys())
+def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], object], told: str) -> None:
+    with pytest.raises(fl.SceneError, match=told):
+        build()
+
+
+def test_an_explicit_method_has_no_modes() -> None:
+    with pytest.raises(fl.ArgumentError, match="only implicit methods have modes of A"):
+        _ = method("RK4").modes
+
+
+def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curvature() -> None:
+    """From one knot to the next; what is left is rounding, grown by 1/h for every derivative."""
+    t = np.linspace(0.0, 4.0, 17)
+    torques = tuple((float(value),) for value in np.sin(t))
+    scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))
+    drive = input_arrays(scene, fl.lump(scene)).drive
+    c, x = drive.coefficients[:, :, 0], np.diff(t)
+    value = sum(c[:-1, j] * x**j for j in range(4))
+    slope = sum(j * c[:-1, j] * x ** (j - 1) for j in range(1, 4))
+    np.testing.assert_allclose(c[:, 0], np.sin(t), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(value, np.sin(t[1:]), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(slope[:-1], c[1:-1, 1], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(2 * c[:-2, 2] + 6 * c[:-2, 3] * x[:-1], 2 * c[1:-1, 2], rtol=0, atol=1e-12)
+
+
+def test_a_system_whose_accelerations_leave_float64_has_no_matrix_of_first_order() -> None:
+    one = np.eye(1)
+    with pytest.raises(fl.ArgumentError, match="accelerations beyond float64"):
+        first_order_matrix(1e-300 * one, one, 1e300 * one)

@@ -1,0 +1,209 @@
+"""Runs whose steps follow from a tolerance, and fixed steps of implicit methods."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene
+from scipy.integrate import solve_ivp
+
+import flexlink as fl
+from flexlink.describe.methods import method
+from flexlink.motion.actuation import input_arrays
+
+pytestmark = compiled
+CONTROLLED = ("Radau5", "Radau9", "DOP853")
+SHORT: dict[str, Any] = {"run.duration": 0.3, "run.sample": 0.02}
+
+
+def swinging(**changes: Any) -> fl.Scene:
+    """Two links that bend in a plane, released at an angle, with loss in the material."""
+    links = flexible("a", segments=3), flexible("b", segments=3)
+    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
+    return scene.varied({"material.aluminium.loss_time": 1e-4, **SHORT, **changes})
+
+
+def reference(scene: fl.Scene) -> np.ndarray:
+    """States q, q̇ (samples, 2 n) by SciPy on the public forward dynamics, the drive taken from its definition."""
+    chain = fl.lump(scene)
+    inputs = input_arrays(scene, chain)
+    drive, n = inputs.drive, chain.n
+
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
+        q, qd, tau = y[:n], y[n:], np.zeros(n)
+        for d, k in enumerate(drive.joints):
+            table = np.interp(t, drive.knots, drive.coefficients[:, 0, d])
+            tau[k] = table + drive.kp[d] * (drive.target[d] - q[k]) - drive.kd[d] * qd[k]
+        return np.concatenate([qd, fl.forward_dynamics(chain, q, qd, tau, tip_wrench=inputs.wrench)])
+
+    start, y = np.concatenate(fl.initial_state(scene, chain)), []
+    ends = [0.0, *(t for t in drive.knots if 0 < t < scene.run.duration), scene.run.duration]
+    for a, b in itertools.pairwise(ends):
+        times = [t for t in scene.run.times if a <= t < b - 1e-12]
+        found = solve_ivp(slope, (a, b), start, "DOP853", [*times, b], rtol=1e-11, atol=1e-12)
+        start = found.y[:, -1]
+        y += list(found.y[:, : len(times)].T)
+    y.append(start)
+    return np.array(y)
+
+
+DRIVES: dict[str, dict[str, Any]] = {
+    "free": {},
+    "constant torque": {"drive": fl.Drive(kind="constant", torque=(5.0, -2.0))},
+    "a short pulse": {"drive": fl.Drive(
+        kind="table", times=(0.0, 0.15, 0.151, 0.152), torques=((0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)),
+    )},
+    "pd": {"drive": fl.Drive(kind="pd", kp=(300.0, 200.0), kd=(3.0, 2.0), target_deg=(30.0, -60.0))},
+    "wrench": {"wrench": fl.Wrench(force=(3.0, -2.0, 0.0), moment=(0.0, 0.0, 4.0))},
+    "friction": {"link.*.joint.coulomb": 2.0, "link.*.joint.viscous": 0.1, "link.*.joint.armature": 0.05},
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("drive", DRIVES)
+def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) -> None:
+    """The tip is never off by more than twice the tolerance, at any sample, whatever drives the arm."""
+    scene = swinging(**DRIVES[drive])
+    chain, n = fl.lump(scene), fl.lump(scene).n
+    tips = np.array([fl.tip_position(chain, q) for q in reference(scene)[:, :n]])
+    for name in CONTROLLED:
+        for tolerance in (1e-3, 1e-5):
+            run = fl.simulate(scene, method=name, tolerance=tolerance)
+            assert np.abs(run.tip - tips).max() <= 2 * tolerance, (name, tolerance)
+            assert np.abs(run.imbalance).max() <= 1e-2 * run.exchanged[-1]
+
+
+def test_prescribed_joints_are_where_they_are_to_be_and_tell_their_torque() -> None:
+    motion = fl.Motion(
+        link="a", times=(0.0, 0.2), angle_deg=(40.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
+    scene = swinging(motion=(motion,))
+    fine = fl.simulate(scene, method="RK10", step=1e-4)
+    run = fl.simulate(scene, method="Radau5", tolerance=1e-7)
+    np.testing.assert_allclose(run.q[:, 0], fine.q[:, 0], atol=1e-14)
+    np.testing.assert_allclose(run.tip, fine.tip, atol=1e-7)
+    np.testing.assert_allclose(run.tau[:, 0], fine.tau[:, 0], atol=1e-3 * np.abs(fine.tau).max())
+    np.testing.assert_allclose(run.work, fine.work, atol=1e-5 * fine.exchanged[-1])
+
+
+@pytest.mark.parametrize(("name", "steps"), [("Radau5", (8, 12)), ("Gauss4", (12, 18)), ("Gauss6", (6, 9))])
+def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int, int]) -> None:
+    """Of a smooth motion: a compliant arm without loss, at rest where its springs are slack."""
+    links = flexible("a", segments=2), flexible("b", segments=2)
+    scene = make_scene(*links, gravity=(1.0, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
+    scene = scene.varied({"material.aluminium.young": 7e6, "run.duration": 0.3, "run.sample": 0.3})
+    exact = fl.simulate(scene, method="RK10", step=1e-3).q[-1]
+    errors = [np.abs(fl.simulate(scene, method=name, step=0.3 / n, sample=0.3).q[-1] - exact).max() for n in steps]
+    order = np.log(errors[0] / errors[1]) / np.log(steps[1] / steps[0])
+    assert order == pytest.approx(method(name).order, abs=0.35)
+
+
+def test_samples_may_lie_anywhere_between_the_steps() -> None:
+    scene = swinging()
+    coarse, fine = (fl.simulate(scene, method="Radau5", tolerance=1e-4, sample=sample) for sample in (0.06, 0.002))
+    np.testing.assert_array_equal(coarse.q[::1], fine.q[::30])
+    exact = fl.simulate(scene, method="RK10", step=1e-4, sample=0.002)
+    assert np.abs(fine.tip - exact.tip).max() <= 1e-4
+
+
+def test_gauss_keeps_the_energy_of_an_undamped_arm() -> None:
+    scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 2.0})
+    run = fl.simulate(scene, method="Gauss6", step=2e-3)
+    assert np.abs(run.imbalance).max() <= 1e-6 * run.exchanged[-1]
+
+
+def test_many_runs_with_a_tolerance_are_those_of_single_runs() -> None:
+    scenes = [
+        swinging(**{"initial.joint_deg.a": angle, "run.tolerance": 1e-4, "run.method": "Radau5"})
+        for angle in (10.0, 35.0)
+    ]
+    many = fl.simulate_many(scenes)
+    for scene, run in zip(scenes, many, strict=True):
+        np.testing.assert_array_equal(run.q, fl.simulate(scene).q)
+    assert many[0].steps is not None
+    assert many[0].steps != many[1].steps  # each at its own pace
+
+
+def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_try() -> None:
+    scene = swinging(**{"initial.rate_deg": (3e4, 0.0)})
+    wanted = "Newton's iteration does not end .joint '.+'.; try a smaller step than 0.1 s; 1 samples kept"
+    with pytest.raises(fl.DivergenceError, match=wanted):
+        fl.simulate(scene, method="Radau5", step=0.1, sample=0.1)
+
+
+def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
+    run = fl.simulate(swinging(**{"run.duration": 2.0}), tolerance=1e-4)
+    assert run.steps is not None
+    assert run.steps.method == "Radau5"
+    assert run.steps.evaluations > run.steps.taken > 0
+    assert str(run.steps).startswith("Radau5 (stiffness ratio ")
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    rigid = make_scene(rod, gravity=(9.81, 0.0, 0.0), run=fl.Run(duration=0.1, tolerance=1e-6))
+    picked = fl.simulate(rigid).steps
+    assert picked is not None
+    assert (picked.method, picked.why) == ("DOP853", "not stiff: fastest mode 0 rad/s")
+
+
+def test_deflections_are_followed_where_they_are_asked_for() -> None:
+    """Slack springs under a sudden load ring: too little to matter for the tip, and half of the deflection."""
+    scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 0.5})
+    exact = fl.simulate(scene, method="RK10", step=1e-4)
+    bent = exact.chain.stiffness > 0
+    off = {}
+    for accuracy in ("tip", "deflection"):
+        run = fl.simulate(scene, method="Radau5", relative_tolerance=1e-2, accuracy=accuracy)
+        off[accuracy] = np.abs((run.q - exact.q)[:, bent]).max() / np.abs(exact.q[:, bent]).max()
+    assert off["deflection"] <= 0.05
+    assert off["tip"] > 0.2
+
+
+def test_a_signal_stops_a_run_with_a_tolerance_and_keeps_its_samples() -> None:
+    scene = swinging(**{"run.duration": 2000.0})
+
+    def stop(part: float) -> None:
+        if part > 0:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(fl.InterruptedRunError) as caught:
+        fl.simulate(scene, method="Radau5", tolerance=1e-6, progress=stop)
+    run = caught.value.trajectory
+    assert 0 < len(run.t) < 100_001
+    assert np.isfinite(run.q).all()
+
+
+def test_a_tolerance_and_a_step_take_each_others_place() -> None:
+    scene = swinging(**{"run.tolerance": 1e-4})
+    assert scene.run.controlled
+    assert scene.run.method == "auto"
+    fixed = scene.varied({"run.step": 1e-4})
+    assert not fixed.run.controlled
+    assert fixed.run.method == "RK4"
+    assert fixed.varied({"run.relative_tolerance": 1e-3}).run.method == "auto"
+    assert (
+        scene.varied({"run.method": "Radau9"}).run == fixed.varied({"run.method": "Radau9", "run.tolerance": 1e-4}).run
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"run.step": 1e-4, "run.tolerance": 1e-3}, "run.step = 0.0001: run.tolerance is given, too"),
+        ({"run.relative_tolerance": 1e-4, "run.tolerance": 1e-3}, "tolerance = 0.001 is given, too"),
+        ({"run.accuracy": "deflection", "run.tolerance": 1e-3}, "takes relative_tolerance, a part of the deflection"),
+        ({"run.method": "auto"}, "run.method = 'auto': picks a method for a tolerance; give run.tolerance"),
+        ({"run.tolerance": -1e-3}, "-0.001"),
+        ({"run.method": "RK4", "run.tolerance": 1e-3}, "allowed are auto, DOP853, Radau5, Radau9"),
+    ],
+)  # fmt: skip
+def test_settings_that_do_not_go_together_are_named(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(fl.SceneError, match=message):
+        swinging(**changes)
+
+
+def test_a_run_without_duration_has_its_first_sample_only() -> None:
+    run = fl.simulate(swinging(**{"run.tolerance": 1e-4, "run.duration": 0.0}))
+    assert run.t.tolist() == [0.0]
