@@ -65,8 +65,8 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     `work` is scratch of the method, `forward` of forward dynamics.
 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
-    a step is long [s], a shorter one may have √(its part of that length) of it, so that errors of random sign add up to
-    the same in a run of many steps; what the iteration may leave [m], and that as a part of the error; p; smallest and
+    a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
+    the same; what the iteration may leave [m], and that as a part of the error; p; smallest and
     largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
     (rows, n), W (rows,).
     """
@@ -76,7 +76,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         t, end = clock[TIME], knots[count[KNOT]]
         ends = t + 1.01 * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
-        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, math.sqrt(h / long))
+        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, h / long)
         accurate = min(exact, left * tolerance)
         error, iterations = take_step(t, h, inputs, state, accurate, work)
         count[ITERATIONS] += iterations
