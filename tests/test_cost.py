@@ -10,7 +10,7 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.analysis.stability import fastest_eigenvalues
-from flexlink.motion.cost import cost, evaluation_time
+from flexlink.motion.cost import cost, evaluation_time, step_time
 
 
 def test_a_cost_is_stages_a_step_times_the_time_of_an_evaluation() -> None:
@@ -40,3 +40,19 @@ def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
     fl.simulate(scene, step=step / 2, sample=step / 2, duration=samples * step / 2)
     taken -= time.thread_time() - started
     assert 1 / 3 < taken / steps / (seconds * step) < 3
+
+
+@pytest.mark.slow
+def test_an_implicit_step_takes_about_the_time_that_was_predicted(models) -> None:
+    """Within a factor of four: two to six passes of Newton's iteration, and other programs beside it."""
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    predicted = step_time("Radau5", evaluation_time(scene, fl.lump(scene)))
+    run = {"method": "Radau5", "relative_tolerance": 1e-4, "sample": 0.1}
+    short, long = (scene.varied({"run": run | {"duration": duration}}) for duration in (0.1, 1.0))
+    fl.simulate(short)  # compiles
+    times, steps = [], []
+    for part in (short, long):
+        started = time.thread_time()
+        steps.append(fl.simulate(part).steps.taken)
+        times.append(time.thread_time() - started)
+    assert 1 / 4 < (times[1] - times[0]) / (steps[1] - steps[0]) / predicted < 4

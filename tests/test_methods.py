@@ -111,6 +111,7 @@ def test_a_square_of_zeros_above_the_diagonal_is_explicit() -> None:
         ({"family": "Radau IIA", "stages": 3}, "order = 2: Radau IIA of 3 stages has order 5"),
         ({"family": "Lobatto"}, "family = 'Lobatto': allowed are 'Radau IIA', 'Gauss'"),
         (TRAPEZOID | {"stages": 3}, "stages = 3: c has 2"),
+        ({"A": (("1",) * 10,) * 10, "b": ("1",) * 10, "c": ("1",) * 10}, "10 stages: an implicit method has at most 9"),
         (TRAPEZOID | {"error": (("1", "-1"),)}, "error: only explicit methods take rows"),
         (TRAPEZOID | {"A": (("0", "0"), ("1/2", "1/3"))}, "A[1] = ('1/2', '1/3'): must sum to c[1] = '1'"),
         ({"A": ((), ("1",)), "b": ("1/2", "1/2"), "c": ("0", "1"), "error": (("1",),)}, "error[0] has 1 weights: expe"),

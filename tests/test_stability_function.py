@@ -92,3 +92,20 @@ def test_explicit_methods_end_on_the_real_axis_where_r_leaves_one(name: str, lim
     assert reach == pytest.approx(limit, rel=1e-5)
     inside = stability_function(method(name), np.linspace(0, reach, 1001) * (-1.0 + 0j))
     assert np.abs(inside).max() <= 1 + 1.01 * g
+
+
+def chebyshev(stages: int) -> Method:
+    """R(z) = T_s(1 + z / s²), by Y_i = 1 + z a_i Y_i−1, a_i the ratios of its coefficients."""
+    before, r = [Fraction(1)], [Fraction(1), Fraction(1, stages**2)]
+    for _ in range(stages - 1):
+        twice = [2 * x + 2 * y / stages**2 for x, y in zip([*r, Fraction(0)], [Fraction(0), *r], strict=True)]
+        before, r = r, [x - y for x, y in zip(twice, [*before, Fraction(0), Fraction(0)], strict=True)]
+    a = ["0", *(str(r[k] / r[k - 1]) for k in range(stages, 1, -1))]
+    rows = [["0"] * (i - 1) + [a[i]] if i else [] for i in range(stages)]
+    return own(rows, ["0"] * (stages - 1) + ["1"], a)
+
+
+def test_of_a_method_with_many_stages_not_even_large_terms_that_cancel_hide_the_limit() -> None:
+    """In powers of z the terms of T_10² at the end of its reach add up to (T_10(3))² = 5e14, rounded to 0.1."""
+    reach = stable_reach(chebyshev(10), np.array([-1.0 + 0j]))[0]
+    assert reach == pytest.approx(200.0, rel=2 * g)

@@ -1,5 +1,6 @@
 """The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
 
+import dataclasses
 import math
 import sys
 
@@ -9,10 +10,13 @@ import pytest
 
 import flexlink as fl
 from flexlink.common.errors import SceneError
+from flexlink.describe.spec import decode
 from flexlink.motion.start import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array
+from validation.case import CASES, load_case
+from validation.kinds import other_solvers, speed_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -112,6 +116,23 @@ def test_a_knot_that_is_an_output_up_to_rounding_is_that_output():
     assert f._knots() == [1.2000000000000002]  # the end of the pulse is an output, up to rounding
 
 
+@pytest.mark.slow
+def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_witness_that_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
+    witnesses = [
+        {"solver": "DOP853", "relative": [1e-6, 1e-8]}, {"solver": "CVODE", "relative": [1e-6, 1e-8], "needed": False},
+    ]  # fmt: skip
+    settings = decode({"scene": {"kick11": witnesses}, "methods": {"Radau5": 1e-5}}, other_solvers.Settings)
+    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    assert found["tip apart / allowed"].value < 1
+    assert "scikit-sundae" in found["witnesses left out"].note
+
+    run = fl.simulate(trade.trade_scene("kick11"), method="Radau5", tolerance=1e-5)
+    monkeypatch.setattr(other_solvers, "simulate", lambda *_, **__: dataclasses.replace(run, tip=run.tip + 2e-4))
+    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    assert found["tip apart / allowed"].value > 1
+
+
 # MuJoCo
 
 
@@ -152,6 +173,22 @@ def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order()
     assert cost(points, 1e-3, 1.0) == (pytest.approx(math.sqrt(2)), "measured")
     assert cost(points[:2], 1e-4, 2.0) == (pytest.approx(10.0), "order")
     assert cost(points[:1], 1e-4, 2.0) is None
+
+
+def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_the_limit_of_stability():
+    ours = {"Radau5": [Point(1e-2, 1e-3, 1.0), Point(1e-3, 1e-5, 2.0)]}
+    others = {
+        "RK4": {"RK4 at its limit": [Point(1e-6, math.nan, 100.0)]},
+        "MuJoCo": {"Euler": [Point(0.1, 1e-2, 1.0), Point(0.05, 5e-3, 2.0)]},
+        "solvers": {},
+    }
+    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-4, ours, others)}
+    assert rows["RK4 / flexlink, error 0.0001"].value == 50
+    assert rows["t3, MuJoCo / flexlink, error 0.0001"].value == pytest.approx(2.0 * 50 / 2.0)
+    assert "by its order" in rows["MuJoCo / flexlink, error 0.0001"].note
+    assert "Radau5, tolerance 0.001 m: 2000 ms" in rows["RK4 / flexlink, error 0.0001"].note
+    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-6, ours, others)}
+    assert rows["RK4 / flexlink, error 1e-06"].value == 0  # flexlink does not get there: no limit is met
 
 
 def test_a_base_that_does_not_exist_is_one_line(monkeypatch):

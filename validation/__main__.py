@@ -33,6 +33,7 @@ EXAMPLES = """examples:
   python -m validation speed                every case called speed or speed_…, or of such a kind
   python -m validation pointwise 'traj*'    some cases, by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
+  python -m validation other_solvers_long   one of those that take minutes, and run only when they are named
   python -m validation --list               what there is
 """
 

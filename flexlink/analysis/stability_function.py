@@ -31,6 +31,9 @@ GROWTH = Fraction(1, 10**6)
 """Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would
 call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
 
+SQUARE = float((1 + GROWTH) ** 2)
+EPS = float(np.finfo(np.float64).eps)
+
 
 def stability_function(method: Method, z: NDArray[Any]) -> Complex:
     """R(z), of the shape of `z`."""
@@ -67,9 +70,50 @@ def stable_reach(method: Method, directions: Complex) -> Array:
     """
     if is_stable_everywhere(method):
         return np.full(directions.shape, np.inf)
+    if method.explicit:
+        return _reach_of_polynomial(method, directions)
     P, Q = (_float64(p) for p in stability_polynomials(method))
-    size, square = 2 * len(P), (1 + float(GROWTH)) ** 2
-    return np.array([_first_zero(square * _square(Q, d, size) - _square(P, d, size)) for d in directions])
+    return np.array([_first_zero(SQUARE * _square(Q, d) - _square(P, d)) for d in directions])
+
+
+def _reach_of_polynomial(method: Method, directions: Complex) -> Array:
+    """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so that 2 s + 1 values tell all of it.
+
+    In powers of x the terms of E_d cancel, more with every stage; values of R by the stages themselves do not. There is
+    an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality).
+    """
+    end, degree = 2 * method.stages**2, 2 * method.stages
+    reach, beyond = np.full(directions.shape, float(end)), np.full(directions.shape, True)
+    nodes = np.polynomial.chebyshev.chebpts1(degree + 1)
+    to_series = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree))
+    for start in range(end + 1):
+        those = np.flatnonzero(beyond)
+        R = _by_stages(method, np.outer(directions[those], start + (1 + nodes) / 2))
+        for k, series in zip(those, (SQUARE - np.abs(R) ** 2) @ to_series.T, strict=True):
+            zeros = _zeros_of_series(series)
+            if zeros.size:
+                reach[k], beyond[k] = start + (1 + zeros.min()) / 2, False
+        if not beyond.any():
+            break
+    return reach
+
+
+def _by_stages(method: Method, z: Complex) -> Complex:
+    """R(z) = 1 + z Σ b_i Y_i of an explicit method, from its stages Y_i = 1 + z Σ a_ij Y_j."""
+    A, b, _ = method.arrays
+    stages: list[Complex] = []
+    for row in (*A, b):
+        stages.append(1 + z * sum(a * Y for a, Y in zip(row, stages, strict=False) if a))
+    return stages[-1]
+
+
+def _zeros_of_series(series: Array) -> Array:
+    """Real zeros in [−1, 1] of Σ c_k T_k, |T_k| ≤ 1; none if the first term outweighs all others."""
+    size = np.abs(series)
+    if series[0] > size[1:].sum():
+        return np.empty(0)
+    zeros = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebtrim(series, EPS * size.max()))
+    return np.asarray(zeros[(zeros.imag == 0) & (np.abs(zeros) <= 1)].real)
 
 
 @functools.lru_cache(maxsize=64)
@@ -143,12 +187,10 @@ def _dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
     return sum((a * b for a, b in zip(x, y, strict=True) if a), Fraction(0))
 
 
-def _square(p: Array, d: complex, size: int) -> Array:
-    """|p(xd)|² by powers of x, `size` of them."""
+def _square(p: Array, d: complex) -> Array:
+    """|p(xd)|² by powers of x."""
     along = p * d ** np.arange(len(p))
-    found = np.zeros(size)
-    found[: 2 * len(p) - 1] = np.convolve(along, along.conj()).real
-    return found
+    return np.asarray(np.convolve(along, along.conj()).real)
 
 
 def _first_zero(p: Array) -> float:

@@ -7,6 +7,7 @@ import dataclasses
 import sys
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.modal import modes
@@ -17,9 +18,11 @@ from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about, varied_scene
 from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene
-from flexlink.motion.cost import cost, evaluation_time
+from flexlink.motion.cost import cost, evaluation_time, step_time
 from flexlink.motion.notes import notes
 from flexlink.motion.start import initial_state
+
+Complex = NDArray[np.complex128]
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
@@ -59,17 +62,24 @@ def _show(scene: Scene) -> None:
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    evaluation = evaluation_time(scene, chain)
-    for method in catalogue.names("methods"):
-        h, seconds = cost(method, λ, evaluation)
-        undamped = stable_step_of(free, method)
-        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
-        without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")
+    _show_steps(evaluation_time(scene, chain), λ, free)
     if bare is not chain and chain.n <= LARGEST_MODAL:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")
         print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _show_steps(evaluation: float, λ: Complex, free: Complex) -> None:
+    """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
+    costs = {method: cost(method, λ, evaluation) for method in catalogue.names("methods")}
+    rk4 = costs["RK4"].seconds
+    for method, (h, seconds) in costs.items():
+        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
+        if np.isfinite(rk4) and not price:
+            price = f", as cheap as RK4 with about {rk4 / step_time(method, evaluation):.0f} steps a second"
+        undamped = stable_step_of(free, method)
+        without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
+        print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")
 
 
 def _without_structural_damping(chain: Chain) -> Chain:

@@ -27,7 +27,7 @@ CLOSE = Fraction(1, 10**15)
 """How far sums of coefficients may be from what they must be: decimals are rounded."""
 
 MOST_STAGES = 9
-"""Of a family: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages)."""
+"""Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
 
 WORST_CONDITION = 1e7
 """Of the eigenvectors of A: Newton's corrections pass through them and keep 9 digits, where one would do."""
@@ -178,6 +178,8 @@ class Method(Spec, frozen=True):
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
+        if stages > MOST_STAGES and not self.explicit:
+            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
             raise SceneError(f"b = {short(self.b)}: must sum to 1")

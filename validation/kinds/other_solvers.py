@@ -1,0 +1,79 @@
+"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and SUNDIALS' CVODE where it is.
+
+The witness runs twice; how far its two tips are apart bounds the error of the coarser run, and so, amply, that of the
+finer, which is compared. A run of ours may be off by ten times its tolerance, the project's limit for the error at the
+end, and the witness by what was seen:
+
+    apart / (10 tolerance + |coarse − fine|) ≤ 1
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import MissingDependencyError
+from flexlink.describe.spec import Positive, Spec
+from flexlink.motion.single import simulate
+from validation.benchmarks.first_order import FirstOrder, Solved
+from validation.benchmarks.trade import trade_scene
+from validation.case import Case, Measured
+from validation.facts import Facts
+
+Array = NDArray[np.float64]
+
+MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
+ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
+
+
+class Witness(Spec, frozen=True):
+    """A solver of others, and its two relative tolerances, the coarser first."""
+
+    solver: Literal["Radau", "BDF", "LSODA", "DOP853", "CVODE"]
+    relative: tuple[Positive, Positive]
+    needed: bool = True  # a witness that is not is left out, and told, where it is not installed
+
+
+class Settings(Spec, frozen=True):
+    """Witnesses of every scene of the trade by its name; our methods with their tolerances [m]."""
+
+    scene: dict[str, tuple[Witness, ...]]
+    methods: dict[str, Positive]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Distances of tips in units of what is allowed, and what a witness knows of itself."""
+    left_out = ""
+    for name, witnesses in settings.scene.items():
+        scene = trade_scene(name)
+        ours = {method: simulate(scene, method=method, tolerance=ε).tip for method, ε in settings.methods.items()}
+        form = FirstOrder(scene)
+        for witness in witnesses:
+            try:
+                coarse, fine = (_solved(form, witness, relative).tip for relative in witness.relative)
+            except MissingDependencyError as error:
+                if witness.needed:
+                    raise
+                left_out = str(error)
+                continue
+            own = _apart(coarse, fine)
+            yield Measured("witness, its two runs apart", own, name, witness.solver)
+            for method, tip in ours.items():
+                allowed = MULTIPLE * settings.methods[method] + own
+                facts: Facts = {"method": method, "tolerance": settings.methods[method]}
+                yield Measured("tip apart / allowed", _apart(tip, fine) / allowed, name, witness.solver, facts)
+    yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
+
+
+def _solved(form: FirstOrder, witness: Witness, relative: float) -> Solved:
+    if witness.solver == "CVODE":
+        return form.by_cvode(relative, ABSOLUTE * relative)
+    return form.by_scipy(witness.solver, relative, ABSOLUTE * relative)
+
+
+def _apart(a: Array, b: Array) -> float:
+    """Largest distance of two tips at any sample [m]."""
+    return float(np.linalg.norm(a - b, axis=1).max())
