@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-import pkgutil
 import tomllib
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import jinja2
 import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from reports import curves, figures, findings, reference, speed_limits, verdict
+from reports import findings, reference, speed_limits, verdict
 from reports.chapters import chapter_of_kinds, contents, sections
+from reports.drawing import Shown, figures_of, modules
 from reports.finding import Finding
 from reports.numbers import amount, number
-from reports.picture import Picture
 from reports.results import Results, used
 from reports.style import RC
 from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
@@ -39,17 +36,6 @@ class CaseBlock:
     title: str
     verdict: verdict.CaseVerdict
     table: Table
-
-
-@dataclasses.dataclass(frozen=True)
-class Shown:
-    """A figure on the page."""
-
-    name: str
-    id: str
-    title: str
-    svg: str
-    caption: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,8 +79,7 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
     """
     study, beside = Results.read(results), reference.read(reference_run)
     make_folder(out)
-    definitions: dict[str, str] = {}
-    shown = _shown(study, out, definitions)
+    shown, definitions = figures_of(study, out)
     chapters = list(_chapters(study, out, shown))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
@@ -160,40 +145,11 @@ def readme_figure(results: Path, path: Path) -> Path:
     return path
 
 
-def pictures(results: Results, chapter_of: Mapping[str, str]) -> Iterator[tuple[str, Picture]]:
-    """(chapter id, picture): what reports/figures/ draws, by file name, then every series that nothing there takes."""
-    taken: set[str] = set()
-    with mpl.rc_context(RC):
-        for drawer in _modules(figures):
-            taken.update(drawer.TAKES)
-            for picture in drawer.draw(results):
-                yield drawer.SECTION, picture
-        for case, found in results.series.items():
-            for series in found:
-                if series.what not in taken:
-                    yield chapter_of[results.cases[case][0].kind], curves.picture(case, series)
-
-
-def _shown(results: Results, out: Path, definitions: dict[str, str]) -> dict[str, list[Shown]]:
-    """Chapter id → its figures, their files written."""
-    shown: dict[str, list[Shown]] = {}
-    for chapter, picture in pictures(results, chapter_of_kinds()):
-        svg = picture.save(out, definitions)
-        shown.setdefault(chapter, []).append(Shown(picture.name, picture.id, picture.title, svg, picture.caption))
-    return shown
-
-
 def _findings(results: Results, out: Path) -> Iterator[tuple[str, Finding]]:
-    for finder in _modules(findings):
+    for finder in modules(findings):
         for finding in finder.find(results):
             write_text(out / f"{finding.name}.csv", table_csv(finding.heads, finding.lines))
             yield finder.SECTION, finding
-
-
-def _modules(package: ModuleType) -> Iterator[Any]:
-    """Every module of a package, by name."""
-    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
-        yield importlib.import_module(f"{package.__name__}.{name}")
 
 
 def _chapters(results: Results, out: Path, shown: Mapping[str, list[Shown]]) -> Iterator[Chapter]:

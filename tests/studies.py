@@ -64,7 +64,7 @@ def page_from(results: Path, tmp_path: Path) -> str:
 def words_from(results: Path, tmp_path: Path) -> str:
     """The page without figures, which take nearly all of the time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("reports.build.pictures", lambda *_: iter(()))
+        patch.setattr("reports.drawing.pictures", lambda *_: iter(()))
         return page_from(results, tmp_path)
 
 

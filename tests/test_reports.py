@@ -22,6 +22,7 @@ from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
 from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
+from reports.picture import Picture
 from reports.results import Results, used
 from reports.tables import limit, table
 from validation.store import Series, Store
@@ -336,3 +337,24 @@ def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) 
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(FlexlinkError, match="file"):
         build(stored(tmp_path / "results", row()), tmp_path / "file")
+
+
+@pytest.mark.slow
+def test_the_report_does_not_depend_on_the_number_of_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    results = stored(tmp_path / "results", row())
+    for k in range(5):
+        columns = {"n": np.arange(3.0), "error": 2.0 ** -np.arange(k, k + 3.0)}
+        series = Series("errors", f"Title {k}", columns, "n", "n", "error", "log", "log", part=str(k))
+        Store(results).add_series("terms", series)
+    alone = build(results, tmp_path / "alone", tmp_path / "none")
+    monkeypatch.setattr("reports.drawing.WORTH_A_PROCESS", 2)
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    written_here: list[str] = []
+    save = Picture.save
+    monkeypatch.setattr(Picture, "save", lambda self, *to: written_here.append(self.name) or save(self, *to))  # type: ignore[func-returns-value]
+    shared = build(results, tmp_path / "shared", tmp_path / "none")
+    assert 3 <= len(written_here) <= 4, "of seven"
+    names = {file.name for file in alone.parent.iterdir()}
+    assert names == {file.name for file in shared.parent.iterdir()}
+    for name in names:
+        assert (alone.parent / name).read_bytes() == (shared.parent / name).read_bytes(), name

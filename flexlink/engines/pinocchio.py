@@ -58,7 +58,7 @@ class PinocchioEngine:
         self.coulomb_width = _own(robot, "coulomb_width")
         model.armature = _own(robot, "armature")
         model.gravity.linear = np.array(robot.findall("flexlink")[0].attrib["gravity"].split(), float)
-        self.model, self.data, self.n = model, model.createData(), model.nv
+        self.model, self.data, self.n = model, pin.Data(model), model.nv  # createData copies it, n³ numbers
         self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 

@@ -52,7 +52,7 @@ def pinocchio(chain: Chain, states: States) -> dict[str, Jobs]:
     """Pinocchio with joints of its own kinds, and both of its conventions where an algorithm has two."""
     found: dict[str, Jobs] = {}
     for name, (model, sign) in pinocchio_models.build_all(chain).items():
-        data = model.createData()
+        data = pin.Data(model)  # createData makes a second one: 2 GB at n = 400
         q, qd, tau, qdd = (list(part * sign) for part in states)
         for convention in (pin.Convention.LOCAL, pin.Convention.WORLD):
             found[f"{name}, {convention.name.lower()}"] = _pinocchio_jobs(model, data, (q, qd, tau, qdd), convention)

@@ -1,0 +1,99 @@
+"""The figures of a report, drawn and written by several processes: that is nearly all the work of a report."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+import multiprocessing
+import os
+import pkgutil
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from itertools import islice
+from pathlib import Path
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import matplotlib as mpl
+
+from reports import curves, figures
+from reports.chapters import chapter_of_kinds
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import RC
+
+WORTH_A_PROCESS = 10  # series; to start a process takes about as long as to write three or four figures
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """A figure on the page."""
+
+    name: str
+    id: str
+    title: str
+    svg: str
+    caption: str
+
+
+class Drawn(NamedTuple):
+    """A figure whose files are written: its chapter's id, and what other figures may use of its SVG."""
+
+    chapter: str
+    shown: Shown
+    definitions: dict[str, str]
+
+
+def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dict[str, str]]:
+    """Chapter id → its figures, their files written to `out`; and what their SVGs share.
+
+    The same on any number of processes: every process takes one figure in so many.
+    """
+    shown: dict[str, list[Shown]] = {}
+    definitions: dict[str, str] = {}
+    processes = max(1, min(os.cpu_count() or 1, sum(map(len, results.series.values())) // WORTH_A_PROCESS))
+    with contextlib.ExitStack() as stack:
+        shares = []
+        if processes > 1:
+            context = multiprocessing.get_context("spawn")
+            pool = stack.enter_context(ProcessPoolExecutor(processes - 1, mp_context=context))
+            shares = [pool.submit(_share, results, out, k, processes) for k in range(1, processes)]
+        parts = [_share(results, out, 0, processes), *(share.result() for share in shares)]
+    for place in range(sum(map(len, parts))):
+        drawn = parts[place % processes][place // processes]
+        shown.setdefault(drawn.chapter, []).append(drawn.shown)
+        definitions.update(drawn.definitions)
+    return shown, definitions
+
+
+def _share(results: Results, out: Path, first: int, step: int) -> list[Drawn]:
+    """Every so many-th figure. Each process makes all of them, of which only writing takes time."""
+    return [_written(*made, out) for made in islice(pictures(results), first, None, step)]
+
+
+def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
+    definitions: dict[str, str] = {}
+    svg = picture.save(out, definitions)
+    return Drawn(chapter, Shown(picture.name, picture.id, picture.title, svg, picture.caption), definitions)
+
+
+def pictures(results: Results) -> Iterator[tuple[str, Picture]]:
+    """(chapter id, picture): what reports/figures/ draws, by file name, then every series that nothing there takes."""
+    taken: set[str] = set()
+    chapter_of = chapter_of_kinds()
+    with mpl.rc_context(RC):
+        for drawer in modules(figures):
+            taken.update(drawer.TAKES)
+            for picture in drawer.draw(results):
+                yield drawer.SECTION, picture
+        for case, found in results.series.items():
+            for series in found:
+                if series.what not in taken:
+                    yield chapter_of[results.cases[case][0].kind], curves.picture(case, series)
+
+
+def modules(package: ModuleType) -> Iterator[Any]:
+    """Every module of a package, by name."""
+    for name in sorted(info.name for info in pkgutil.iter_modules(package.__path__)):
+        yield importlib.import_module(f"{package.__name__}.{name}")
