@@ -26,6 +26,7 @@ from flexlink.kernels.clock import (
     POWER,
     REFUSED,
     REJECTED,
+    ROUNDING,
     ROW,
     SLOWEST,
     STEP,
@@ -42,6 +43,7 @@ from flexlink.kernels.shifted import displacement, place_bodies
 
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
 SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
+LEAST = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
 
 ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
@@ -76,8 +78,8 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         t, end = clock[TIME], knots[count[KNOT]]
         ends = t + 1.01 * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
-        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, h / long)
-        accurate = min(exact, left * tolerance)
+        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, max(LEAST, h / long))
+        accurate = min(exact, max(left * tolerance, clock[ROUNDING]))
         error, iterations = take_step(t, h, inputs, state, accurate, work)
         count[ITERATIONS] += iterations
         if not error < tolerance:

@@ -32,6 +32,7 @@ LIKELY = 0.3  # contraction that is taken for granted in the first iteration
 UNSETTLED = (
     100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
 )
+ROUNDINGS = 200.0  # of the place of a body, which a step through all joints adds up
 STALLED = 0.5  # contraction from which an iteration that moves no more than rounding does has come to its end
 FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to
 SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
@@ -97,7 +98,7 @@ def implicit_step(t, h, inputs, state, accurate, work):
         if iteration > 1:
             contraction = moved / before
         before = moved
-        stalled = iteration > 1 and contraction > STALLED and moved <= work.clock[ROUNDING]
+        stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
         settled = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
         if stalled or (settled and unsettled(h, work) <= UNSETTLED * accurate):
             finish(t, h, inputs, state, work)

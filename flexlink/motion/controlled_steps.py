@@ -75,7 +75,7 @@ class ControlledSteps:
         self.knots = knots(run, self.method, record)
         self.samples = record.t, record.q, record.qd, record.works
         self.work.clock[clock.PASSES] = FEW_PASSES if run.controlled else MANY_PASSES
-        self.work.clock[clock.ROUNDING] = SMALLEST * rounding.of_position(record.chain)
+        self.work.clock[clock.ROUNDING] = rounding.of_position(record.chain)
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         longest = longest_step(self.method, self.name, record)
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
