@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,8 @@ from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
 from flexlink.kernels.planar import planar_workspace
 from flexlink.kernels.rne import rne_workspace
 
-CHAINS = {"spatial": fl.lump(nasty_scene()), "planar": fl.lump(make_scene(flexible("a", segments=3)))}
+SCENES = {"spatial": nasty_scene(), "planar": make_scene(flexible("a", segments=3))}
+CHAINS = {name: fl.lump(scene) for name, scene in SCENES.items()}
 WRENCH = np.array([1.0, -2.0, 3.0, 0.3, -0.2, 0.1])
 
 
@@ -46,20 +48,40 @@ def accelerations(name: str) -> np.ndarray:
     return np.array([*singles, *fl.forward_dynamics(chain, *(np.stack([part, part]) for part in state))])
 
 
-@compiled
-@pytest.mark.parametrize("name", CHAINS)
-def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name: str, tmp_path: Path) -> None:
-    file, here = tmp_path / "found.npz", Path(__file__).parent
-    parts = f"a=t.accelerations({name!r}), t=t.torques({name!r})"
+def as_python(parts: str, folder: Path) -> Mapping[str, np.ndarray]:
+    """What expressions of this module `t` give in a process without compilation, by name."""
+    file, here = folder / "found.npz", Path(__file__).parent
     code = f"import sys, numpy, test_as_python as t; numpy.savez(sys.argv[1], {parts})"
     path = os.pathsep.join([str(here), str(here.parent), os.environ.get("PYTHONPATH", "")])
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path}
     subprocess.run([sys.executable, "-c", code, str(file)], env=environment, check=True)
-    for as_python, as_machine_code in zip(np.load(file)["a"], accelerations(name), strict=True):
-        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(as_python, as_machine_code))
+    return dict(np.load(file))
+
+
+def controlled(name: str) -> np.ndarray:
+    """The tip after a few steps of every kind of method that estimates its error."""
+    scene = SCENES[name].varied({"run.duration": 0.002, "run.sample": 0.001})
+    runs = [fl.simulate(scene, method=method, tolerance=1e-3) for method in ("Radau5", "DOP853")]
+    return np.array([run.tip[-1] for run in runs])
+
+
+@compiled
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHAINS)
+def test_steps_by_their_error_run_as_python_and_end_where_compiled_ones_do(name: str, tmp_path: Path) -> None:
+    found = as_python(f"a=t.controlled({name!r})", tmp_path)
+    np.testing.assert_allclose(found["a"], controlled(name), rtol=0, atol=1e-10)
+
+
+@compiled
+@pytest.mark.parametrize("name", CHAINS)
+def test_kernels_run_as_python_and_give_the_accelerations_of_compiled_ones(name: str, tmp_path: Path) -> None:
+    found = as_python(f"a=t.accelerations({name!r}), t=t.torques({name!r})", tmp_path)
+    for in_python, as_machine_code in zip(found["a"], accelerations(name), strict=True):
+        error = acceleration_error(CHAINS[name], *states(CHAINS[name]), solutions=(in_python, as_machine_code))
         assert error.max() <= 1
     explained = of_residual(CHAINS[name], *states(CHAINS[name]), np.zeros(CHAINS[name].n), tip_wrench=WRENCH)
-    assert np.abs(np.load(file)["t"] - torques(name)).max() <= explained
+    assert np.abs(found["t"] - torques(name)).max() <= explained
 
 
 def test_eight_numbers_without_compilation_behave_as_one() -> None:
