@@ -289,3 +289,11 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
     with pytest.raises(MissingDependencyError, match=r"flexlink\[engines\]"):
         load(name, lump(make_scene(flexible("arm"))))
+
+
+@pytest.mark.parametrize("settings", [{"run.method": "Gauss4"}, {"run.tolerance": 1e-4}])
+def test_engines_refuse_what_is_no_fixed_step_of_an_explicit_method(settings: dict[str, object]) -> None:
+    scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
+    for name in ("pinocchio", "mujoco"):
+        with pytest.raises(ArgumentError, match=r"take fixed steps of an explicit method|only 'RK4'"):
+            load(name, lump(scene)).integrate(scene)

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs import drive_torque
 from flexlink.motion.actuation import drive_arrays, input_arrays
@@ -87,10 +89,14 @@ def start(scene: Scene) -> Samples:
 
     Raises
     ------
+    ArgumentError
+        The run has no fixed steps of an explicit method.
     UnstableStepError
         The step is past the largest stable one, and `run.unstable` does not allow it.
     """
     run, chain = scene.run, lump(scene)
+    if run.controlled or not method(run.method).explicit:
+        raise ArgumentError(f"method = {run.method!r}: other engines take fixed steps of an explicit method")
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = initial_state(scene, chain)
     judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))

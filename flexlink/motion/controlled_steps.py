@@ -166,13 +166,14 @@ def knots(run: Run, method: Method, record: Record) -> Array:
     of an explicit method ends at its samples: between its ends it is known less well than there.
     """
     if not run.controlled:
-        return np.array([run.duration])
+        return record.t[-1:]
     drive, motion = record.inputs.drive, record.inputs.motion
     smooth = drive.coefficients.shape[1] > LINEAR
     samples = record.t if method.explicit else np.empty(0)
     times = drive.knots[:: 2 if smooth else 1], drive.knots[-1:], motion.knots, samples
     given = np.concatenate(times)
-    return np.array([*np.unique(given[(given > 0) & (given < run.duration)]), run.duration])
+    end = float(record.t[-1])  # rounded as the last sample is
+    return np.array([*np.unique(given[(given > 0) & (given < end)]), end])
 
 
 def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:
