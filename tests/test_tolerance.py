@@ -204,6 +204,21 @@ def test_settings_that_do_not_go_together_are_named(changes: dict[str, Any], mes
         swinging(**changes)
 
 
+def test_a_tolerance_below_what_rounding_leaves_is_refused() -> None:
+    with pytest.raises(fl.SceneError, match=r"run.tolerance = 1e-14 m: smaller than what rounding .* allowed are .* m"):
+        fl.simulate(swinging(), tolerance=1e-14)
+
+
+@pytest.mark.parametrize("width", [1e-3, 1e-7])
+def test_dry_friction_that_turns_round_within_a_step_is_seen_by_its_error(width: float) -> None:
+    """However narrow the rates in which it does: the slope with which the iteration ends does not hide it."""
+    scene = swinging(**{"link.*.joint.coulomb": 3.0, "link.*.joint.coulomb_width": width, "run.duration": 0.6})
+    exact = fl.simulate(scene, method="Radau5", tolerance=1e-8)
+    for tolerance in (1e-3, 1e-5):
+        run = fl.simulate(scene, method="Radau5", tolerance=tolerance)
+        assert np.abs(run.tip - exact.tip).max() <= 5 * tolerance
+
+
 def test_a_run_without_duration_has_its_first_sample_only() -> None:
     run = fl.simulate(swinging(**{"run.tolerance": 1e-4, "run.duration": 0.0}))
     assert run.t.tolist() == [0.0]

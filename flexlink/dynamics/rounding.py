@@ -209,7 +209,12 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
 
 def of_position(chain: Chain) -> float:
     """Of where a step puts the tip [m], 10 eps of the arm's reach."""
-    return ROUNDINGS * EPS * reach(chain)
+    return of_reach(reach(chain))
+
+
+def of_reach(reach: float) -> float:
+    """Of a place at this distance from the origin [m]."""
+    return ROUNDINGS * EPS * reach
 
 
 def reach(chain: Chain) -> float:

@@ -26,6 +26,7 @@ from flexlink.kernels.clock import (
     POWER,
     REFUSED,
     REJECTED,
+    ROUNDING,
     ROW,
     SLOWEST,
     STEP,
@@ -42,6 +43,7 @@ from flexlink.kernels.shifted import displacement, place_bodies
 
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
 SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
+LEAST = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
 
 ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
@@ -64,8 +66,8 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     `work` is scratch of the method, `forward` of forward dynamics.
 
     `settings`: error that a long step may have [m], and that as a part of the largest deflection; the length from which
-    a step is long [s], a shorter one may have √(its part of that length) of it, so that errors of random sign add up to
-    the same in a run of many steps; what the iteration may leave [m], and that as a part of the error; p; smallest and
+    a step is long [s], a shorter one may have its part of that length of it, so that the errors of many steps add up to
+    the same; what the iteration may leave [m], and that as a part of the error; p; smallest and
     largest step [s]. `knots`: times where a step ends, of which the last is the end. `samples`: times (rows,), q and q̇
     (rows, n), W (rows,).
     """
@@ -75,8 +77,8 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         t, end = clock[TIME], knots[count[KNOT]]
         ends = t + 1.01 * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
-        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, math.sqrt(h / long))
-        accurate = min(exact, left * tolerance)
+        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, max(LEAST, h / long))
+        accurate = min(exact, max(left * tolerance, clock[ROUNDING]))
         error, iterations = take_step(t, h, inputs, state, accurate, work)
         count[ITERATIONS] += iterations
         if not error < tolerance:

@@ -21,15 +21,19 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.clock import ACCEPTED, LAST, PASSES, POWER, SLOWEST, WORK, WORST
+from flexlink.kernels.clock import ACCEPTED, LAST, PASSES, POWER, ROUNDING, SLOWEST, WORK, WORST
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.joint_torques import elastic, friction
-from flexlink.kernels.shifted import A, displacement, factor, place_bodies, solve
+from flexlink.kernels.shifted import INVERSE, A, displacement, factor, place_bodies, solve
 
-STALLED = 0.5  # contraction from which an iteration that is near its end goes on in its rounding only
-NEAR = 10.0  # how many times what it may leave is near
+LIKELY = 0.3  # contraction that is taken for granted in the first iteration
+UNSETTLED = (
+    100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
+)
+ROUNDINGS = 200.0  # of the place of a body, which a step through all joints adds up
+STALLED = 0.5  # contraction from which an iteration that moves no more than rounding does has come to its end
 FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to
 SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
 
@@ -86,16 +90,17 @@ def implicit_step(t, h, inputs, state, accurate, work):
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
-    before, contraction, fresh = 0.0, 0.3, True
+    before, fresh = 0.0, True
+    contraction = LIKELY
     for iteration in range(1, int(work.clock[PASSES]) + 1):
         residuals(t, h, inputs, q, qd, work)
         moved = improve(h, work)
         if iteration > 1:
             contraction = moved / before
         before = moved
-        left = min(contraction, 0.9)
-        stalled = iteration > 1 and contraction > STALLED and moved <= NEAR * accurate
-        if stalled or moved * left <= accurate * (1.0 - left):
+        stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
+        settled = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
+        if stalled or (settled and unsettled(h, work) <= UNSETTLED * accurate):
             finish(t, h, inputs, state, work)
             return estimate(h, qd, qdd, work), iteration
         if not moved < math.inf or (iteration > 3 and contraction > 1.0):
@@ -105,6 +110,15 @@ def implicit_step(t, h, inputs, state, accurate, work):
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
     return math.nan, iteration
+
+
+@inlined
+def has_dry_friction(hinges):
+    """Whether any joint has dry friction."""
+    largest = 0.0
+    for k in range(len(hinges)):
+        largest = max(largest, hinges[k].coulomb)
+    return largest > 0.0
 
 
 @inlined
@@ -257,6 +271,25 @@ def add_change(h, method, i, weight, x, qdd, δq, δv):
         δv[k] += h * method.weights[B, i] * δ
 
 
+@inlined
+def unsettled(h, work):
+    """How far [m] the torques that are left at joints with dry friction would move a body, were they free to turn.
+
+    The slope of friction at rest moves such a joint by next to nothing, however far it is from where it belongs.
+    """
+    δ, largest = work.vectors[MIDDLE], 0.0
+    if not has_dry_friction(work.chain.hinges):
+        return largest
+    for i in range(work.stages.shape[1]):
+        for k in range(len(δ)):
+            hinge, factors, δ[k] = work.chain.hinges[k], work.factors[0, k], 0.0
+            if hinge.coulomb > 0.0 and not hinge.prescribed:
+                inertia = 1.0 / factors[INVERSE] - factors[A] + hinge.armature
+                δ[k] = h * max(h, work.clock[SLOWEST]) * work.stages[RESIDUALS, i, k] / inertia
+        largest = max(largest, displacement(δ, work.posture))
+    return largest
+
+
 @recursion
 def finish(t, h, inputs, state, work):
     """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
@@ -280,11 +313,15 @@ def estimate(h, qd, qdd, work):
     """Error of the step [m], 0 where none is estimated: largest displacement of any body by e_q and by τ e_v.
 
     (1 − hγ₀ J)⁻¹ (e_q, e_v):  (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
-    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps.
+    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps. Dry friction's slope in D is that
+    at the end of the step: the steepest one, with which the iteration ends, would hide what turning round did.
     """
     hγ, vectors = h * work.method.γ, work.vectors
     if hγ == 0.0:
         return 0.0
+    if has_dry_friction(work.chain.hinges):
+        shift_rotors(hγ, work.new[1], work.factors[0], work)
+        factor(work.factors[0], work.posture)
     e_q, e_v, r, y = vectors[MIDDLE], vectors[MIDDLE + 1], vectors[RHS], vectors[SOLUTION]
     for k in range(len(qd)):
         e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]

@@ -25,7 +25,7 @@ PLACE = {PlanePosture: place_in_plane, SpacePosture: place_in_space}
 FACTOR = {PlanePosture: factor_in_plane, SpacePosture: factor_in_space}
 SOLVE = {PlanePosture: solve_in_plane, SpacePosture: solve_in_space}
 DISPLACEMENT = {PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space}
-A, FACTORS = 0, 8  # where A of a hinge stands among its factors, and how many they are
+A, INVERSE, FACTORS = 0, 1, 8  # where A and 1 / D of a hinge stand among its factors, and how many they are
 
 
 def place_bodies(q, posture):

@@ -18,7 +18,7 @@ from flexlink.kernels.compiler import kernel, recursion
 from flexlink.kernels.planar import INERTIA, MASS, RX, RY, SIGN, SX, SY, planar_workspace
 from flexlink.kernels.sincos import cos_sin_all
 
-A, HX, HY, INVERSE, BETA = range(5)  # of the factors of a hinge; β = A / D
+A, INVERSE, HX, HY, BETA = range(5)  # of the factors of a hinge: A, 1 / D, H and β = A / D
 
 
 class PlanePosture(NamedTuple):

@@ -30,7 +30,7 @@ from flexlink.kernels.sincos import cos_sin_all
 from flexlink.kernels.sym3 import sym_add_dyad, sym_apply, sym_from_axes
 from flexlink.kernels.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
-A, JE, HE, INVERSE = 0, 1, 4, 7  # of the factors of a hinge
+A, INVERSE, JE, HE = 0, 1, 2, 5  # of the factors of a hinge: A, 1 / D, J e and Hᵀ e
 
 
 class SpacePosture(NamedTuple):

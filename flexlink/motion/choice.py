@@ -8,7 +8,7 @@ from flexlink.analysis.extremes import fastest_frequency, slowest_frequency
 from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 
-STIFF = 1e3
+STIFF = 2e3
 """Product of the fastest frequency and the duration up to which a run is short for an explicit method: it takes a few
 hundred steps, as an implicit one does."""
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.stability import stable_step
+from flexlink.common.errors import SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
@@ -20,7 +21,6 @@ from flexlink.kernels.rne import rne_workspace
 from flexlink.kernels.shifted import FACTORS
 from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
-from flexlink.motion.actuation import Inputs
 from flexlink.motion.choice import Choice, cheapest
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
@@ -28,11 +28,21 @@ from flexlink.motion.watch import Watch, gains_of
 
 Array = NDArray[np.float64]
 
-OF_A_STEP = 0.1
-"""Error of one step that is allowed, as a part of the tolerance: those of all steps add up, and most count less."""
+OF_A_STEP, OF_A_LONG_STEP = 0.1, 0.02
+"""Error that one step may have, as a part of the tolerance: those of all steps add up, and most count less. Methods
+of high order take few long steps, of which each may count."""
+
+OF_A_DEFLECTION = 0.1
+"""The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
+
+HIGH = 6
+"""Order of the steps' error from which this holds."""
+
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 LONG = 100
-"""Number of steps in a run from which the error of one step must be smaller: it may have 1/√n of that of few steps."""
+"""Number of steps in a run from which the error of one step must be smaller, in proportion to its length."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -42,6 +52,9 @@ EXACT = 1e-13
 
 FEW_PASSES, MANY_PASSES = 12, 50
 """Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
+
+LINEAR = 2
+"""Coefficients of a piece of a table that is not smooth."""
 
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
@@ -59,9 +72,10 @@ class ControlledSteps:
         self.work = workspace(self.method, record)
         self.count = np.zeros(clock.COUNTS, np.int64)
         self.count[clock.ROW] = 1
-        self.knots = knots(record.inputs, run.duration)
+        self.knots = knots(run, self.method, record)
         self.samples = record.t, record.q, record.qd, record.works
         self.work.clock[clock.PASSES] = FEW_PASSES if run.controlled else MANY_PASSES
+        self.work.clock[clock.ROUNDING] = rounding.of_position(record.chain)
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         longest = longest_step(self.method, self.name, record)
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
@@ -133,15 +147,32 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     absolute, part = run.tolerance or 0.0, run.relative_tolerance or 0.0
     if run.accuracy == "tip":
         absolute, part = absolute + part * reach, 0.0
+        least = SMALLEST * rounding.of_reach(reach)
+        if absolute < least:
+            raise SceneError(
+                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m; "
+                f"allowed are {least:.2g} m and more"
+            )
     order = float(method.order if method.explicit else method.stages + 1)
-    errors = OF_A_STEP * absolute, OF_A_STEP * part, run.duration / LONG, np.inf, OF_THE_ITERATION
+    one = OF_A_STEP if order < HIGH else OF_A_LONG_STEP
+    errors = one * absolute, OF_A_DEFLECTION * one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
     return *errors, order, SHORTEST * run.duration, largest
 
 
-def knots(inputs: Inputs, duration: float) -> Array:
-    """Times where a step ends [s]: of the inputs' pieces, and the end."""
-    given = np.concatenate([inputs.drive.knots, inputs.motion.knots])
-    return np.array([*np.unique(given[(given > 0) & (given < duration)]), duration])
+def knots(run: Run, method: Method, record: Record) -> Array:
+    """Times where a step ends [s]: of the inputs' pieces, and the end; fixed steps end where they do.
+
+    Of a smooth table every second knot, so that no blow of two pieces falls between the stages of one step. A long step
+    of an explicit method ends at its samples: between its ends it is known less well than there.
+    """
+    if not run.controlled:
+        return np.array([run.duration])
+    drive, motion = record.inputs.drive, record.inputs.motion
+    smooth = drive.coefficients.shape[1] > LINEAR
+    samples = record.t if method.explicit else np.empty(0)
+    times = drive.knots[:: 2 if smooth else 1], drive.knots[-1:], motion.knots, samples
+    given = np.concatenate(times)
+    return np.array([*np.unique(given[(given > 0) & (given < run.duration)]), run.duration])
 
 
 def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:

@@ -216,7 +216,8 @@ class Watch:
         if self._unbalanced > DOUBT * balance.SHARE:
             yield (
                 f"doubtful: the energy is out of balance by {self._unbalanced:.2g} of what was exchanged; "
-                "halve the step and compare"
+                + ("take a tenth of the tolerance" if self.run.controlled else "halve the step")
+                + " and compare"
             )
 
     def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
