@@ -47,6 +47,21 @@ def test_code_that_is_on_disk_is_not_compiled_again(folder: Path) -> None:
     assert compilations(lambda: fresh()(3)) == 1  # another signature
 
 
+def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path) -> None:
+    @compiler.recursion
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    @compiler.kernel
+    def calling(x: float) -> float:
+        return twice(x)
+
+    assert calling(3.0) == 6.0
+    for x in (3.0, 3.0, 3):  # of a signature that is compiled, and of one that is not
+        with pytest.raises(TypeError, match=r"twice: only kernels can call it"):
+            twice(x)
+
+
 DAMAGE = {
     "empty": lambda content: b"",
     "garbage": lambda content: b"garbage" * 100,

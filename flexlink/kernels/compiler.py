@@ -9,7 +9,7 @@ from typing import Any
 import numba
 from numba.core import event
 
-from flexlink.kernels.machine_code import BORROWS, keep_on_disk
+from flexlink.kernels.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python
 
 
 class _Watch(event.Listener):
@@ -44,21 +44,32 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 # `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
 ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
-INLINED = {"forceinline": True, **BORROWS, **ARITHMETIC}  # of overloads
+RECURSION = {**BORROWS, **ONLY_KERNELS, **ARITHMETIC}  # of overloads
+INLINED = {"forceinline": True, **RECURSION}
 
 
 def recursion(function: Callable[..., Any]) -> Any:
-    """A kernel that makes no arrays, only borrows those of its caller: it does not count references to them."""
+    """A part of kernels that makes no arrays, only borrows those of its caller: it does not count references to them.
+
+    Only kernels call it, Python cannot.
+    """
+    return _compile(function, **BORROWS, **ONLY_KERNELS)
+
+
+def entry(function: Callable[..., Any]) -> Any:
+    """A recursion that Python calls, too."""
     return _compile(function, **BORROWS)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """A formula: makes no arrays, and is expanded where it is called, so that loops can become vector instructions."""
-    return _compile(function, forceinline=True, **BORROWS)
+    """A formula: a recursion that is expanded where it is called, so that loops can become vector instructions."""
+    return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
-    compiled = numba.njit(nogil=True, **ARITHMETIC, **options)(function)
+    compiled = numba.njit(nogil=True, **ARITHMETIC, **{**NO_C, **options})(function)
     if not numba.config.DISABLE_JIT:
         keep_on_disk(compiled, function)
+        if options.keys() >= ONLY_KERNELS.keys():
+            refuse_python(compiled)
     return compiled

@@ -34,7 +34,7 @@ from flexlink.kernels.clock import (
     TIME,
     WORK,
 )
-from flexlink.kernels.compiler import INLINED, inlined, kernel, recursion
+from flexlink.kernels.compiler import RECURSION, entry, inlined, kernel, recursion
 from flexlink.kernels.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.implicit import ImplicitWork, implicit_step
@@ -54,10 +54,9 @@ def take_step(t, h, inputs, state, accurate, work):
     return ALGORITHMS[type(work)](t, h, inputs, state, accurate, work)
 
 
-@overload(take_step, jit_options=INLINED)
+@overload(take_step, jit_options=RECURSION)
 def _take_step(t, h, inputs, state, accurate, work):
-    algorithm = ALGORITHMS[work.instance_class]
-    return lambda t, h, inputs, state, accurate, work: algorithm(t, h, inputs, state, accurate, work)  # noqa: PLW0108
+    return ALGORITHMS[work.instance_class].py_func  # one function less than one that calls it: a step is long
 
 
 @kernel
@@ -128,7 +127,7 @@ def deflection(q, bent, work):
     return displacement(bent, work.posture)
 
 
-@recursion
+@entry
 def begin(t, inputs, state, tau, forward):
     """q̈ and the power of a state at time t, where an input may have a knot."""
     q, qd, qdd, done = state

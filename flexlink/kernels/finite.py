@@ -1,10 +1,10 @@
 """Whether an array holds only finite numbers: one pass, no temporary."""
 
-from flexlink.kernels.compiler import recursion
+from flexlink.kernels.compiler import entry
 from flexlink.kernels.lanes import all_zero, at, zero_of
 
 
-@recursion
+@entry
 def is_finite(a):
     """True if no element of `a`, (n,) or eight side by side (n, 8), is nan or infinite."""
     first = second = third = fourth = zero_of(a)  # four sums: each addition waits for the one before it

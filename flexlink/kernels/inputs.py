@@ -4,7 +4,7 @@ On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i
 piece goes on for ever.
 """
 
-from flexlink.kernels.compiler import recursion
+from flexlink.kernels.compiler import entry, recursion
 from flexlink.kernels.lanes import at, put_at, zero_of
 
 
@@ -21,7 +21,7 @@ def locate(knots, first, stop, t):
     return low
 
 
-@recursion
+@entry
 def drive_torque(drive, t, q, qd, tau):
     """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere."""
     piece = locate(drive.knots, 0, len(drive.knots), t)
@@ -35,7 +35,7 @@ def drive_torque(drive, t, q, qd, tau):
         put_at(tau, torque + drive.kp[d] * (drive.target[d] - at(q, k)) - drive.kd[d] * at(qd, k), k)
 
 
-@recursion
+@entry
 def follow(motion, t, q, qd, qdd):
     """Put angle, rate and acceleration of the prescribed joints at time t into `q`, `qd`, `qdd` (n,)."""
     for m in range(len(motion.joints)):

@@ -5,20 +5,20 @@ The type of the scratch says which recursion it is for, as in `forward`.
 
 from numba.extending import overload
 
-from flexlink.kernels.compiler import INLINED, recursion
+from flexlink.kernels.compiler import INLINED, entry
 from flexlink.kernels.planar import PlanarWork
 from flexlink.kernels.planar_rne import planar_rne
 from flexlink.kernels.rne import RneWork, rne
 from flexlink.kernels.vec3 import vector
 
 
-@recursion
+@entry
 def in_space(chain, wrench, q, qd, qdd, tau, work):
     """By `rne`, under the chain's gravity."""
     return rne(chain, vector(chain.gravity), wrench, q, qd, qdd, tau, work)
 
 
-@recursion
+@entry
 def in_plane(chain, wrench, q, qd, qdd, tau, work):
     """By `planar_rne`, whose scratch holds the chain's constants."""
     return planar_rne(wrench, q, qd, qdd, tau, work)

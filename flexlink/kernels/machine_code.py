@@ -35,6 +35,24 @@ BORROWS: dict[str, Any] = {"_nrt": False}
 """Option of functions that make no arrays, only borrow those of their caller: references to them are not counted, which
 costs about 10 ns per array and call (two atomic instructions), as much as a joint."""
 
+NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no entry for callers in C, which there are none of
+ONLY_KERNELS: dict[str, Any] = {"no_cpython_wrapper": True, **NO_C}
+"""Option of functions that Python does not call: the code that takes its objects apart, array by array, is as long as a
+recursion itself."""
+
+
+def refuse_python(compiled: Any) -> None:
+    """Let a function that was compiled with `ONLY_KERNELS` answer a call from Python with an error, not a crash."""
+
+    def add_overload(result: Any) -> None:  # for kernels; not among those that Python's calls are looked up in
+        compiled.overloads[tuple(result.signature.args)] = result
+
+    def refuse(*arguments: Any, **keywords: Any) -> None:
+        raise TypeError(f"{compiled.__name__}: only kernels can call it; as an `entry` Python can, too")
+
+    compiled.add_overload, compiled._compile_for_args = add_overload, refuse
+
+
 KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: the last used
 
 

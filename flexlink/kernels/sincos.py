@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.compiler import inlined, recursion
+from flexlink.kernels.compiler import entry, inlined
 
 LIMIT = 1e5  # rad, k < 2¹⁶: well within the 2²⁰ up to which the products are exact
 TWO_OVER_PI = 0.6366197723675814
@@ -49,7 +49,7 @@ def cos_sin_bounded(x):
     return cosine, sine
 
 
-@recursion
+@entry
 def cos_sin_all(x, cosines, sines):
     """Write cos x and sin x of an array, any finite x."""
     for k in range(len(x)):

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from flexlink.kernels.compiler import inlined, recursion
+from flexlink.kernels.compiler import entry, inlined
 
 EPS = 2.0**-52
 
@@ -32,7 +32,7 @@ def end_probe(b, probe):
         b[:] = np.nan
 
 
-@recursion
+@entry
 def solve_lu(A, b, probe):
     """x with A x = b, A symmetric positive definite, by LU with partial pivoting (the paper's way).
 
@@ -70,7 +70,7 @@ def solve_lu(A, b, probe):
     end_probe(b, probe)
 
 
-@recursion
+@entry
 def solve_cholesky(A, b, probe):
     """The same by A = L Lᵀ; nan, too, if A is not positive definite."""
     n, z = len(b), probe[2]
