@@ -27,6 +27,7 @@ from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
+LONG = {"rounding_growth", "trajectory", "identities", "other_solvers", "motion_benchmark"}  # kinds that take long
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath", "scikit-sundae")
 
@@ -87,7 +88,7 @@ def _in_order_of_completion(
     if shared:
         with _pool() as pool:
             rehearsals = [pool.submit(_rehearse, case) for case in alone]
-            running = {pool.submit(_all_results, case, keys[case.name]): case for case in shared}
+            running = {pool.submit(_all_results, case, keys[case.name]): case for case in _longest_first(shared)}
             try:
                 for done in as_completed(running):
                     report(running[done].name, None)
@@ -99,6 +100,11 @@ def _in_order_of_completion(
     for case in alone:
         report(case.name, None)
         yield case, measure(case, keys[case.name])
+
+
+def _longest_first(cases: Sequence[Case]) -> list[Case]:
+    """By simulated motion, of which a case has most of its time, so that no core idles while the last one runs."""
+    return sorted(cases, key=lambda case: case.kind not in LONG)
 
 
 def _pool() -> ProcessPoolExecutor:
