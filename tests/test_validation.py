@@ -143,6 +143,18 @@ def test_a_rerun_skips_what_is_stored_and_force_measures_again(study, monkeypatc
     assert len(runs) == 2
 
 
+def test_a_study_that_is_measured_again_is_not_whole_until_it_is(study, monkeypatch):
+    assert study()[1].finished()
+
+    def dies(case, settings):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
+    code, store = study("--force")
+    assert code == 130
+    assert not store.finished()  # so that a report says INCOMPLETE
+
+
 def test_an_edit_of_the_case_measures_it_again(study):
     key = study()[1].finished()["small"].key
     study.case_file.write_text(CASE.replace("a title", "another title"), encoding="utf-8")

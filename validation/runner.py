@@ -51,6 +51,7 @@ def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) 
     store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in planned})
     if wanted:
         store.note_environment(environment())
+        store.reopen({case.name for case in wanted})
     for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
         watch = Watch() if case.kind in TIMED else None

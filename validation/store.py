@@ -230,9 +230,13 @@ class Store:
         """Store which cases make the study whole, and which keys their results must have."""
         self._write("plan.json", plan)
 
+    def reopen(self, cases: Collection[str]) -> None:
+        """Cases count as not done, until they are measured again; their results stay."""
+        self._write("finished.json", {name: done for name, done in self.finished().items() if name not in cases})
+
     def forget(self, case: str) -> None:
         """Drop every trace of a case."""
-        self._write("finished.json", {name: done for name, done in self.finished().items() if name != case})
+        self.reopen({case})
         kept = [row for row in self.rows() if row.case != case]
         write_text(self.path / "rows.jsonl", "".join(_line(row) for row in kept))
         for file in (self.path / "series").glob(f"{case}.*.npz"):
