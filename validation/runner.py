@@ -22,12 +22,11 @@ from typing import Any
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.spec import decode
 from validation.case import ALL, Case, Measured, load_cases
-from validation.kinds import KINDS, TIMED, Kind
+from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
-LONG = {"rounding_growth", "trajectory", "identities", "other_solvers", "motion_benchmark"}  # kinds that take long
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath", "scikit-sundae")
 
@@ -104,7 +103,7 @@ def _in_order_of_completion(
 
 
 def _longest_first(cases: Sequence[Case]) -> list[Case]:
-    """By simulated motion, of which a case has most of its time, so that no core idles while the last one runs."""
+    """Those of kinds that take long before the others."""
     return sorted(cases, key=lambda case: case.kind not in LONG)
 
 

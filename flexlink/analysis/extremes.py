@@ -18,6 +18,14 @@ PASSES, CLOSE = 30, 1e-2
 weight and the choice of a method, asks for no more."""
 
 
+def inertia_alone(chain: Chain) -> Chain:
+    """The chain without gravity, springs and friction: at rest its dynamics are M q̈ = τ."""
+    hinges = chain.hinges.copy()
+    for name in ("stiffness", "damping", "coulomb"):
+        hinges[name] = 0.0
+    return dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3))
+
+
 def slowest_frequency(chain: Chain, q: Array) -> float:
     """Lowest angular frequency of the springs [rad/s], joints without one free, without gravity; inf if none bends.
 
@@ -28,10 +36,10 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
     free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
     if not len(bent):
         return np.inf
-    weightless, zero = dataclasses.replace(chain, gravity=np.zeros(3)), np.zeros(chain.n)
+    bare, zero = inertia_alone(chain), np.zeros(chain.n)
 
     def times_mass(φ: Array) -> Array:
-        return inverse_dynamics(weightless, q, zero, φ)
+        return inverse_dynamics(bare, q, zero, φ)
 
     beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
     φ = np.zeros(chain.n)
@@ -56,10 +64,7 @@ def fastest_frequency(chain: Chain, q: Array) -> float:
     stiffness = np.where(chain.hinges["prescribed"] == 0, chain.stiffness, 0.0)
     if not stiffness.any():
         return 0.0
-    hinges = chain.hinges.copy()
-    for name in ("stiffness", "damping", "coulomb"):
-        hinges[name] = 0.0
-    bare, zero = dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3)), np.zeros(chain.n)
+    bare, zero = inertia_alone(chain), np.zeros(chain.n)
     φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
     for _ in range(PASSES):
         φ = forward_dynamics(bare, q, zero, stiffness * φ)

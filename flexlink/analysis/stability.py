@@ -8,7 +8,6 @@ friction counts with its slope at rest, c/w, the largest that it has: sooner or 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
+from flexlink.analysis.extremes import inertia_alone
 from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_mass
 from flexlink.analysis.stability_function import stable_reach
 from flexlink.analysis.tangent import gyroscopic_matrix, stiffness_matrix
@@ -152,10 +152,7 @@ def _largest_ratio(chain: Chain, state: _State, apply: Callable[[Array], Array])
     first = np.ones(chain.n)
     if not (free * apply(free * first)).any():
         return 0.0
-    hinges = chain.hinges.copy()
-    for name in ("stiffness", "damping", "coulomb"):
-        hinges[name] = 0.0
-    bare = dataclasses.replace(chain, hinges=hinges, gravity=np.zeros(3))
+    bare = inertia_alone(chain)
     shape = (chain.n, chain.n)
     found = eigsh(
         LinearOperator(shape, lambda φ: free * apply(free * φ.ravel()), dtype=np.float64),

@@ -149,6 +149,10 @@ class Run(Spec, frozen=True):
         """Whether steps follow from a tolerance."""
         return self.tolerance is not None or self.relative_tolerance is not None
 
+    def tolerance_within(self, reach: float) -> float:
+        """The tolerance of an arm of this reach [m]."""
+        return self.tolerance or (self.relative_tolerance or 0.0) * reach
+
     @property
     def steps_per_sample(self) -> int:
         """Number of fixed steps between two stored samples."""

@@ -24,7 +24,7 @@ from flexlink.kernels.shifted_space import space_posture
 from flexlink.motion.choice import Choice, cheapest
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
-from flexlink.motion.watch import Watch, gains_of
+from flexlink.motion.watch import LONG, Watch, gains_of
 
 Array = NDArray[np.float64]
 
@@ -40,9 +40,6 @@ HIGH = 6
 
 SMALLEST = 200.0
 """Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
-
-LONG = 100
-"""Number of steps in a run from which the error of one step must be smaller, in proportion to its length."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -66,10 +63,11 @@ class ControlledSteps:
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
         self.failure, self.record, self.run = "", record, run
-        self.name, self.why = choose(run, record)
+        slowest = slowest_frequency(record.chain, record.q[0])
+        self.name, self.why = choose(run, record, slowest)
         self.method = method(self.name)
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
-        self.work = workspace(self.method, record)
+        self.work = workspace(self.method, record, slowest)
         self.count = np.zeros(clock.COUNTS, np.int64)
         self.count[clock.ROW] = 1
         self.knots = knots(run, self.method, record)
@@ -123,12 +121,11 @@ class ControlledSteps:
         )
 
 
-def choose(run: Run, record: Record) -> Choice:
+def choose(run: Run, record: Record, slowest: float) -> Choice:
     """The method of a run, and, if it is not named, why."""
     if run.method != AUTO:
         return Choice(run.method, "")
-    part = run.relative_tolerance or 0.0
-    return cheapest(record, run.tolerance or part * rounding.reach(record.chain))
+    return cheapest(record, run.tolerance_within(rounding.reach(record.chain)), slowest)
 
 
 def longest_step(method: Method, name: str, record: Record) -> float:
@@ -144,9 +141,9 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
-    absolute, part = run.tolerance or 0.0, run.relative_tolerance or 0.0
+    absolute, part = 0.0, run.relative_tolerance or 0.0
     if run.accuracy == "tip":
-        absolute, part = absolute + part * reach, 0.0
+        absolute, part = run.tolerance_within(reach), 0.0
         least = SMALLEST * rounding.of_reach(reach)
         if absolute < least:
             raise SceneError(
@@ -176,12 +173,12 @@ def knots(run: Run, method: Method, record: Record) -> Array:
     return np.array([*np.unique(given[(given > 0) & (given < end)]), end])
 
 
-def workspace(method: Method, record: Record) -> EmbeddedWork | ImplicitWork:
-    """Scratch of the steps of a method on the chain of a record."""
+def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
+    """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
     numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
-    numbers[clock.SLOWEST] = 1.0 / slowest_frequency(chain, record.q[0])
+    numbers[clock.SLOWEST] = 1.0 / slowest
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))

@@ -34,6 +34,9 @@ DOUBT = 0.1
 """Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
 energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
 
+LONG = 100
+"""Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
+
 FEWEST, APART = 64, 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
@@ -150,15 +153,15 @@ class Watch:
     def _allowed(self, kinetic: Array) -> Array | float:
         """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
 
-        τ, in which a body gets δ off its way, is a hundredth of the run: a long step.
+        τ, in which a body gets δ off its way, is a long step.
         """
         if not self.run.controlled:
             return 0.0
-        chain, reach = self.record.chain, rounding.reach(self.record.chain)
-        δ = self.run.tolerance or (self.run.relative_tolerance or 0.0) * reach
+        chain = self.record.chain
+        δ = self.run.tolerance_within(rounding.reach(chain))
         mass = float(chain.bodies["mass"].sum())
         return δ * (
-            mass * float(np.linalg.norm(chain.gravity)) + np.sqrt(2 * mass * np.abs(kinetic)) * 100 / self.run.duration
+            mass * float(np.linalg.norm(chain.gravity)) + np.sqrt(2 * mass * np.abs(kinetic)) * LONG / self.run.duration
         )
 
     def _steps_up_to(self, rows: slice) -> Array | int:

@@ -2,7 +2,8 @@
 
 A kind is found by being here, under the name of its file. One that measures time says `TIMED = True`: nothing else
 runs meanwhile, and the study notes what the machine did besides. If its kernels take long to compile, it has
-`rehearsal(settings)`, the settings of a short run that compiles them all: the study makes it while other cases run.
+`rehearsal(settings)`, the settings of a short run that compiles them all: the study makes it while other cases run. One
+whose cases take long says `LONG = True`: they start first, so that no core idles while the last one runs.
 """
 
 from __future__ import annotations
@@ -33,3 +34,4 @@ KINDS: dict[str, Kind] = {
     for name in sorted(info.name for info in pkgutil.iter_modules(__path__))
 }
 TIMED = {name for name, kind in KINDS.items() if getattr(kind, "TIMED", False)}
+LONG = {name for name, kind in KINDS.items() if getattr(kind, "LONG", False)}

@@ -40,6 +40,8 @@ TURN = {
 UNIT = {1.0: 0.5, -1.0: -0.5}
 """Step: weight, for the derivative of a quadratic."""
 
+LONG = True
+
 
 class Settings(Spec, frozen=True):
     """Number of states and seed."""

@@ -36,6 +36,8 @@ from validation.store import Series
 
 Array = NDArray[np.float64]
 
+LONG = True
+
 
 class Settings(Sweep, frozen=True, kw_only=True):
     """What to compare.

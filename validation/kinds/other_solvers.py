@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
 ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
 
+LONG = True
+
 
 class Witness(Spec, frozen=True):
     """A solver of others, and its two relative tolerances, the coarser first."""

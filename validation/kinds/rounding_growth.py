@@ -24,6 +24,8 @@ from validation.store import Series
 
 Array = NDArray[np.float64]
 
+LONG = True
+
 
 class Settings(Spec, frozen=True):
     """Engines, duration and step of the runs [s], and the difference [rad] at which two motions count as parted."""

@@ -13,6 +13,8 @@ from validation.benchmarks.runs import motion_series, points_of, told
 from validation.case import Case, Measured
 from validation.store import Series
 
+LONG = True
+
 
 class Settings(Spec, frozen=True):
     """Engines to compare with."""
