@@ -20,6 +20,8 @@ NO_NUMBERS: Mapping[str, float] = {}
 NO_BEAMS: Mapping[str, Flexible] = {}
 DOWN = (0.0, 0.0, -9.81)
 """Gravity [m/s²] in the frame of a robot's root, whose Z points up."""
+LEAST = 0.01
+"""Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,9 +178,12 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
 
 def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
     """How much of each link can bend."""
-    return [
+    share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
+    notes = [
         f"{part.link}: a thin beam from joint to joint can have at most {rounded_down(largest[part.link])} of its "
         f"{part.body.mass:.4g} kg"
         for part in way.parts
-        if largest[part.link] > 0
+        if share.get(part.link, 0.0) >= LEAST
     ]
+    others = [part.link for part in way.parts if share.get(part.link, 0.0) < LEAST]
+    return [*notes, f"no beam from joint to joint: {short_list(others)}"] if others else notes

@@ -34,7 +34,8 @@ class Part:
 class SerialPath:
     """A serial arm: its parts from the base outward, and the frame of the link `tip` in that of the last part.
 
-    `positions` [rad, m] are those of all joints of the robot; `held` names the joints that could move and do not.
+    `positions` [rad, m] are those of all joints of the robot; `held` names the joints of it that could move, do not,
+    and matter: those before the arm, and those between links of one part.
     """
 
     base: str
@@ -93,9 +94,8 @@ def serial(
     if not free:
         raise ArgumentError(f"no joint between {base!r} and {tip!r} turns; nothing would move")
     positions = _positions(robot, {**posture, **locked})
-    names = [joint.name for joint in free]
-    held = [joint.name for joint in robot.joints.values() if _moves(joint) and joint.name not in names]
-    return SerialPath(base, tip, *_parts(robot, base, way, names, positions), positions, tuple(held))
+    parts, end = _parts(robot, base, way, [joint.name for joint in free], positions)
+    return SerialPath(base, tip, parts, end, positions, _held(robot, parts))
 
 
 def _parts(
@@ -113,6 +113,13 @@ def _parts(
         else:
             pose = pose.then(joint.pose(positions[joint.name]))
     return tuple(parts), pose
+
+
+def _held(robot: Robot, parts: Sequence[Part]) -> tuple[str, ...]:
+    """Joints that could move, do not, and matter: before the base, or between links of one part."""
+    before = robot.path(robot.root, robot.above[parts[0].link].parent) or []
+    inside = [robot.above[link] for part in parts for link in part.folded]
+    return tuple(joint.name for joint in (*before, *inside) if _moves(joint))
 
 
 def _along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
