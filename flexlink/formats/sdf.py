@@ -105,12 +105,10 @@ def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: M
 
 
 def _inertial(link: ET.Element, body: np.void | None) -> None:
-    mass, center, inertia = (
-        (0.0, np.zeros(3), np.zeros((3, 3))) if body is None else body[["mass", "center", "inertia"]]
-    )
+    body = np.zeros((), BODY)[()] if body is None else body
     inertial = ET.SubElement(link, "inertial")
-    _values(inertial, {"pose": decimals([*center, 0, 0, 0]), "mass": decimals([mass])})
-    moments = {name: decimals([inertia[place]]) for name, place in UPPER_TRIANGLE.items()}
+    _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
+    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
     _values(ET.SubElement(inertial, "inertia"), moments)
 
 
