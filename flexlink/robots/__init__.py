@@ -1,1 +1,1 @@
-"""Robots of others: a tree of rigid links read from a URDF, the path through it that becomes an arm, and links that bend."""
+"""Robots of others: a URDF's tree of rigid links, the path through it that becomes an arm, and links that bend."""

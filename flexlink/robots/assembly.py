@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -80,7 +80,6 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
         folded = f" with {short_list(part.folded)}" if part.folded else ""
         raise DataFileError(f"link {short(part.link)}{folded}: {error}") from None
     x, y, z = joint.axis.tolist()
-    limits = joint.limits if joint.limits and joint.limits[0] < joint.limits[1] else None
     return Link(
         name=part.link,
         mount=_mount(part.origin, before),

@@ -51,8 +51,9 @@ class KnownArm(Spec, frozen=True):
 
 def known_arms() -> dict[str, KnownArm]:
     """All arms of the table, by name; those with flexible links also rigid."""
+    table: dict[str, KnownArm] = decode(read_toml(TABLE), dict[str, KnownArm])
     found: dict[str, KnownArm] = {}
-    for name, arm in decode(read_toml(TABLE), dict[str, KnownArm]).items():
+    for name, arm in table.items():
         found[name] = msgspec.structs.replace(arm, flexible={})
         if arm.flexible:
             found[f"{name}_flexible"] = arm

@@ -35,9 +35,7 @@ def largest_mass(link: RigidBody, beam: RigidBody) -> float:
         The bodies, in one frame; the beam has some mass.
     """
     J, J1 = link.moments, beam.moments / beam.mass
-    size = np.sqrt(np.diag(J))
-    if not (size > 0).all():
-        return 0.0
+    size = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
     there = squares > FLAT

@@ -30,8 +30,8 @@ class Flexible(Spec, frozen=True):
 
     The beam has `section` and `material`; with `mass` [kg] the density follows from that, and with `frequency_hz` [Hz]
     Young's modulus: it is then the first frequency of the link clamped at its joint, everything beyond it rigid, at the
-    posture in which the arm starts, without gravity. Of a beam whose frequency alone is known, the section is a thin tube of a
-    tenth of its length, and the mass half of the largest that the link can give.
+    posture in which the arm starts, without gravity. Of a beam of which only the frequency is known, the section is a
+    thin tube of a tenth of its length, and the mass half of the largest that the link can give.
 
     `line`, from one point of the link's frame to another [m], is by default the straight line from joint to joint;
     `up`, `flex`, `segments`, `lumping` and `damping` are those of `Link`.
@@ -113,7 +113,7 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Ben
     if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
         raise ArgumentError(
             f"flexible: link {short(part.link)}: a beam of {mass:.4g} kg does not fit into its {part.body.mass:.4g} kg "
-            f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or the line along which it runs"
+            f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or another line"
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     stop = line.start + line.frame[:, 0] * line.length
@@ -137,9 +137,10 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Ben
 
 def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
     said = f"{part.link}: a beam of {mass:.4g} kg and {line.length:.4g} m, of the link's {part.body.mass:.4g} kg"
-    if largest < LITTLE * part.body.mass:
-        said += f"; warning: along this line only {largest / part.body.mass:.1%} of its mass can bend; does its tube run elsewhere?"
-    return said
+    share = largest / part.body.mass
+    if share >= LITTLE:
+        return said
+    return f"warning: {said}; only {share:.1%} of that fit along this line: does the link's tube run elsewhere?"
 
 
 def payload(body: RigidBody) -> Payload:

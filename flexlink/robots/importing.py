@@ -11,8 +11,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
+from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.serial import SerialPath, serial
-from flexlink.robots.tree import Robot
 from flexlink.robots.tuning import tuned
 from flexlink.robots.urdf_reader import read_urdf
 
@@ -62,8 +62,8 @@ def import_urdf(
 ) -> Imported:
     """Read a robot from a URDF file and make a scene of the path between two of its links.
 
-    The hinges of the path are the joints of the arm. Whatever hangs on it, side branches, grippers, followers, is rigid at
-    the stated posture, and fixed joints are folded: mass, centre and inertia are kept.
+    The hinges of the path are the joints of the arm. Whatever hangs on it, side branches, grippers, followers, is rigid
+    at the stated posture, and fixed joints are folded: mass, centre and inertia are kept.
 
     Parameters
     ----------
@@ -91,8 +91,8 @@ def import_urdf(
     Raises
     ------
     ArgumentError
-        A name that the robot does not have, no such path, a joint that cannot be one of an arm, a position beyond limits, or
-        a beam that does not fit into its link.
+        A name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position beyond
+        limits, or a beam that does not fit into its link.
     DataFileError
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError
@@ -153,7 +153,9 @@ def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
     free = [part.joint.name for part in way.parts]
     for joint in armature:
         if joint not in free:
-            raise ArgumentError(f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}")
+            raise ArgumentError(
+                f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
+            )
 
 
 def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
@@ -163,16 +165,14 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     for part in way.parts:
         if part.folded:
             notes.append(f"{part.link}: rigid with {short_list(part.folded)}")
-        start, limits = way.positions[part.joint.name], part.joint.limits
+        start = way.positions[part.joint.name]
         if start and part.joint.name not in stated:
             notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of limits that exclude 0")
-        if limits is not None and limits[0] == limits[1]:
-            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} leave no room, and are left out")
     if way.held:
         said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         notes.append(f"stay where they are [rad, m]: {short_list(said)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append("left out: " + ", ".join(["largest efforts and rates", *left_out]))
+    notes.append("left out: " + ", ".join(["limits, largest efforts and rates", *left_out]))
     return notes
 
 

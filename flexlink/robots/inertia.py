@@ -1,7 +1,7 @@
 """Placements and rigid bodies, which are moved, joined and taken apart exactly.
 
-A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I; it is a
-body that can be exactly if m ≥ 0 and Σ ⪰ 0. As ∫ (1, x)(1, x)ᵀ dm, symmetric of size 4, masses, first and second moments
+A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I; there can
+be such a body exactly if m ≥ 0 and Σ ⪰ 0. As ∫ (1, x)(1, x)ᵀ dm, symmetric of size 4, masses, first and second moments
 simply add (Wensing, Kim & Slotine 2018, Linear matrix inequalities for physically consistent inertial parameters).
 """
 
@@ -58,7 +58,7 @@ class RigidBody(NamedTuple):
     @property
     def covariance(self) -> Array:
         """Σ = ∫ (x − c)(x − c)ᵀ dm [kg m²]."""
-        return np.trace(self.inertia) / 2 * np.eye(3) - self.inertia
+        return np.asarray(np.trace(self.inertia) / 2 * np.eye(3) - self.inertia)
 
     @property
     def moments(self) -> Array:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import meant, short, short_list
 from flexlink.robots.inertia import HERE, Pose, RigidBody
-from flexlink.robots.tree import Robot, TreeJoint
+from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
 SLACK = 1e-9
 """rad or m by which a stated position may be outside of its limits: what is typed in degrees has ten digits."""
@@ -160,10 +160,12 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
         joints[link] = joints[joint.parent] + own
         chains.setdefault(joints[link], []).append(link)
     longest = max(chains, key=len)
-    others = [found[0] for joints_of, found in chains.items() if longest[: len(joints_of)] != joints_of]
-    if not longest or others:
-        some = short_list([*chains[longest][-1:], *others])
-        raise ArgumentError(f"tip: missing; beyond {base!r} there are " + (f"several arms, to {some}" if others else "no hinges"))
+    if not longest:
+        raise ArgumentError(f"tip: missing; beyond {base!r} no joint turns")
+    others = [found[0] for way, found in chains.items() if longest[: len(way)] != way]
+    if others:
+        ends = short_list([chains[longest][-1], *others])
+        raise ArgumentError(f"tip: missing; beyond {base!r} there are several arms, to {ends}")
     return chains[longest][-1]
 
 
@@ -179,7 +181,8 @@ def _positions(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 def _known(key: str, name: object, names: Mapping[str, object]) -> str:
     if not isinstance(name, str) or name not in names:
-        raise ArgumentError(f"{key} = {short(name)}: not there; allowed are {short_list(list(names))}{meant(name, names)}")
+        allowed = f"{short_list(list(names))}{meant(name, names)}"
+        raise ArgumentError(f"{key} = {short(name)}: not there; allowed are {allowed}")
     return name
 
 

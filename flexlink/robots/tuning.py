@@ -41,6 +41,6 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     reached = clamped_frequency(found, link)
     if not abs(reached / hertz - 1) <= CLOSE:
         raise ArgumentError(
-            f"flexible: link {short(link)}: frequency_hz = {hertz!r} needs young = {young:.4g} Pa, which gives {reached:.9g} Hz"
+            f"flexible: link {short(link)}: frequency_hz = {hertz!r}: young = {young:.4g} Pa gives {reached:.9g} Hz"
         )
     return found

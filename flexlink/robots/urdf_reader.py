@@ -1,7 +1,7 @@
 """URDF → `Robot`: masses, placements, joints; pictures, meshes and whatever else says nothing about motion is left out.
 
-Strict where other readers are lenient: a number is a decimal number (no `nan`, no `1,5`, which some read as 0 or 1), what
-the format requires must be there, nothing is given twice. The file alone is read: no mesh, no entity, no package.
+Strict where other readers are lenient: a number is a decimal number (no `nan`, no `1,5`, which some read as 0 or 1),
+what the format requires must be there, nothing is given twice. The file alone is read: no mesh, entity or package.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from flexlink.common.reading import read_regular
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.spec import meant, short
 from flexlink.robots.inertia import NOTHING, Pose, RigidBody
-from flexlink.robots.tree import JointKind, Mimic, Robot, TreeJoint
+from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+MOST_LINKS = 5_000  # a humanoid with hands has 130
 KINDS: tuple[str, ...] = get_args(JointKind)
 READ = {
     "robot": {"link", "joint"},
@@ -74,8 +75,11 @@ def _robot(root: ET.Element) -> Robot:
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
             raise DataFileError(f"<xacro:{element.tag.partition('}')[2]}>: a macro")
+    found = root.findall("link")
+    if len(found) > MOST_LINKS:
+        raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
     links: dict[str, RigidBody] = {}
-    for element in root.findall("link"):
+    for element in found:
         links[_new_name(element, links)] = _body(element)
     joints: dict[str, TreeJoint] = {}
     for element in root.findall("joint"):

@@ -22,7 +22,9 @@ class Original:
     def __init__(self, path: Path, names: list[str], positions: Mapping[str, float], gravity: Array) -> None:
         whole = pin.buildModelFromUrdf(str(path))
         for frame in whole.frames:
-            if frame.type == pin.FrameType.BODY:  # a link may have the name of a joint, which `buildReducedModel` refuses
+            if (
+                frame.type == pin.FrameType.BODY
+            ):  # a link may have the name of a joint, which `buildReducedModel` refuses
                 frame.name += " link"
         held = [number for number in range(1, whole.njoints) if whole.names[number] not in names]
         posture = pin.neutral(whole)
@@ -35,11 +37,13 @@ class Original:
         self.order = [joint.idx_v for joint in self.joints]
 
     def mass_matrix(self, q: Array) -> Array:
+        """M by composite rigid bodies."""
         M = pin.crba(self.model, self.data, self._posture(q))
         full = np.triu(M) + np.triu(M, 1).T
         return np.asarray(full[np.ix_(self.order, self.order)])
 
     def bias_torque(self, q: Array, qd: Array) -> Array:
+        """T_GC by recursive Newton-Euler."""
         return np.asarray(pin.nle(self.model, self.data, self._posture(q), self._sorted(qd))[self.order])
 
     def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:

@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 TURNING = {"revolute", "continuous"}
-MOST_LINKS = 5_000
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,8 +99,6 @@ class Robot:
     def __post_init__(self) -> None:
         if not self.links:
             raise DataFileError("no link; a robot has at least one")
-        if len(self.links) > MOST_LINKS:
-            raise DataFileError(f"{len(self.links)} links; at most {MOST_LINKS} are read")
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.links:
@@ -172,13 +169,14 @@ def _check_roots(robot: Robot) -> None:
 
 def _check_mimics(robot: Robot) -> None:
     fine: set[str] = set()
-    for joint in robot.joints.values():
-        way: dict[str, None] = {}
+    for start in robot.joints.values():
+        joint, way = start, {start.name: None}
         while joint.mimic is not None and joint.name not in fine:
-            way[joint.name] = None
-            if joint.mimic.leader in way:
-                raise DataFileError(f"joint {short(joint.name)}: mimics itself, by way of {short_list(list(way))}")
-            if joint.mimic.leader not in robot.joints:
-                raise DataFileError(f"joint {short(joint.name)}: mimics {short(joint.mimic.leader)}, which is not there")
-            joint = robot.joints[joint.mimic.leader]
-        fine.update(way)
+            leader = joint.mimic.leader
+            if leader not in robot.joints:
+                raise DataFileError(f"joint {short(joint.name)}: mimics {short(leader)}, which is not there")
+            fine.add(joint.name)  # unless this way leads back to it
+            joint = robot.joints[leader]
+            if leader in way:
+                raise DataFileError(f"joint {short(leader)}: mimics itself, by way of {short_list(list(way))}")
+            way[leader] = None
