@@ -115,7 +115,10 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "two parents": (robot("abc", joint("j", "a", "c"), joint("k", "b", "c")), "'c' hangs on two joints, 'j' and 'k'"),
     "two parents in a joint": (edited('<parent link="a"/>', '<parent link="a"/>' * 2), "<parent> is given 2 times"),
     "loop": (robot("ab", joint("j", "a", "b"), joint("k", "b", "a")), "in a loop"),
-    "loop beside a tree": (robot("abcd", joint("j", "a", "b"), joint("k", "c", "d"), joint("l", "d", "c")), "c, d hang"),
+    "loop beside a tree": (
+        robot("abcd", joint("j", "a", "b"), joint("k", "c", "d"), joint("l", "d", "c")),
+        "links c, d hang on each other in a loop",
+    ),
     "link on itself": (robot("a", joint("j", "a", "a")), "in a loop"),
     "two roots": (robot("abc", joint("j", "a", "b")), "2 links hang on no joint, a, c"),
     # joints
@@ -168,9 +171,7 @@ sys.addaudithook(_hear)  # for good; it hears only while a list is there
 LONG = {"many elements", "10,000 links"}
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow if name in LONG else ()) for name in HOSTILE]
-)
+@pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow if x in LONG else ()) for x in HOSTILE])
 def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
     name: str, tmp_path: Path, monkeypatch, capsys, opened: list[str]
 ) -> None:

@@ -195,7 +195,7 @@ WRONG = {
     "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "armature: joint 'j4' is no free one"),
     "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature = -1.0"),
     "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": Flexible(frequency_hz=1.0)}}, "is folded into 'p3'"),
-    "elsewhere": ({"locked": {"j4": 0.0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
+    "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
     "no Flexible": ({"locked": {"j4": 0.0}, "flexible": {"p3": 12.0}}, "expected a Flexible"),
 }  # fmt: skip
 

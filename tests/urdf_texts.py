@@ -22,7 +22,8 @@ def link(name: str, random: np.random.Generator) -> str:
     moments = {"ixx": I[0, 0], "iyy": I[1, 1], "izz": I[2, 2], "ixy": I[0, 1], "ixz": I[0, 2], "iyz": I[1, 2]}
     inertia = " ".join(f'{key}="{float(value)!r}"' for key, value in moments.items())
     origin = f'<origin xyz="{words(center)}" rpy="{words(random.uniform(-1, 1, 3))}"/>'
-    return f'<link name="{name}"><inertial>{origin}<mass value="{float(masses.sum())!r}"/><inertia {inertia}/></inertial></link>'
+    mass = f'<mass value="{float(masses.sum())!r}"/>'
+    return f'<link name="{name}"><inertial>{origin}{mass}<inertia {inertia}/></inertial></link>'
 
 
 def joint(name: str, kind: str, parent: str, child: str, random: np.random.Generator, more: str = "") -> str:
