@@ -13,7 +13,7 @@ from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import Flexible
-from flexlink.robots.importing import Imported, import_robot
+from flexlink.robots.importing import import_robot
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.urdf_reader import read_urdf
 
@@ -23,11 +23,13 @@ def import_scene(options: argparse.Namespace) -> int:
     if options.out is not None:
         require_place(options.out)
     source = Path(options.robot)
-    known = KnownArm(file=options.robot) if source.exists() or source.suffix else known_arm(options.robot)
-    robot = read_urdf(source if source.exists() or source.suffix else known.path)
+    is_file = source.exists() or source.suffix != ""
+    known = KnownArm(file=options.robot) if is_file else known_arm(options.robot)
+    robot = read_urdf(source if is_file else known.path)
+    asked = _asked(robot, known, options)
     with about(source):
-        imported = _imported(robot, known, options)
-        scene = varied(imported.scene, options.set)
+        imported = import_robot(robot, **asked)
+    scene = varied(source, imported.scene, options.set)
     print(imported)
     if options.out is None:
         print("nothing written: -o FILE.toml takes the scene")
@@ -37,17 +39,17 @@ def import_scene(options: argparse.Namespace) -> int:
     return 0
 
 
-def _imported(robot: Robot, known: KnownArm, options: argparse.Namespace) -> Imported:
+def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `import_robot`: those of a known arm, and the command's own over them."""
     flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
-    return import_robot(
-        robot,
-        base=options.base or known.base,
-        tip=options.tip or known.tip,
-        posture=known.posture | _positions(robot, "--posture", options.posture),
-        locked=known.locked | _positions(robot, "--locked", options.locked),
-        flexible=known.flexible | {k: decode(v, Flexible, f"flexible.{k}") for k, v in flexible.items()},
-        armature=assignments("--armature", options.armature, "elbow=0.1"),
-    )
+    return {
+        "base": options.base or known.base,
+        "tip": options.tip or known.tip,
+        "posture": known.posture | _positions(robot, "--posture", options.posture),
+        "locked": known.locked | _positions(robot, "--locked", options.locked),
+        "flexible": known.flexible | {k: decode(v, Flexible, f"flexible.{k}") for k, v in flexible.items()},
+        "armature": assignments("--armature", options.armature, "elbow=0.1"),
+    }
 
 
 def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, Any]:

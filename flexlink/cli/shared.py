@@ -19,15 +19,14 @@ if TYPE_CHECKING:
 
 def varied_scene(path: Path, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
     """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
-    scene = load_scene(path)
-    with about(path):
-        return varied(scene, settings, own)
+    return varied(path, load_scene(path), settings, own)
 
 
-def varied(scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
-    """A scene with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
+def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
+    """The scene of `path` with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
     changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
-    return scene.varied(changes) if changes else scene
+    with about(path):
+        return scene.varied(changes) if changes else scene
 
 
 def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:
