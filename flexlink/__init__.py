@@ -38,7 +38,7 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
-from flexlink.formats import to_mjcf, to_urdf
+from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
@@ -106,6 +106,7 @@ __all__ = [
     "stable_step",
     "tip_position",
     "to_mjcf",
+    "to_sdf",
     "to_urdf",
 ]
 
