@@ -23,7 +23,9 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
-from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.arm import Arm, Damping, Link, Material, Section
+from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics

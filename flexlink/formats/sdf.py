@@ -33,6 +33,7 @@ from flexlink.formats.document import (
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
 """Element of <dynamics>: field of the hinge."""
+NOTHING: np.void = np.zeros(1, BODY)[0]
 HELD = {*DYNAMICS.values(), "armature", "axis"}
 
 
@@ -67,7 +68,7 @@ def to_sdf(chain: Chain) -> str:
     for k, translation, rotation, body in places(chain):
         link = ET.SubElement(model, "link", name=links[k])
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
-        _inertial(link, body)
+        _inertial(link, NOTHING if body is None else body)
         _joint(model, chain, k, joints[k], (parent, links[k]))
         parent = links[k]
     end = chain.bodies[-1]
@@ -104,13 +105,10 @@ def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: M
     pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
 
 
-def _inertial(link: ET.Element, body: np.void | None) -> None:
-    mass, center, inertia = (
-        (0.0, np.zeros(3), np.zeros((3, 3))) if body is None else body[["mass", "center", "inertia"]]
-    )
+def _inertial(link: ET.Element, body: np.void) -> None:
     inertial = ET.SubElement(link, "inertial")
-    _values(inertial, {"pose": decimals([*center, 0, 0, 0]), "mass": decimals([mass])})
-    moments = {name: decimals([inertia[place]]) for name, place in UPPER_TRIANGLE.items()}
+    _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
+    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
     _values(ET.SubElement(inertial, "inertia"), moments)
 
 
