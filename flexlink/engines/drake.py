@@ -8,6 +8,7 @@ stage of Drake's integrators sees. The tip wrench is an external force on the la
 from __future__ import annotations
 
 import importlib.metadata
+import re
 from collections.abc import Callable
 from xml.etree import ElementTree as ET
 
@@ -28,6 +29,8 @@ from flexlink.formats import to_sdf
 
 METHODS = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}
 """The methods of ours that Drake has, too, and what it calls them."""
+NOT_FINITE = re.compile("NaN|hinge inertia")
+"""In what Drake says about a state that has left the finite numbers."""
 OWN = "{urn:flexlink}"
 NO_WRENCH = np.zeros(6)
 
@@ -124,7 +127,12 @@ class DrakeEngine:
         integrator.set_fixed_step_mode(True)
         simulator.Initialize()
         for row in range(1, len(t)):
-            simulator.AdvanceTo(t[row])
+            try:
+                simulator.AdvanceTo(t[row])
+            except RuntimeError as error:
+                if NOT_FINITE.search(str(error)):
+                    raise diverged(self.name, scene, samples, row) from error
+                raise
             q[row], qd[row] = plant.GetPositions(state), plant.GetVelocities(state)
             if not np.isfinite([q[row], qd[row]]).all():
                 raise diverged(self.name, scene, samples, row)

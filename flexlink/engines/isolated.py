@@ -23,8 +23,8 @@ from flexlink.common.errors import EngineError
 from flexlink.describe.scene import Scene
 from flexlink.engines.base import Array, Samples
 
-SECONDS = 60.0
-"""For an answer, and for the start: a hundred times what they take."""
+SECONDS = 300.0
+"""For an answer, which takes milliseconds; but a first run may have to compile our kernels, which takes minutes."""
 SECONDS_PER_STEP = 0.01
 """More for every step of a run."""
 

@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from flexlink.chain.arguments import given
-from flexlink.chain.chain import Chain, unique
+from flexlink.chain.chain import BODY, Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
