@@ -80,6 +80,7 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
         folded = f" with {short_list(part.folded)}" if part.folded else ""
         raise DataFileError(f"link {short(part.link)}{folded}: {error}") from None
     x, y, z = joint.axis.tolist()
+    lower, upper = np.degrees(joint.limits or (0.0, 0.0)).tolist()
     return Link(
         name=part.link,
         mount=_mount(part.origin, before),
@@ -88,6 +89,7 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
             viscous=joint.damping,
             coulomb=joint.friction,
             armature=armature,
+            limits_deg=(lower, upper) if lower < upper else None,  # many files say 0 and 0 for none
         ),
         hub=hub,
     )

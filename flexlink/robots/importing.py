@@ -165,14 +165,16 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     for part in way.parts:
         if part.folded:
             notes.append(f"{part.link}: rigid with {short_list(part.folded)}")
-        start = way.positions[part.joint.name]
+        start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
             notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of limits that exclude 0")
+        if limits is not None and limits[0] == limits[1]:
+            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} leave no room, and are left out")
     if way.held:
         said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         notes.append(f"stay where they are [rad, m]: {short_list(said)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append("left out: " + ", ".join(["limits, largest efforts and rates", *left_out]))
+    notes.append("left out: " + ", ".join(["largest efforts and rates", *left_out]))
     return notes
 
 

@@ -11,9 +11,6 @@ from flexlink.describe.spec import meant, short, short_list
 from flexlink.robots.inertia import HERE, Pose, RigidBody
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
-SLACK = 1e-9
-"""rad or m by which a stated position may be outside of its limits: what is typed in degrees has ten digits."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Part:
@@ -195,5 +192,5 @@ def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise ArgumentError(f"{key}: {short(name)} = {short(value)}: expected a finite number [rad, or m of a slide]")
     lower, upper = joint.limits or (-math.inf, math.inf)
-    if not lower - SLACK <= value <= upper + SLACK and lower < upper:
+    if not lower <= value <= upper and lower < upper:
         raise ArgumentError(f"{key}: {short(name)} = {value!r}: its limits are {lower!r} and {upper!r}")
