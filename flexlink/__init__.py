@@ -47,6 +47,8 @@ from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
@@ -67,9 +69,11 @@ __all__ = [
     "Energy",
     "EngineError",
     "Equilibrium",
+    "Flexible",
     "FlexlinkError",
     "Frames",
     "Friction",
+    "Imported",
     "Initial",
     "InterruptedRunError",
     "Joint",
@@ -98,6 +102,7 @@ __all__ = [
     "frames",
     "friction_torque",
     "gravity_torque",
+    "import_urdf",
     "initial_state",
     "inverse_dynamics",
     "load_scene",
