@@ -16,6 +16,7 @@ from flexlink.common.errors import (
     ArgumentError,
     ConvergenceError,
     DataFileError,
+    EngineError,
     FlexlinkError,
     MissingDependencyError,
     OutputError,
@@ -23,7 +24,9 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
-from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.arm import Arm, Damping, Link, Material, Section
+from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -44,12 +47,14 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
-from flexlink.formats import to_mjcf, to_urdf
+from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
@@ -68,10 +73,13 @@ __all__ = [
     "DivergenceError",
     "Drive",
     "Energy",
+    "EngineError",
     "Equilibrium",
+    "Flexible",
     "FlexlinkError",
     "ForwardDerivatives",
     "Frames",
+    "Imported",
     "Initial",
     "InterruptedRunError",
     "InverseDerivatives",
@@ -103,6 +111,7 @@ __all__ = [
     "frames",
     "friction_torque",
     "gravity_torque",
+    "import_urdf",
     "initial_state",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
@@ -118,6 +127,7 @@ __all__ = [
     "stable_step",
     "tip_position",
     "to_mjcf",
+    "to_sdf",
     "to_urdf",
 ]
 

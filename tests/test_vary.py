@@ -111,7 +111,7 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
         ({"run.step": np.array(None)}, r"run\.step = None: expected float"),
         ({"initial.joint_deg": {1.0, 2.0, 3.0}}, r"initial\.joint_deg = \{.*\}: a set has no order"),
         ({"name": b"bytes"}, r"name = b'bytes': expected str"),
-        ({"tip": fl.Run()}, r"tip\.method = 'RK4': unknown key; allowed are mass, inertia"),
+        ({"tip": fl.Run()}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
         ({"run": 5, "run.step": 1e-4}, r"run\.step = 0\.0001: run is one value"),
         ({"link": [5], "link.*.joint.viscous": 1.0}, r"link\.\*\.joint\.viscous = 1\.0: link\.\* is one value"),
         (
@@ -119,7 +119,7 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
             r"link\[1\]\.segments = 8, so 7 hinges: rule 'gauss'",
         ),
         ({"link.*.lumping": "gaus"}, r"link\[1\]\.lumping = 'gaus': unknown; .* did you mean 'gauss'\?"),
-        ({"run.method": "RK3"}, r"run\.method = 'RK3': unknown; allowed are"),
+        ({"run.method": "RK7"}, r"run\.method = 'RK7': unknown; allowed are"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line_that_helps(paper: fl.Scene, changes: dict, wanted: str) -> None:

@@ -18,7 +18,7 @@ class SceneError(FlexlinkError, ValueError):
 
 
 class DataFileError(FlexlinkError, ValueError):
-    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, a case of the study."""
+    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, an engine's XML, a case of the study."""
 
 
 class ArgumentError(FlexlinkError, ValueError):
@@ -35,6 +35,10 @@ class OutputError(FlexlinkError, OSError):
 
 class MissingDependencyError(FlexlinkError, ImportError):
     """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
+
+
+class EngineError(FlexlinkError, RuntimeError):
+    """Another engine failed on its own account: its process crashed, or gave no answer in time."""
 
 
 class UnstableStepError(FlexlinkError, ValueError):

@@ -3,16 +3,33 @@
 from __future__ import annotations
 
 import importlib
+from typing import NamedTuple
 
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine
+from flexlink.engines.isolated import IsolatedEngine
 
-ENGINES = {"native": "NativeEngine", "pinocchio": "PinocchioEngine", "mujoco": "MujocoEngine"}
-"""Module of this package: class in it."""
 
-__all__ = ["ENGINES", "Engine", "load"]
+class Adapter(NamedTuple):
+    """Which class an engine is, which extra it needs, and whether it takes a process of its own."""
+
+    factory: str
+    extra: str = ""
+    isolated: bool = False
+
+
+ENGINES = {
+    "native": Adapter("NativeEngine"),
+    "pinocchio": Adapter("PinocchioEngine", "engines"),
+    "mujoco": Adapter("MujocoEngine", "engines"),
+    "exudyn": Adapter("ExudynEngine", "witness"),
+    "drake": Adapter("DrakeEngine", "witness", isolated=True),
+}
+"""By name, which is that of a module of this package: the class in it, and the extra that installs what it imports."""
+
+__all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
 
 def load(name: str, chain: Chain) -> Engine:
@@ -21,7 +38,7 @@ def load(name: str, chain: Chain) -> Engine:
     Parameters
     ----------
     name
-        "native", "pinocchio" or "mujoco"; the module is imported only now.
+        One of `ENGINES`; the module is imported only now.
     chain
         The chain; engines other than "native" get it as the text of an exported file.
 
@@ -31,15 +48,24 @@ def load(name: str, chain: Chain) -> Engine:
         Unknown engine, or one that cannot hold this chain.
     MissingDependencyError
         The engine is not installed.
+    EngineError
+        The process that the engine takes for itself ended.
     """
+    if choice("engine", name, ENGINES).isolated:
+        return IsolatedEngine(name, given("chain", chain, Chain))
+    return load_here(name, chain)
+
+
+def load_here(name: str, chain: Chain) -> Engine:
+    """As `load`, but in this process, whatever the engine does to it."""
     given("chain", chain, Chain)
-    factory = choice("engine", name, ENGINES)
+    adapter = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
     except ImportError as error:
         raise MissingDependencyError(
             f"engine {name!r} cannot be imported ({error}); "
-            "install the engines with: python -m pip install 'flexlink[engines]'"
+            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    engine: Engine = getattr(module, factory)(chain)
+    engine: Engine = getattr(module, adapter.factory)(chain)
     return engine
