@@ -196,6 +196,10 @@ WRONG = {
     "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature = -1.0"),
     "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": Flexible(frequency_hz=1.0)}}, "is folded into 'p3'"),
     "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
+    "no line": (
+        {"locked": {"j4": 0}, "flexible": {"p3": Flexible(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
+        "flexible: link 'p3': line = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)): is 0 m long",
+    ),
     "no Flexible": ({"locked": {"j4": 0.0}, "flexible": {"p3": 12.0}}, "expected a Flexible"),
 }  # fmt: skip
 

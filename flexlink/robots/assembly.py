@@ -53,7 +53,10 @@ def assembled(
     for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
         link, at = _rigid(part, at, armature.get(part.joint.name, 0.0)), np.zeros(3)
         if part.link in flexible:
-            made = bent(part, link, flexible[part.link], beyond)
+            try:
+                made = bent(part, link, flexible[part.link], beyond)
+            except SceneError as error:
+                raise SceneError(f"flexible: link {short(part.link)}: {error}") from None
             link, materials[part.link], sections[part.link] = made.link, made.material, made.section
             remarks.append(made.remark)
             at = np.array(made.link.line[1]) if made.link.line else at

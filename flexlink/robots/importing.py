@@ -50,7 +50,7 @@ class Imported:
 
 
 def import_urdf(
-    path: str | Path,
+    path: str | Path | Robot,
     *,
     base: str | None = None,
     tip: str | None = None,
@@ -68,7 +68,7 @@ def import_urdf(
     Parameters
     ----------
     path
-        The file; it alone is read.
+        The file; it alone is read. Or what `read_urdf` has made of it.
     base, tip
         Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
     posture
@@ -98,30 +98,7 @@ def import_urdf(
     SceneError
         A value of `flexible` or `armature` that cannot be.
     """
-    return import_robot(
-        read_urdf(path),
-        base=base,
-        tip=tip,
-        posture=posture,
-        locked=locked,
-        flexible=flexible,
-        armature=armature,
-        gravity=gravity,
-    )
-
-
-def import_robot(
-    robot: Robot,
-    *,
-    base: str | None = None,
-    tip: str | None = None,
-    posture: Mapping[str, float] = NO_NUMBERS,
-    locked: Mapping[str, float] = NO_NUMBERS,
-    flexible: Mapping[str, Flexible] = NO_BEAMS,
-    armature: Mapping[str, float] = NO_NUMBERS,
-    gravity: Vector3 = DOWN,
-) -> Imported:
-    """As `import_urdf`, of a robot that was read."""
+    robot = path if isinstance(path, Robot) else read_urdf(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
