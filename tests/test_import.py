@@ -193,7 +193,7 @@ WRONG = {
     "NaN": ({"posture": {"j3": float("nan")}}, "posture: 'j3' = nan: expected a finite number"),
     "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: 'b2' is not between 'p0' and 'p8'"),
     "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "armature: joint 'j4' is no free one"),
-    "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature = -1.0"),
+    "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature: 'j5' = -1.0: expected"),
     "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": Flexible(frequency_hz=1.0)}}, "is folded into 'p3'"),
     "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
     "no line": (

@@ -112,7 +112,7 @@ def test_the_import_on_the_command_line_takes_degrees_metres_and_beams(tmp_path:
         (["--flexible", "p3=12"], "flexible.p3 = 12: "),
         (["--flexible", "p3={ frequency = 12 }"], "flexible.p3.frequency = 12: unknown key"),
         (["--flexible", "p3={ segments = 5 }"], "flexible.p3.section: missing"),
-        (["--armature", "j3=much"], "armature"),
+        (["--armature", "j3=much"], "armature: 'j3' = 'much': expected a number"),
         (["-o", "/no/where.toml"], "the folder '/no' does not exist"),
     ],
 )

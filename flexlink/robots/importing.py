@@ -12,7 +12,7 @@ from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.serial import SerialPath, serial
+from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 from flexlink.robots.urdf_reader import read_urdf
 
@@ -128,11 +128,13 @@ def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
 
 def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
     free = [part.joint.name for part in way.parts]
-    for joint in armature:
+    for joint, value in armature.items():
         if joint not in free:
             raise ArgumentError(
                 f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
             )
+        if (number := finite(value)) is None or number < 0:
+            raise ArgumentError(f"armature: {short(joint)} = {short(value)}: expected a number of at least 0 [kg m²]")
 
 
 def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
