@@ -66,34 +66,29 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     ET.SubElement(robot, "link", name=links[0])
     shown = dict(zip(chain.bodies["stop"][:-1] - 1, capsules(chain) if shapes else (), strict=False))
     for k, translation, rotation, body in places(chain):
-        joint = _joint(robot, joints[k], "revolute", links[k], links[k + 1])
+        joint = _joint(robot, joints[k], "revolute", (links[k], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
-        _origin(joint, translation, rotation, own_values(chain, k, HELD))
+        ET.SubElement(joint, "flexlink", own_values(chain, k, HELD) | own_rotation(rotation))
         link = ET.SubElement(robot, "link", name=links[k + 1])
         if body is not None:
             _inertial(link, body)
         _shape(link, shown.get(k))
-    tip = chain.bodies[-1]
-    fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", links[-2], links[-1])
-    _origin(fixed, tip["translation"], tip["rotation"], {})
+    place = chain.bodies["translation"][-1], chain.bodies["rotation"][-1]
+    fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", (links[-2], links[-1]), place)
+    ET.SubElement(fixed, "flexlink", own_rotation(place[1]))
     ET.SubElement(robot, "link", name=links[-1])
     for k in chain.active:
         _motor(robot, joints[k])
     return text(robot)
 
 
-def _joint(robot: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place: tuple[Array, Array]) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    return joint
-
-
-def _origin(joint: ET.Element, translation: Array, rotation: Array, own: dict[str, str]) -> None:
-    """The placement, and our own element, with the rotation that roll, pitch and yaw round."""
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(joint, tag, link=link)
+    translation, rotation = place
     ET.SubElement(joint, "origin", xyz=decimals(translation), rpy=decimals(rpy_from_matrix(rotation)))
-    if own := own | own_rotation(rotation):
-        ET.SubElement(joint, "flexlink", own)
+    return joint
 
 
 def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
