@@ -52,7 +52,7 @@ JOINT = {
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
-HELD = {*JOINT.values(), "axis"}
+HELD = {*JOINT.values()}
 
 
 def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
@@ -117,7 +117,7 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
         place, name = _Frame(body["rotation"], body["translation"]), links[body["stop"]]
         heavy = bool(body["mass"] or body["inertia"].any())
         if body["turned"] or waiting or not heavy:
-            _exact(own, f"{name}.placement", *place.r, *place.R.flat)
+            _exact(own, f"placement.{joints[body['first']]}", *place.r, *place.R.flat)
         frame = frame.then(place)
         waiting = [hinge.seen_from(place) for hinge in waiting]
         waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
@@ -127,7 +127,11 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             _require_loadable(chain, body, moments)
             _inertial(parent, body, moments, axes)
             if np.count_nonzero(body["inertia"] - np.diag(np.diag(body["inertia"]))):
-                _exact(own, f"{name}.inertia", *(body["inertia"][place] for place in UPPER_TRIANGLE.values()))
+                _exact(
+                    own,
+                    f"inertia.{joints[body['stop'] - 1]}",
+                    *(body["inertia"][place] for place in UPPER_TRIANGLE.values()),
+                )
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], chain)
             _shape(parent, shown[b] if shapes else None)
@@ -136,7 +140,7 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
         raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
     end = chain.bodies[-1]
     if end["turned"]:
-        _exact(own, f"{links[-1]}.placement", *end["translation"], *end["rotation"].flat)
+        _exact(own, "tip", *end["translation"], *end["rotation"].flat)
     tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
     _inertial(
         tip, end, np.zeros(3), np.eye(3)
@@ -205,10 +209,14 @@ def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
 def _principal(body: np.void) -> tuple[Array, Array]:
     """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
     I = body["inertia"]
-    if np.array_equal(I, np.diag(np.diag(I))):
+    if _is_diagonal(I):
         return np.diag(I), np.eye(3)
     moments, axes = np.linalg.eigh(I)
     return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
+
+
+def _is_diagonal(I: Array) -> bool:
+    return np.array_equal(I, np.diag(np.diag(I)))
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:

@@ -31,7 +31,9 @@ from flexlink.formats.shapes import Capsule, capsules, colours
 
 # A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits, so they are wide.
 LIMIT = {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"}
-HELD = {"axis", "damping", "coulomb"}
+DYNAMICS = {"damping": "damping", "friction": "coulomb"}
+"""Attribute of <dynamics>: field of the hinge."""
+HELD = {*DYNAMICS.values(), "axis"}
 
 
 def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
@@ -95,8 +97,7 @@ def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
     hinge = chain.hinges[k]
     ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
     ET.SubElement(joint, "limit", LIMIT)
-    dynamics = {"damping": hinge["damping"], "friction": hinge["coulomb"]}
-    ET.SubElement(joint, "dynamics", {name: decimals([value]) for name, value in dynamics.items()})
+    ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
 
 
 def _inertial(link: ET.Element, body: np.void) -> None:
