@@ -175,6 +175,16 @@ def test_an_element_that_is_left_out_or_doubled_or_unknown_is_refused(format) ->
 
 
 @EVERY
+def test_an_attribute_that_flexlink_does_not_write_is_refused(format) -> None:
+    root = document(format)
+    for element in root.iter():
+        element.set("other", "1")
+        with pytest.raises(fl.DataFileError, match=r"other = '1' where flexlink writes nothing"):
+            format.read(text_of(root))
+        del element.attrib["other"]
+
+
+@EVERY
 def test_shapes_may_be_edited(format) -> None:
     root = parse(format.write(small_chain()), "arm")
     for element in list(root.iter()):

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.arguments import flag, given, vector
-from flexlink.chain.chain import Chain
+from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.formats.document import (
@@ -30,7 +30,6 @@ from flexlink.formats.document import (
     Array,
     decimals,
     links_text,
-    own_values,
     text,
     valid,
     xml_joint_names,
@@ -52,7 +51,8 @@ JOINT = {
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
-HELD = {*JOINT.values()}
+USER = sorted({*(HINGE.names or ())} - {*JOINT.values()}, key=lambda name: (name != "coulomb_width", name))
+"""Fields of the hinge that stand in `user`, the width of dry friction first; after them the coordinate."""
 
 
 def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
@@ -88,11 +88,10 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     ET.SubElement(root, "compiler", COMPILER)
     option = ET.SubElement(root, "option", integrator="RK4", gravity=decimals(chain.gravity))
     ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
-    user = own_values(chain, 0, HELD)
-    ET.SubElement(root, "size", nuser_jnt=str(len(" ".join(user.values()).split())))
+    ET.SubElement(root, "size", nuser_jnt=str(len(USER) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
-    ET.SubElement(own, "text", name="flexlink.user", data=" ".join(user))
+    ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER, "coordinate"]))
     if flag("shapes", shapes):
         asset = ET.SubElement(root, "asset")
         for name, rgba in colours(chain):
@@ -197,7 +196,7 @@ class _Hinge:
     def write(self, body: ET.Element, name: str, chain: Chain) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
         numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT.items()}
-        own = {"user": " ".join(own_values(chain, self.k, HELD).values())}
+        own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER), *chain.coordinates[self.k]])}
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
 
 

@@ -7,10 +7,10 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.chain import HINGE, Chain
+from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.formats.document import Array
-from flexlink.formats.mjcf import HELD, JOINT, to_mjcf
+from flexlink.formats.mjcf import JOINT, USER, to_mjcf
 from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, read
 
 SHOWN = frozenset({"geom", "asset", "keyframe", "option.timestep"})
@@ -63,9 +63,8 @@ def _chain(root: Node) -> Chain:
 
 
 def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequence[str]) -> Hinge:
-    fields = [key for key in HINGE.names or () if key not in HELD]
-    *user, link, segment, axis = joint.numbers(len(fields) + 3, "user")
-    numbers = dict(zip(fields, user, strict=True)) | {field: joint.number(key) for key, field in JOINT.items()}
+    *user, link, segment, axis = joint.numbers(len(USER) + 3, "user")
+    numbers = dict(zip(USER, user, strict=True)) | {field: joint.number(key) for key, field in JOINT.items()}
     if numbers["axis"] not in {0, 1, 2}:
         raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1 or 2")
     place = _read_place(body, own.get(f"flexlink.placement.{joint.attribute('name')}"))
