@@ -20,6 +20,8 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold, not even escaped."""
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+WIDE = {"lower": "-1e9", "upper": "1e9"}
+"""Limits of a hinge that has none, where a format asks for some [rad]."""
 
 
 class Place(NamedTuple):
@@ -46,6 +48,11 @@ def own_values(chain: Chain, k: int, held: Iterable[str]) -> dict[str, str]:
     hinge = chain.hinges[k]
     numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in held}
     return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
+
+
+def limits(hinge: np.void) -> dict[str, str]:
+    """The limits of a hinge [rad] under their own names, those that there are."""
+    return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
 
 
 def own_rotation(rotation: Array) -> dict[str, str]:

@@ -27,8 +27,10 @@ from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
+    WIDE,
     Array,
     decimals,
+    limits,
     links_text,
     text,
     valid,
@@ -51,7 +53,9 @@ JOINT = {
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
-USER = sorted({*(HINGE.names or ())} - {*JOINT.values()}, key=lambda name: (name != "coulomb_width", name))
+USER = sorted(
+    {*(HINGE.names or ())} - {*JOINT.values(), "lower", "upper"}, key=lambda name: (name != "coulomb_width", name)
+)
 """Fields of the hinge that stand in `user`, the width of dry friction first; after them the coordinate."""
 
 
@@ -197,6 +201,8 @@ class _Hinge:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
         numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT.items()}
         own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER), *chain.coordinates[self.k]])}
+        if ends := limits(chain.hinges[self.k]):  # said, not enforced
+            own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
 
 

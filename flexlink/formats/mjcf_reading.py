@@ -11,10 +11,11 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.formats.document import Array
 from flexlink.formats.mjcf import JOINT, USER, to_mjcf
-from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, read
+from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
 
 SHOWN = frozenset({"geom", "asset", "keyframe", "option.timestep"})
 """Not compared: nothing of it is a chain's."""
+NONE = -np.inf, np.inf
 
 
 def read_mjcf(text: str | bytes, *, what: str = "the MJCF") -> Chain:
@@ -65,6 +66,7 @@ def _chain(root: Node) -> Chain:
 def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequence[str]) -> Hinge:
     *user, link, segment, axis = joint.numbers(len(USER) + 3, "user")
     numbers = dict(zip(USER, user, strict=True)) | {field: joint.number(key) for key, field in JOINT.items()}
+    numbers |= limits_of(*(joint.numbers(2, "range") if "range" in joint.element.attrib else NONE))
     if numbers["axis"] not in {0, 1, 2}:
         raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1 or 2")
     place = _read_place(body, own.get(f"flexlink.placement.{joint.attribute('name')}"))

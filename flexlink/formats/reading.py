@@ -19,7 +19,7 @@ import numpy as np
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import parse
-from flexlink.formats.document import UPPER_TRIANGLE, Array
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
 
 ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
 NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
@@ -121,6 +121,12 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
     return Coordinate(link, segment, axis)
 
 
+def limits_of(lower: float, upper: float) -> dict[str, float]:
+    """Limits of a hinge, infinite where a format had to be given some."""
+    least, most = map(float, WIDE.values())
+    return {"lower": -np.inf if lower <= least else lower, "upper": np.inf if upper >= most else upper}
+
+
 def inertia_matrix(moments: Sequence[float]) -> Array:
     """Symmetric, from its upper triangle in the order of `UPPER_TRIANGLE`."""
     I = np.zeros((3, 3))
@@ -176,6 +182,8 @@ def _require_sound(hinge: Hinge) -> None:
             raise hinge.node.error(f"{key} = {hinge.numbers[key]!r}: must not be negative")
     if hinge.numbers["coulomb_width"] <= 0:
         raise hinge.node.error(f"coulomb_width = {hinge.numbers['coulomb_width']!r}: must be > 0")
+    if not hinge.numbers["lower"] <= hinge.numbers["upper"]:
+        raise hinge.node.error(f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: must not decrease")
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):

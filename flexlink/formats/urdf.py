@@ -16,8 +16,10 @@ from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
+    WIDE,
     Array,
     decimals,
+    limits,
     links_text,
     own_rotation,
     own_values,
@@ -29,11 +31,11 @@ from flexlink.formats.document import (
 )
 from flexlink.formats.shapes import Capsule, capsules, colours
 
-# A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits, so they are wide.
-LIMIT = {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"}
+# A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
+LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb"}
 """Attribute of <dynamics>: field of the hinge."""
-HELD = {*DYNAMICS.values(), "axis"}
+HELD = {*DYNAMICS.values(), "axis", "lower", "upper"}
 
 
 def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
@@ -96,7 +98,7 @@ def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place
 def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
     hinge = chain.hinges[k]
     ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
-    ET.SubElement(joint, "limit", LIMIT)
+    ET.SubElement(joint, "limit", LIMIT | limits(hinge))
     ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.chain import HINGE, Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
-from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, read
+from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
 from flexlink.formats.urdf import DYNAMICS, HELD, to_urdf
 
 
@@ -54,7 +54,8 @@ def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str]) -
         raise joint.error(f"child {child[:60]!r}: no link")
     numbers = {key: own.number(key) for key in HINGE.names or () if key not in HELD}
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
-    axis = joint.one("axis")
+    axis, limit = joint.one("axis"), joint.one("limit")
+    numbers |= limits_of(limit.number("lower"), limit.number("upper"))
     numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"))
     place = coordinate(own, own.numbers(3, "coordinate"), links)
     return Hinge(joint, *_read_place(joint), numbers, place, _read_body(bodies[child]))
