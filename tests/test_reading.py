@@ -21,7 +21,7 @@ EVERY = pytest.mark.parametrize("format", FORMATS.values(), ids=FORMATS)
 def odd_chain(rng: np.random.Generator) -> fl.Chain:
     """The nasty scene with every number of every hinge, limits here and there, an elastic gear, and full inertias."""
     chain = fl.lump(
-        nasty_scene().varied({"link.rigid.joint.gear_stiffness": 100.0, "link.upper.joint.limits_deg": (-90.0, 70.0)})
+        nasty_scene().varied({"link.upper.joint.gear_stiffness": 100.0, "link.upper.joint.limits_deg": (-90.0, 70.0)})
     )
     hinges, bodies = chain.hinges.copy(), chain.bodies.copy()
     for field in ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature"):
