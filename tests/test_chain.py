@@ -278,3 +278,12 @@ def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
     # the first and the third axis are parallel, the one between is not
     there_and_back = flexible("a"), flexible("b", mount=tilted), flexible("c", mount=Mount(rpy_deg=(0.0, -40.0, 0.0)))
     assert not lump(make_scene(*there_and_back)).is_planar
+
+
+def test_inertias_are_symmetric_to_the_bit() -> None:
+    """R I Rᵀ is so up to rounding only, and files hold six numbers."""
+    turned = Mount(rpy_deg=(10.0, 20.0, 30.0))
+    heavy = Payload(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.3, 0.25, 0.2, 0.03, 0.02, 0.01))
+    links = [flexible(name, "yz", 3, mount=turned, joint=Joint(locked=name == "b"), end=heavy) for name in "abc"]
+    for inertia in lump(make_scene(*links)).bodies["inertia"]:
+        assert inertia.tolist() == inertia.T.tolist()

@@ -187,6 +187,26 @@ def test_an_attribute_that_flexlink_does_not_write_is_refused(format) -> None:
 
 
 @EVERY
+def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
+    """Roll, pitch and yaw are those of the rotation."""
+    root = document(format)
+    found = 0
+    for element, key in list(places(root)):
+        words = value(element, key).split()
+        for first in range(len(words) - 8) if str(key).endswith(("rotation", "data")) else ():
+            for factor in (1.0 + 1e-12, -1.0) if len(words) - first == 9 else ():
+                R = [repr(factor * float(word)) for word in words[first:]]
+                text, refused = (
+                    " ".join([*words[:first], *R]),
+                    pytest.raises(fl.DataFileError, match="no rotation matrix"),
+                )
+                with said(element, key, text), refused:
+                    format.read(text_of(root))
+                found += 1
+    assert found >= 2
+
+
+@EVERY
 def test_shapes_may_be_edited(format) -> None:
     root = parse(format.write(small_chain()), "arm")
     for element in list(root.iter()):

@@ -115,3 +115,16 @@ def test_cylinders_and_capsules_of_any_direction_lie_along_their_segment(rng: np
         assert roll == 0
         assert along * capsule.length == pytest.approx(capsule.end, abs=1e-15 * 8 * capsule.length)
         assert (2 * np.array(middle)).tolist() == capsule.end.tolist()
+
+
+def test_a_keyframe_that_is_no_state_is_refused_by_name() -> None:
+    chain = fl.lump(nasty_scene())
+    q = np.zeros(chain.n)
+    for initial, message in {
+        (1.0,): "initial has 1 items: expected q and qd",
+        ((0.0,), (0.0,)): rf"initial\[0\] has shape \(1,\); expected \({chain.n},\)",
+        (tuple(q), tuple(q + np.nan)): r"initial\[1\]\[0\] = nan is not finite",
+        "ab": "initial = 'ab': expected a sequence",
+    }.items():
+        with pytest.raises(fl.ArgumentError, match=message):
+            fl.to_mjcf(chain, initial=initial)

@@ -27,19 +27,14 @@ def export_scenes(options: argparse.Namespace) -> int:
     for path in options.scenes:
         scene = varied_scene(path, options.set)
         with about(path):
-            chain = lump(scene)
-            state = initial_state(scene, chain)
-            if options.small_mass is not None:
-                notes.append(_what_mass_does(path, chain, options.small_mass, state[0]))
-                chain = with_small_mass(chain, mass=options.small_mass)
-        for name in dict.fromkeys(options.format or FORMATS):
-            format = FORMATS[name]
-            target = options.out / (path.stem + format.ending)
+            chain, state = _chain_and_state(path, scene, options, notes)
+        for name in _formats(options):
+            target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
                 raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
             with about(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
-                texts[target] = format.write(chain, **({"initial": state} if format.keyframe else {}))
+                texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
     for path, text in texts.items():
         require_place(path)
         write_text(path, text)
@@ -47,6 +42,24 @@ def export_scenes(options: argparse.Namespace) -> int:
     for note in notes:
         print(f"note: {note}", file=sys.stderr)
     return 0
+
+
+def _formats(options: argparse.Namespace) -> list[str]:
+    """Names of the formats that are asked for."""
+    return list(dict.fromkeys(options.format or FORMATS))
+
+
+def _chain_and_state(
+    path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
+) -> tuple[Chain, tuple[Array, Array] | None]:
+    """The chain, with small masses if they are asked for, and, where a format holds it, the initial state."""
+    chain = lump(scene)
+    keyframe = any(FORMATS[name].keyframe for name in _formats(options))
+    state = initial_state(scene, chain) if keyframe or options.small_mass is not None else None
+    if state is not None and options.small_mass is not None:
+        notes.append(_what_mass_does(path, chain, options.small_mass, state[0]))
+        chain = with_small_mass(chain, mass=options.small_mass)
+    return chain, state
 
 
 def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: bool) -> list[str]:

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.analysis.stability import stable_step
-from flexlink.chain.arguments import flag, given, vector
+from flexlink.chain.arguments import flag, given, sequence, vector
 from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
@@ -106,8 +106,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     for k in chain.active:
         ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
     if initial is not None:
-        q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(initial))
-        ET.SubElement(ET.SubElement(root, "keyframe"), "key", name="initial", qpos=decimals(q), qvel=decimals(qd))
+        _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
     option.set("timestep", decimals([_safe_step(chain)]))
     return text(root)
 
@@ -149,6 +148,14 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
         tip, end, np.zeros(3), np.eye(3)
     )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
     ET.SubElement(tip, "site", name=links[-1])
+
+
+def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
+    state = sequence("initial", initial, "vector")
+    if len(state) != 2:
+        raise ArgumentError(f"initial has {len(state)} items: expected q and qd")
+    q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
+    ET.SubElement(parent, "key", name="initial", qpos=decimals(q), qvel=decimals(qd))
 
 
 def _exact(own: ET.Element, name: str, *values: float) -> None:

@@ -77,8 +77,8 @@ def _read_place(body: Node, own: Node | None) -> tuple[Array, Array]:
     """Of the first hinge at a point: exactly, from our own numbers, or as the body stands; not turned then."""
     if own is None:
         return np.array(body.numbers(3, "pos")), np.eye(3)
-    values = np.array(own.numbers(12, "data"))
-    return values[:3], values[3:].reshape(3, 3)
+    x, y, z, *rotation = own.numbers(12, "data")
+    return np.array([x, y, z]), own.rotation_matrix(rotation)
 
 
 def _read_body(body: Node, last: Node, own: Mapping[str, Node]) -> tuple[float, Array, Array]:

@@ -78,7 +78,14 @@ class Node:
 
     def rotation(self, key: str) -> Array:
         """R, row by row, in an attribute of our own; without it the identity."""
-        return np.eye(3) if self.element.get(key) is None else np.reshape(self.numbers(9, key), (3, 3))
+        return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
+
+    def rotation_matrix(self, values: Sequence[float]) -> Array:
+        """R of its nine elements, which must be one: angles alone would not tell one that is stretched."""
+        R = np.reshape(values, (3, 3))
+        if np.abs(R @ R.T - np.eye(3)).max() > ROUNDING or np.linalg.det(R) < 0:
+            raise self.error(f"{list(values)}: no rotation matrix")
+        return R
 
     def unit_axis(self, values: Sequence[float]) -> int:
         """0, 1, 2 for X, Y, Z."""
