@@ -282,8 +282,10 @@ def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
 
 def test_inertias_are_symmetric_to_the_bit() -> None:
     """R I Rᵀ is so up to rounding only, and files hold six numbers."""
-    turned = Mount(rpy_deg=(10.0, 20.0, 30.0))
     heavy = Payload(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.3, 0.25, 0.2, 0.03, 0.02, 0.01))
-    links = [flexible(name, "yz", 3, mount=turned, joint=Joint(locked=name == "b"), end=heavy) for name in "abc"]
+    links = [
+        flexible(f"link {k}", mount=Mount(rpy_deg=(10.0 * k, 20.0, 30.0)), joint=Joint(locked=k > 0), end=heavy)
+        for k in range(8)
+    ]
     for inertia in lump(make_scene(*links)).bodies["inertia"]:
         assert inertia.tolist() == inertia.T.tolist()
