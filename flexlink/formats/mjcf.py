@@ -128,12 +128,8 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             moments, axes = _principal(body)
             _require_loadable(chain, body, moments)
             _inertial(parent, body, moments, axes)
-            if np.count_nonzero(body["inertia"] - np.diag(np.diag(body["inertia"]))):
-                _exact(
-                    own,
-                    f"inertia.{joints[body['stop'] - 1]}",
-                    *(body["inertia"][place] for place in UPPER_TRIANGLE.values()),
-                )
+            if not _is_diagonal(I := body["inertia"]):
+                _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], chain)
             _shape(parent, shown[b] if shapes else None)

@@ -22,6 +22,7 @@ from flexlink.common.safe_xml import parse
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
 
 ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
+STRETCH = 1e-13  # that a product of a hundred rotations may have
 NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
 NONNEGATIVE = ("stiffness", "damping", "coulomb")
 
@@ -83,7 +84,7 @@ class Node:
     def rotation_matrix(self, values: Sequence[float]) -> Array:
         """R of its nine elements, which must be one: angles alone would not tell one that is stretched."""
         R = np.reshape(values, (3, 3))
-        if np.abs(R @ R.T - np.eye(3)).max() > ROUNDING or np.linalg.det(R) < 0:
+        if np.abs(R @ R.T - np.eye(3)).max() > STRETCH or np.linalg.det(R) < 0:
             raise self.error(f"{list(values)}: no rotation matrix")
         return R
 
