@@ -53,7 +53,7 @@ class DrakeEngine:
 
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Drake", chain)
-        self.text = to_sdf(chain)
+        self.text = to_sdf(chain, shapes=False)
         world = ET.fromstring(self.text).findall("world")[0]
         joints = world.findall("model/joint")
         self.rest, self.coulomb = (
