@@ -117,7 +117,7 @@ def start(scene: Scene) -> Samples:
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = initial_state(scene, chain)
     judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
-    return run.times, q, qd
+    return run.times_from(scene.initial.time), q, qd
 
 
 def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:

@@ -63,11 +63,12 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     zero = (0.0,) * len(scene.arm.links)
     times = np.array(drive.times or (0.0,))
     torques = np.array(drive.torques or (drive.torque or zero,))[:, links]
-    degree = 3 if drive.smooth else 1
+    degree = 3 if drive.smooth else 0 if drive.hold else 1
     coefficients = np.zeros((len(times), degree + 1, len(joints)))
     coefficients[:, 0] = torques
     with np.errstate(over="ignore", invalid="ignore"):
-        coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
+        if not drive.hold:
+            coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
         if drive.smooth and np.isfinite(coefficients).all():
             from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
 

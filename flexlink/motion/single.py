@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
@@ -40,6 +40,9 @@ def simulate(
     tolerance: float | None = None,
     relative_tolerance: float | None = None,
     accuracy: Accuracy | None = None,
+    q0: ArrayLike | None = None,
+    qd0: ArrayLike | None = None,
+    t0: float | None = None,
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
@@ -56,11 +59,15 @@ def simulate(
     method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy
         In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
         place of a fixed step, and a step that of a tolerance.
+    q0, qd0, t0
+        State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` gives
+        them; None: as `scene.initial` says. A run with fixed steps that is continued from one of its samples gives
+        the same numbers to the bit.
 
     Returns
     -------
     Trajectory
-        Samples at t = 0, sample, 2 · sample, … duration.
+        Samples at t = t0, t0 + sample, t0 + 2 · sample, … t0 + duration.
 
     Raises
     ------
@@ -85,9 +92,17 @@ def simulate(
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
     }  # fmt: skip
     said = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    said |= starting_from(q0, qd0, t0)
     run = SingleRun(given("scene", scene, Scene).varied(said) if said else scene)
     with deferred() as stop:
         return run.finish(stop, progress)
+
+
+def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> dict[str, object]:
+    """Changes by path of a scene, that starts from this state; what is None stays as it is."""
+    q = {} if q0 is None else {"initial.passive": None, "initial.q": q0}
+    qd = {} if qd0 is None else {"initial.rate_deg": None, "initial.qd": qd0}
+    return q | qd | ({} if t0 is None else {"initial.time": t0})
 
 
 class SingleRun:
@@ -137,7 +152,7 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     run, inputs = scene.run, input_arrays(scene, chain)
     check_method(run)
     try:
-        record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
+        record = Record(run, chain, inputs, run.times_from(scene.initial.time), *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"

@@ -201,7 +201,7 @@ class Watch:
         errors = np.empty(len(probed))
         tip_errors(
             record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
-            probed * per_sample, record.q[probed], record.qd[probed], errors,
+            record.origin + probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < rounding.of_position(record.chain)] = 0.0
         self._tip_error += float(errors.sum()) * every * per_sample
