@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.rotation import matrix_from_rpy_deg
-from flexlink.formats.urdf import UPPER_TRIANGLE
+from flexlink.formats.document import UPPER_TRIANGLE
 
 Array = NDArray[np.float64]
 
