@@ -40,7 +40,7 @@ class Initial(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.q is not None and self.passive == "static":
-            raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the angles of the hinges; give one of both")
+            raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
         if self.qd is not None and self.rate_deg is not None:
             raise SceneError(f"qd = {short(self.qd)}: rate_deg is given, too; give one of both")
 

@@ -82,6 +82,13 @@ def step(work, tableau, inputs, h, number, state, stages):
     follow(inputs.motion, (number + 1) * h, q, qd, K[0])
 
 
+@kernel
+def stage(work, inputs, t, q, qd, tau, qdd):
+    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential."""
+    follow(inputs.motion, t, q, qd, qdd)
+    return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+
+
 @inlined
 def add_stage(weight, L, K, i, q, qd):
     """q += weight L_i and q̇ += weight K_i; nothing to do for the many zeros of high-order tableaus."""

@@ -28,7 +28,10 @@ class FixedSteps:
         self.run, self.failure = run, ""
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         self.joint_name, self.origin = record.chain.joint_name, record.origin
-        self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        if watch.control is None:
+            self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        else:
+            self._pieces = watch.control.pieces(record, run, self.state)
         self._done = next(self._pieces)  # compiles, while no signal is deferred
 
     def __iter__(self) -> Iterator[Reached]:

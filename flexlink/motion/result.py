@@ -95,7 +95,9 @@ class Trajectory:
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
         doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
-        return f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
+        return (
+            f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
+        )
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -113,7 +115,7 @@ class Trajectory:
         return record.trajectory(len(t), balanced=False)
 
     def state(self, k: int) -> State:
-        """Time, joint angles and rates of sample `k`, −1 the last: `simulate(scene, q0=, qd0=, t0=)` goes on from there.
+        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
 
         Raises
         ------

@@ -79,7 +79,8 @@ def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
     for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):
         for k in motion.joints:
             if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
+                joint = chain.joint_name(int(k))
                 raise SceneError(
-                    f"initial.{name}[{k}] = {state[k]!r}: joint {chain.joint_name(int(k))!r} follows its motion, which is "
-                    f"at {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
+                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
+                    f" {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
                 )
