@@ -9,6 +9,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from flexlink.engines import load
 
 TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}
 DRIVES: dict[str, dict[str, Any]] = {
@@ -94,3 +95,16 @@ def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], messag
 def test_a_sample_that_is_not_there_has_no_state() -> None:
     with pytest.raises(fl.ArgumentError, match=r"k = 9: must be -9 … 8"):
         fl.simulate(arm("none")).state(9)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_engines_hold_torques_and_start_later_too(engine: str) -> None:
+    """800 steps of one tableau, each rounded once or so: 1e-11 rad."""
+    pytest.importorskip({"pinocchio": "pinocchio", "mujoco": "mujoco"}[engine])
+    scene = arm("hold")
+    t, q, qd = fl.simulate(scene).state(2)
+    later = scene.varied({"initial.q": q, "initial.qd": qd, "initial.time": t, "run.duration": 0.06})
+    for each in (scene, later):
+        ours, (times, angles, _) = fl.simulate(each), load(engine, fl.lump(each)).integrate(each)
+        np.testing.assert_array_equal(times, ours.t)
+        np.testing.assert_allclose(angles, ours.q, rtol=0, atol=1e-11)
