@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
-from flexlink.describe.arm import Arm
+from flexlink.describe.arm import Arm, Link
 from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
@@ -59,6 +59,8 @@ class Scene(Spec, frozen=True):
             whole("initial.time", self.initial.time, "run.step", self.run.step)
             for k, time in enumerate(self.drive.times or () if self.drive.hold else ()):
                 whole(f"drive.times[{k}]", time, "run.step", self.run.step)
+        for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
+            _check_limits(link, f"initial.joint_deg[{k}]", angle)
         moved: set[int] = set()
         for k, motion in enumerate(self.motion):
             number = self._check_motion(motion, f"motion[{k}]")
@@ -85,6 +87,8 @@ class Scene(Spec, frozen=True):
         ):
             if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+        for k, angle in enumerate(motion.angle_deg):
+            _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
         return number
 
     @property
@@ -140,6 +144,12 @@ class Scene(Spec, frozen=True):
         document: dict[str, Any] = parsed(self)
         document |= document.pop("arm")
         return document
+
+
+def _check_limits(link: Link, key: str, angle: float) -> None:
+    limits = link.joint.limits_deg
+    if limits is not None and not limits[0] <= angle <= limits[1]:
+        raise SceneError(f"{key} = {angle!r}: outside limits_deg = {list(limits)} of the joint of {link.name!r}")
 
 
 def load_scene(path: str | Path) -> Scene:
