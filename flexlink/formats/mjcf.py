@@ -23,6 +23,7 @@ from flexlink.chain.arguments import given
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.rigid_body import ROUNDING
 from flexlink.formats.document import decimals, limits, text, valid, xml_joint_names, xml_link_names
 
 Array = NDArray[np.float64]
@@ -157,7 +158,7 @@ def _principal(body: np.void) -> tuple[Array, Array]:
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     """MuJoCo has no way to hold less, and would refuse the file: there is no other form of the same body."""
     light = body["mass"] < SMALLEST or moments.min() < SMALLEST
-    if not light and 2 * moments.max() <= moments.sum():
+    if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
     link = chain.link_names[chain.coordinate(joint).link - 1]
@@ -169,8 +170,15 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     )
 
 
+def _largest_possible(moments: Array) -> float:
+    """The sum of the two smaller moments, as MuJoCo adds them."""
+    low, middle, _ = np.sort(moments)
+    return float(low + middle)
+
+
 def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:
-    """Mass, centre and principal moments."""
+    """Mass, centre and principal moments, the largest of a disc without what rounding has put on top of it."""
+    moments = np.minimum(moments, _largest_possible(moments))
     ET.SubElement(
         parent, "inertial", mass=decimals([body["mass"]]), pos=decimals(body["center"]),
         quat=decimals(quaternion_from_matrix(axes)), diaginertia=decimals(moments),
