@@ -8,6 +8,8 @@ import pytest
 import flexlink as fl
 from flexlink.describe.spec import Spec
 from flexlink.describe.writing import said
+from flexlink.engines import load
+from flexlink.formats.mjcf_reading import read_mjcf
 from validation.benchmarks.random_arms import random_arm
 from validation.case import load_cases
 from validation.kinds import random_arms
@@ -62,3 +64,13 @@ def test_engines_take_every_random_arm_and_agree() -> None:
     assert len(measured) == 2 * 10
     for row in measured:
         assert row.value <= case.quantity[row.quantity].tolerance, row
+
+
+def test_a_disc_with_rounding_on_top_is_exported_and_read_back() -> None:
+    """Of 0.1 + 0.2 + ε no more than 0.1 + 0.2 stands in the file; the chain that is read back has the ε again."""
+    disc = fl.Payload(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
+    arm = fl.Arm(links=(fl.Link(name="a", hub=disc),))
+    chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.Initial(joint_deg=(0.0,))))
+    engine = load("mujoco", chain)
+    assert engine.mass_matrix(np.zeros(1))[0, 0] == pytest.approx(0.3, rel=4 * EPS)
+    assert read_mjcf(fl.to_mjcf(chain)).bodies.tobytes() == chain.bodies.tobytes()
