@@ -26,7 +26,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
@@ -73,6 +73,7 @@ __all__ = [
     "Coordinate",
     "Damping",
     "DataFileError",
+    "DenavitHartenberg",
     "DivergenceError",
     "Drive",
     "Energy",
