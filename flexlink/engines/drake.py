@@ -74,7 +74,8 @@ class DrakeEngine:
         try:
             self.plant = self._load(MultibodyPlant(time_step=0.0))
         except RuntimeError as error:
-            raise ArgumentError(f"Drake cannot load {chain.name!r}: {error}; use the other engines") from error
+            told = " ".join(str(error).split())  # in one line
+            raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
         order = [self.plant.GetJointByName(joint.attrib["name"]).velocity_start() for joint in joints]
         if order != list(range(self.plant.num_velocities())):
             raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {order}; expected those of the file")
