@@ -78,14 +78,14 @@ hub   = { mass = 3.7, inertia = [0.0103, 0.0103, 0.00666] }
 
 [[link]]
 name     = "upper"
+mount    = { xyz = [0.0, 0.13585, 0.0], rpy_deg = [0.0, 90.0, 0.0] }
+joint    = { axis = [0.0, 1.0, 0.0], armature = 0.1, gear_stiffness = 3e4 }
+hub      = { mass = 2.28, center = [0.0, 0.0, 0.0486], inertia = [0.00186, 0.00186, 0.00372] }
 line     = [[0.0, 0.0, 0.0], [0.0, 0.0, 0.425]]
 flex     = "xyz"
+segments = 5
 material = "alloy"
 section  = "tube"
-segments = 5
-joint    = { axis = [0.0, 1.0, 0.0], armature = 0.1, gear_stiffness = 3e4 }
-mount    = { xyz = [0.0, 0.13585, 0.0], rpy_deg = [0.0, 90.0, 0.0] }
-hub      = { mass = 2.28, center = [0.0, 0.0, 0.0486], inertia = [0.00186, 0.00186, 0.00372] }
 end      = { mass = 4.95, center = [0.0, 0.0, -0.0225], inertia = [0.00403, 0.00403, 0.00805, 0.0, 0.0, 0.0001] }
 
 [initial]
