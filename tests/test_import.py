@@ -142,7 +142,7 @@ def test_the_largest_mass_is_the_one_beyond_which_the_rest_is_no_body(rng) -> No
 
 
 def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
-    """As CAD writes it: −5e-20 kg m² of a body of half a kilogram, 3 cm from its frame, 32 eps of whose m c² is 3e-18."""
+    """As CAD writes it: −5e-20 kg m² of half a kilogram, 3 cm from its frame; 32 eps of its m c² are 3e-18."""
     center = np.array([0.0, 0.0, 0.03])
     assert (
         payload(RigidBody(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
