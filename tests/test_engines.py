@@ -33,7 +33,7 @@ from flexlink import (
 )
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load
-from flexlink.engines.comparison import QUANTITIES
+from flexlink.engines.quantities import QUANTITIES
 from flexlink.engines.states import mixed_states
 
 OTHERS = [name for name in ENGINES if name != "native"]

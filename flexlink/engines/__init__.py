@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
@@ -33,6 +34,12 @@ def load(name: str, chain: Chain) -> Engine:
         The engine is not installed.
     """
     given("chain", chain, Chain)
+    engine: Engine = engine_class(name)(chain)
+    return engine
+
+
+def engine_class(name: str) -> Callable[[Chain], Engine]:
+    """The class of an engine, imported only now; errors as in `load`."""
     factory = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
@@ -41,5 +48,5 @@ def load(name: str, chain: Chain) -> Engine:
             f"engine {name!r} cannot be imported ({error}); "
             "install the engines with: python -m pip install 'flexlink[engines]'"
         ) from error
-    engine: Engine = getattr(module, factory)(chain)
-    return engine
+    made: Callable[[Chain], Engine] = getattr(module, factory)
+    return made

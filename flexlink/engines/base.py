@@ -18,6 +18,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
+from flexlink.engines.read_back import ReadBack
 from flexlink.kernels.inputs import drive_torque
 from flexlink.motion.actuation import drive_arrays, input_arrays
 from flexlink.motion.endings import DivergenceError
@@ -56,6 +57,9 @@ class Engine(Protocol):
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ from the equation of motion."""
+
+    def read_back(self) -> ReadBack:
+        """What the engine has read of its file."""
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene with this engine's dynamics and its method at its fixed step.
