@@ -201,7 +201,7 @@ PLANTED = (
     Planted("mjcf", "ref for springref", each(JOINT, ref="0.1"), "the joint's zero is shifted"),
     Planted("mjcf", "limits active", both(flag("limit", "constraint"), each(JOINT, limited="true", range="-1.5 1.5")),
             "limits are active: 21 joints"),
-    Planted("mjcf", "contacts active", both(flag("contact", "constraint"), with_geoms(mass="0")), "contacts are active"),
+    Planted("mjcf", "contacts active", both(flag("contact", "constraint"), with_geoms(mass="0")), "contacts are"),
     Planted("mjcf", "gravity compensated", each(BODY, gravcomp="1"), "gravcomp takes gravity off"),
     Planted("mjcf", "air", each(OPTION, density="1.2", viscosity="1e-5"), "a fluid drags"),
     Planted("mjcf", "damping implicit", each(OPTION, integrator="Euler"), "Euler, which damps implicitly"),

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from typing import NamedTuple
 
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine
 
-ENGINES = {"native": "NativeEngine", "pinocchio": "PinocchioEngine", "mujoco": "MujocoEngine"}
-"""Module of this package: class in it."""
 
-__all__ = ["ENGINES", "Engine", "load"]
+class Adapter(NamedTuple):
+    """Where an engine is, and which extra it needs."""
+
+    factory: str
+    extra: str = ""
+
+
+ENGINES = {
+    "native": Adapter("NativeEngine"),
+    "pinocchio": Adapter("PinocchioEngine", "engines"),
+    "mujoco": Adapter("MujocoEngine", "engines"),
+    "exudyn": Adapter("ExudynEngine", "witness"),
+}
+"""By name, which is that of a module of this package: the class in it, and the extra that installs what it imports."""
+
+__all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
 
 def load(name: str, chain: Chain) -> Engine:
@@ -22,7 +36,7 @@ def load(name: str, chain: Chain) -> Engine:
     Parameters
     ----------
     name
-        "native", "pinocchio" or "mujoco"; the module is imported only now.
+        One of `ENGINES`; the module is imported only now.
     chain
         The chain; engines other than "native" get it as the text of an exported file.
 
@@ -34,19 +48,19 @@ def load(name: str, chain: Chain) -> Engine:
         The engine is not installed.
     """
     given("chain", chain, Chain)
-    engine: Engine = engine_class(name)(chain)
+    engine: Engine = adapter_class(name)(chain)
     return engine
 
 
-def engine_class(name: str) -> Callable[[Chain], Engine]:
-    """The class of an engine, imported only now; errors as in `load`."""
-    factory = choice("engine", name, ENGINES)
+def adapter_class(name: str) -> Callable[[Chain], Engine]:
+    """The class of an engine; errors as in `load`."""
+    adapter = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
     except ImportError as error:
         raise MissingDependencyError(
             f"engine {name!r} cannot be imported ({error}); "
-            "install the engines with: python -m pip install 'flexlink[engines]'"
+            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    made: Callable[[Chain], Engine] = getattr(module, factory)
-    return made
+    kind: Callable[[Chain], Engine] = getattr(module, adapter.factory)
+    return kind

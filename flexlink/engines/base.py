@@ -9,11 +9,12 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
@@ -58,9 +59,6 @@ class Engine(Protocol):
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ from the equation of motion."""
 
-    def read_back(self) -> ReadBack:
-        """What the engine has read of its file."""
-
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene with this engine's dynamics and its method at its fixed step.
 
@@ -71,6 +69,14 @@ class Engine(Protocol):
         ArgumentError
             The engine does not have the scene's method or its prescribed motions, or the step is not stable.
         """
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """An engine that tells what it has read of a file; those that read none have nothing to tell."""
+
+    def read_back(self) -> ReadBack:
+        """What the engine has read."""
 
 
 def drive_function(scene: Scene) -> DriveTorque | None:
@@ -86,6 +92,22 @@ def drive_function(scene: Scene) -> DriveTorque | None:
         return tau
 
     return torque
+
+
+def refuse_motion(engine: str, chain: Chain) -> None:
+    """Of an engine that knows no prescribed motion.
+
+    Raises
+    ------
+    ArgumentError
+        The motion of one of the joints is prescribed.
+    """
+    prescribed = np.flatnonzero(chain.hinges["prescribed"])
+    if len(prescribed):
+        raise ArgumentError(
+            f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
+            "does not know; use native or pinocchio, or take the motion out of the scene"
+        )
 
 
 def start(scene: Scene) -> Samples:

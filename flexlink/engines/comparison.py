@@ -94,12 +94,11 @@ def compare(
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, `samples` out of range, `seed` < 0, an unknown engine, one that cannot hold this arm, or a
-        file that is no arm of hinges.
+        `scene` is no Scene, `samples` out of range, `seed` < 0, an unknown engine, or one that cannot hold this arm.
+    DataFileError
+        The file cannot be read, or is no arm of hinges.
     MissingDependencyError
         An engine is not installed.
-    OSError
-        The file cannot be read.
     SingularMassError
         M is positive definite at none of the postures tried.
     """
@@ -129,7 +128,7 @@ def _compare_file(
 ) -> Comparison:
     if engines is not None and len(engines) != 1:
         raise ArgumentError(f"engines = {engines}: a file is read by one of them")
-    form, engine = load_file(file, engines[0] if engines else None)
+    form, engine = load_file(file, chain.n, engines[0] if engines else None)
     states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
     rows, diagnosis = diagnose_file(chain, engine, form, states, progress)
     return Comparison(f"{name} and {file}", samples, rows, (diagnosis,))

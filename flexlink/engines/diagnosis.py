@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
-from flexlink.engines.base import Array, Engine
+from flexlink.engines.base import Array, Engine, Reader
 from flexlink.engines.differences import Finding, differences
 from flexlink.engines.matching import Match
 from flexlink.engines.mistakes import FIELDS
@@ -21,7 +21,7 @@ from flexlink.engines.reordered import Reordered
 from flexlink.engines.states import State
 from flexlink.engines.theirs import FileEngine
 
-FORMS = {"pinocchio": "urdf", "mujoco": "mjcf", "drake": "sdf"}
+FORMS = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
 """What engines read of our own."""
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 LOOKED_AT = 20  # states at which causes are tried
@@ -88,8 +88,8 @@ def _verb(names: Sequence[str], verb: str) -> str:
 
 
 def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
-    """Of an engine with our own file: looked into where it does not agree."""
-    if all(row.passed for row in rows):
+    """Of an engine with our own file: looked into where it does not agree, as far as it can tell what it has read."""
+    if all(row.passed for row in rows) or not isinstance(engine, Reader):
         return Diagnosis(engine.name, tuple(rows))
     read = engine.read_back()
     match, findings = differences(of_chain(chain), read, FORMS.get(engine.name, engine.name))

@@ -182,7 +182,8 @@ def _explained(field: str, seen: Seen, form: str) -> Finding:
 
 def _worded(mistake: Mistake, what: str, form: str, made: ReadBack) -> Finding:
     words = FIELDS[mistake.field]
-    return Finding(what, mistake.likely, mistake.change.format(tag=getattr(words, form), unit=words.unit), made)
+    tag = getattr(words, form, words.label)
+    return Finding(what, mistake.likely, mistake.change.format(tag=tag, unit=words.unit), made)
 
 
 def _names(names: Sequence[str]) -> str:

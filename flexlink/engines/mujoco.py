@@ -8,6 +8,7 @@ the drive, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an e
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import threading
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,10 +19,11 @@ import mujoco
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.engines import mujoco_reader
-from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 
@@ -29,6 +31,9 @@ Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)
 RK4 = mujoco.mjtIntegrator.mjINT_RK4
 BESIDE = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+NOT_IN_URDF = frozenset(
+    {"gravity", "stiffness", "rest", "armature", "coulomb_width", "integrator", "autoreset", "step"}
+)
 PROCESS = threading.Lock()  # MuJoCo's callbacks belong to the process
 
 
@@ -51,9 +56,7 @@ class MujocoEngine:
     version: str = mujoco.__version__
 
     def __init__(self, chain: Chain) -> None:
-        prescribed = np.flatnonzero(chain.hinges["prescribed"])
-        if len(prescribed):
-            raise _no_motion(chain.name, chain.joint_name(int(prescribed[0])))
+        refuse_motion("MuJoCo", chain)
         try:
             with quiet():
                 model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
@@ -62,8 +65,8 @@ class MujocoEngine:
         self._take(model, mujoco_reader.read(model))
 
     @classmethod
-    def from_file(cls, path: Path) -> Self:
-        """A file that somebody else wrote, MJCF or URDF, with what it includes.
+    def from_file(cls, path: Path, form: str) -> Self:
+        """A file that somebody else wrote, in the format "mjcf" or "urdf", with what it includes.
 
         Raises
         ------
@@ -78,7 +81,8 @@ class MujocoEngine:
             raise ArgumentError(f"MuJoCo cannot load it: {error}") from error
         mujoco_reader.require_hinges(model)
         engine = cls.__new__(cls)
-        engine._take(model, mujoco_reader.read(model, spec.compiler))
+        record = mujoco_reader.read(model, spec.compiler)
+        engine._take(model, dataclasses.replace(record, unsaid=NOT_IN_URDF) if form == "urdf" else record)
         return engine
 
     def _take(self, model: Any, record: ReadBack) -> None:
@@ -152,8 +156,7 @@ class MujocoEngine:
         run, model = scene.run, self.model
         if run.method != "RK4":
             raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
-        if scene.motion:
-            raise _no_motion(scene.name, scene.arm.links[scene.arm.number(scene.motion[0].link) - 1].name)
+        refuse_motion("MuJoCo", lump(scene))
         samples = t, q, qd = start(scene)
         data = self.data
         mujoco.mj_resetData(model, data)
@@ -189,13 +192,6 @@ class MujocoEngine:
             data.qfrc_passive -= self._coulomb(data.qvel)
 
         return passive
-
-
-def _no_motion(name: str, joint: str) -> ArgumentError:
-    return ArgumentError(
-        f"{name}: the motion of joint {joint!r} is prescribed, which MuJoCo does not know; "
-        "use native or pinocchio, or take the motion out of the scene"
-    )
 
 
 def _drive_callback(scene: Scene) -> Callback:

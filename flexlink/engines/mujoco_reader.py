@@ -12,6 +12,8 @@ from flexlink.common.errors import ArgumentError
 from flexlink.engines.read_back import Array, Indices, ReadBack, merged
 
 DISABLE, INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
+WIDE = 1e6
+"""Limits beyond it [rad] are none: URDF must have some."""
 IMPLICIT = {INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICIT, INTEGRATOR.mjINT_IMPLICITFAST}
 
 
@@ -116,7 +118,7 @@ def _constraints(model: Any) -> Iterator[tuple[str, str]]:
     colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
     if _on(model, "CONTACT") and colliding > 1:
         yield "contacts", f"{colliding} geoms"
-    limited = int((model.jnt_limited != 0).sum())
+    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < WIDE)).sum())
     if _on(model, "LIMIT") and limited:
         yield "limits", f"{limited} joints"
     dry = int((model.dof_frictionloss != 0).sum())

@@ -18,6 +18,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pinocchio as pin
 
+from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
@@ -62,7 +63,7 @@ class PinocchioEngine:
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 
     @classmethod
-    def from_file(cls, path: Path) -> Self:
+    def from_file(cls, path: Path, _: str = "urdf") -> Self:
         """A URDF that somebody else wrote; joints that turn endlessly are taken as joints with wide limits.
 
         Raises
@@ -96,7 +97,7 @@ class PinocchioEngine:
         if gravity is None:
             self.unsaid |= {"gravity"}
         else:
-            model.gravity.linear = np.array(gravity.attrib["gravity"].split(), float)
+            model.gravity.linear = vector("gravity", [float(x) for x in gravity.get("gravity", "").split()], 3)
         model.armature = armature
         self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
 

@@ -22,6 +22,8 @@ Indices = NDArray[np.intp]
 
 OF_JOINTS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
 """Fields of a record, and of a chain's hinges, with one number a joint."""
+UNIT = 1e-9
+"""How far from 1 the length of an axis may be that an engine has made a direction."""
 OF_LINES = ("axes", "points")
 OF_BODIES = ("masses", "centers", "inertias")
 
@@ -81,7 +83,7 @@ class ReadBack:
         """Number of joints."""
         return len(self.names)
 
-    def require_finite(self) -> None:
+    def require_sound(self) -> None:
         """Refuse a file that the engine took numbers from that are none.
 
         Raises
@@ -94,8 +96,14 @@ class ReadBack:
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
                 raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: read as {rows[bad[0]]}; must be finite")
-        if not np.isfinite(self.gravity).all():
-            raise ArgumentError(f"gravity: read as {self.gravity}; must be finite")
+        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
+            raise ArgumentError(f"gravity: read as {self.gravity}; must be three finite numbers")
+        lengths = np.linalg.norm(self.axes, axis=1)
+        if np.abs(lengths - 1).max() > UNIT:
+            k = int(np.abs(lengths - 1).argmax())
+            raise ArgumentError(
+                f"axis of joint {self.names[k]!r}: read with length {lengths[k]:.6g}; must be a direction"
+            )
 
 
 def merged(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import numpy as np
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.engines.base import Array, Engine, Samples
-from flexlink.engines.read_back import Indices, ReadBack
+from flexlink.engines.read_back import Indices
 
 
 class Reordered:
@@ -50,7 +50,3 @@ class Reordered:
     def integrate(self, scene: Scene) -> Samples:
         """Not of a file: its runs are the engine's own."""
         raise ArgumentError(f"{scene.name}: files of others are compared at states, not run")
-
-    def read_back(self) -> ReadBack:
-        """What the engine has read, in its own order."""
-        return self.engine.read_back()

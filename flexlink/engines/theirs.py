@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any, Protocol, cast
-from xml.etree import ElementTree as ET
 
 from flexlink.chain.arguments import choice
-from flexlink.common.errors import ArgumentError, FlexlinkError
-from flexlink.engines import engine_class
-from flexlink.engines.base import Array, Engine
+from flexlink.common import safe_xml
+from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.reading import read_regular
+from flexlink.engines import adapter_class
+from flexlink.engines.base import Array, Engine, Reader
 
 ROOTS = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
 """Engines that read a format; the first is taken unless another one is named."""
-MOST_BYTES, MOST_JOINTS = 50_000_000, 2_000
-"""Beyond them some engines take minutes or crash."""
+MOST_JOINTS = 300
+"""Unless the scene has more: Pinocchio takes 35 n³ bytes."""
 
 
-class FileEngine(Engine, Protocol):
+class FileEngine(Engine, Reader, Protocol):
     """An engine with a file of somebody else's."""
 
     def adopt(self, **fields: Array) -> None:
@@ -28,50 +29,35 @@ class FileEngine(Engine, Protocol):
         """Leave nothing that acts beside gravity, springs and dampers."""
 
 
-def load_file(path: Path, engine: str | None = None) -> tuple[str, FileEngine]:
-    """Format of a file, and the engine that has loaded it.
+def load_file(path: Path, n: int, engine: str | None = None) -> tuple[str, FileEngine]:
+    """Format of a file, and the engine that has loaded it; `n` joints are expected.
 
     Raises
     ------
+    DataFileError
+        The file cannot be read, is no MJCF, URDF or SDF, larger than engines bear, or its engine refuses it.
     ArgumentError
-        The file is no MJCF, URDF or SDF, larger than engines bear, or its engine refuses it.
+        Another engine than those that read the format.
     MissingDependencyError
         The engine is not installed.
-    OSError
-        The file cannot be read.
     """
+    form = _format(path, n)
+    name = engine or READERS[form][0]
+    choice(f"engine for {form.upper()}", name, dict.fromkeys(READERS[form]))
+    reader = cast(Any, adapter_class(name))
     try:
-        form = _format(path)
-        name = engine or READERS[form][0]
-        choice(f"engine for {form.upper()}", name, dict.fromkeys(READERS[form]))
-        loaded = cast(FileEngine, cast(Any, engine_class(name)).from_file(path))
-        loaded.read_back().require_finite()
-    except FlexlinkError as error:
-        error.args = (f"{path}: {error}",)
-        raise
+        loaded = cast(FileEngine, reader.from_file(path, form))
+        loaded.read_back().require_sound()
+    except ArgumentError as error:
+        raise DataFileError(f"{path}: {error}") from error
     return form, loaded
 
 
-class _Plain(ET.TreeBuilder):
-    """Elements only: a document type, and with it every entity, is refused before anything is expanded."""
-
-    def doctype(self, name: str, *_: str | None) -> None:
-        raise ArgumentError(f"<!DOCTYPE {name}>: robot files have none")
-
-
-def _format(path: Path) -> str:
-    if (size := path.stat().st_size) > MOST_BYTES:
-        raise ArgumentError(f"{size} bytes; at most {MOST_BYTES} are read")
-    try:
-        root = ET.parse(path, ET.XMLParser(target=_Plain())).getroot()
-    except ET.ParseError as error:
-        raise ArgumentError(f"not XML: {error}") from None
-    except (ValueError, LookupError) as error:
-        if isinstance(error, FlexlinkError):
-            raise
-        raise ArgumentError(f"not XML: {error}") from None
+def _format(path: Path, n: int) -> str:
+    root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
     if root.tag not in ROOTS:
-        raise ArgumentError(f"root element <{root.tag}>: expected <mujoco> (MJCF), <robot> (URDF) or <sdf> (SDF)")
-    if (joints := sum(1 for _ in root.iter("joint"))) > MOST_JOINTS:
-        raise ArgumentError(f"{joints} joints; at most {MOST_JOINTS} are read")
+        raise DataFileError(f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>")
+    hinges = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed")
+    if hinges > max(n, MOST_JOINTS):
+        raise DataFileError(f"{path}: {hinges} joints, the scene's arm has {n}; at most {MOST_JOINTS} are read")
     return ROOTS[root.tag]
