@@ -78,7 +78,7 @@ def compare(
     engines
         Names that `flexlink.engines.load` knows; by default Pinocchio and MuJoCo, of a file the one for its format.
     file
-        MJCF, URDF or SDF of the same arm, written by whomever.
+        MJCF or URDF of the same arm, written by whomever.
     samples
         Number of states, up to `MOST_SAMPLES`.
     seed

@@ -12,8 +12,8 @@ from flexlink.common.reading import read_regular
 from flexlink.engines import adapter_class
 from flexlink.engines.base import Array, Engine, Reader
 
-ROOTS = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
-READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
+ROOTS = {"mujoco": "mjcf", "robot": "urdf"}
+READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco")}
 """Engines that read a format; the first is taken unless another one is named."""
 MOST_JOINTS = 300
 """Unless the scene has more: Pinocchio takes 35 n³ bytes."""
@@ -35,7 +35,7 @@ def load_file(path: Path, n: int, engine: str | None = None) -> tuple[str, FileE
     Raises
     ------
     DataFileError
-        The file cannot be read, is no MJCF, URDF or SDF, larger than engines bear, or its engine refuses it.
+        The file cannot be read, is no MJCF or URDF, larger than engines bear, or its engine refuses it.
     ArgumentError
         Another engine than those that read the format.
     MissingDependencyError
@@ -56,7 +56,7 @@ def load_file(path: Path, n: int, engine: str | None = None) -> tuple[str, FileE
 def _format(path: Path, n: int) -> str:
     root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
     if root.tag not in ROOTS:
-        raise DataFileError(f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>")
+        raise DataFileError(f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF) or <robot> (URDF)")
     hinges = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed")
     if hinges > max(n, MOST_JOINTS):
         raise DataFileError(f"{path}: {hinges} joints, the scene's arm has {n}; at most {MOST_JOINTS} are read")
