@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
 from typing import NamedTuple
 
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
-from flexlink.engines.base import Engine
+from flexlink.engines.base import Engine, File
 from flexlink.engines.isolated import IsolatedEngine
 
 
@@ -57,15 +56,8 @@ def load(name: str, chain: Chain) -> Engine:
     return load_here(name, chain)
 
 
-def load_here(name: str, chain: Chain) -> Engine:
-    """As `load`, but in this process, whatever the engine does to it."""
-    given("chain", chain, Chain)
-    engine: Engine = adapter_class(name)(chain)
-    return engine
-
-
-def adapter_class(name: str) -> Callable[[Chain], Engine]:
-    """The class of an engine; errors as in `load`."""
+def load_here(name: str, source: Chain | File) -> Engine:
+    """As `load`, also of a file of somebody else's, in this process, whatever the engine does to it."""
     adapter = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
@@ -74,5 +66,6 @@ def adapter_class(name: str) -> Callable[[Chain], Engine]:
             f"engine {name!r} cannot be imported ({error}); "
             f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    kind: Callable[[Chain], Engine] = getattr(module, adapter.factory)
-    return kind
+    kind = getattr(module, adapter.factory)
+    engine: Engine = kind.from_file(source) if isinstance(source, File) else kind(given("chain", source, Chain))
+    return engine

@@ -9,7 +9,8 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
+from pathlib import Path
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,13 @@ class Engine(Protocol):
         ArgumentError
             The engine does not have the scene's method or its prescribed motions, or the step is not stable.
         """
+
+
+class File(NamedTuple):
+    """A file that somebody else wrote."""
+
+    path: Path
+    form: str  # "mjcf", "urdf", "sdf"
 
 
 @runtime_checkable

@@ -78,7 +78,7 @@ def compare(
     engines
         Names that `flexlink.engines.load` knows; by default Pinocchio and MuJoCo, of a file the one for its format.
     file
-        MJCF or URDF of the same arm, written by whomever.
+        MJCF, URDF or SDF of the same arm, written by whomever.
     samples
         Number of states, up to `MOST_SAMPLES`.
     seed
@@ -128,7 +128,7 @@ def _compare_file(
 ) -> Comparison:
     if engines is not None and len(engines) != 1:
         raise ArgumentError(f"engines = {engines}: a file is read by one of them")
-    form, engine = load_file(file, chain.n, engines[0] if engines else None)
+    loaded = load_file(file, chain.n, engines[0] if engines else None)
     states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
-    rows, diagnosis = diagnose_file(chain, engine, form, states, progress)
-    return Comparison(f"{name} and {file}", samples, rows, (diagnosis,))
+    diagnosis = diagnose_file(chain, loaded, states, progress)
+    return Comparison(f"{name} and {file}", samples, diagnosis.rows, (diagnosis,))

@@ -19,7 +19,7 @@ from flexlink.engines.quantities import QUANTITIES, Difference, compare_engines
 from flexlink.engines.read_back import ReadBack, of_chain, to_chain
 from flexlink.engines.reordered import Reordered
 from flexlink.engines.states import State
-from flexlink.engines.theirs import FileEngine
+from flexlink.engines.theirs import Loaded
 
 FORMS = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
 """What engines read of our own."""
@@ -97,23 +97,21 @@ def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: S
 
 
 def diagnose_file(
-    chain: Chain,
-    engine: FileEngine,
-    form: str,
-    states: Sequence[State],
-    progress: Callable[[float], None] | None = None,
-) -> tuple[tuple[Difference, ...], Diagnosis]:
+    chain: Chain, loaded: Loaded, states: Sequence[State], progress: Callable[[float], None] | None = None
+) -> Diagnosis:
     """Of an engine with a file of somebody else's: its quantities, and what it has read, all agreeing or not."""
+    form, engine, complaints = loaded
     ours, read = of_chain(chain), _with_step(chain, engine.read_back())
+    said = tuple(f"{engine.name} complains: {text}" for text in complaints)
     match, findings = differences(ours, read, form)
     if match is None:
-        return (), Diagnosis(engine.name, (), tuple(findings))
-    engine.adopt(**_missing(ours, read, match))
+        return Diagnosis(engine.name, (), tuple(findings), notes=said)
+    engine.adopt(_missing(ours, read, match))
     matched = Reordered(engine, match.order)
     rows = compare_engines(chain, NativeEngine(chain), [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
     engine.put_right()  # whether settings, too, explain what differs
     found = _looked_into(chain, matched, rows, findings, match, states)
-    return rows, dataclasses.replace(found, notes=tuple(_notes(match, read)))
+    return dataclasses.replace(found, notes=(*_notes(match, read), *said))
 
 
 def _with_step(chain: Chain, read: ReadBack) -> ReadBack:

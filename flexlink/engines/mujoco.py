@@ -11,8 +11,7 @@ import contextlib
 import dataclasses
 import threading
 import warnings
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Self
 
 import mujoco
@@ -23,7 +22,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.engines import mujoco_reader
-from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import Array, File, Samples, diverged, drive_function, refuse_motion, start
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 
@@ -65,8 +64,8 @@ class MujocoEngine:
         self._take(model, mujoco_reader.read(model))
 
     @classmethod
-    def from_file(cls, path: Path, form: str) -> Self:
-        """A file that somebody else wrote, in the format "mjcf" or "urdf", with what it includes.
+    def from_file(cls, file: File) -> Self:
+        """A file that somebody else wrote, MJCF or URDF, with what it includes.
 
         Raises
         ------
@@ -75,14 +74,14 @@ class MujocoEngine:
         """
         try:
             with quiet(), warnings.catch_warnings(action="ignore"):  # of attributes that are going out of use
-                spec = mujoco.MjSpec.from_file(str(path))
+                spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise ArgumentError(f"MuJoCo cannot load it: {error}") from error
         mujoco_reader.require_hinges(model)
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec.compiler)
-        engine._take(model, dataclasses.replace(record, unsaid=NOT_IN_URDF) if form == "urdf" else record)
+        engine._take(model, dataclasses.replace(record, unsaid=NOT_IN_URDF) if file.form == "urdf" else record)
         return engine
 
     def _take(self, model: Any, record: ReadBack) -> None:
@@ -94,7 +93,7 @@ class MujocoEngine:
         """What MuJoCo has read."""
         return self.record
 
-    def adopt(self, **fields: Array) -> None:
+    def adopt(self, fields: Mapping[str, Array]) -> None:
         """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
         model = self.model
         places = {

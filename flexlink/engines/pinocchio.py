@@ -10,8 +10,7 @@ Joints whose motion is prescribed, p, leave the rows of the others, f, to be sol
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Self
 from xml.etree import ElementTree as ET
 
@@ -25,7 +24,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.engines import pinocchio_reader
-from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.engines.base import Array, File, Samples, diverged, drive_function, start
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
@@ -63,7 +62,7 @@ class PinocchioEngine:
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 
     @classmethod
-    def from_file(cls, path: Path, _: str = "urdf") -> Self:
+    def from_file(cls, file: File) -> Self:
         """A URDF that somebody else wrote; joints that turn endlessly are taken as joints with wide limits.
 
         Raises
@@ -71,7 +70,7 @@ class PinocchioEngine:
         ArgumentError
             Pinocchio refuses the file, or it holds joints other than hinges.
         """
-        robot = ET.parse(path).getroot()
+        robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
             ET.SubElement(joint, "limit", LIMIT)
@@ -106,7 +105,7 @@ class PinocchioEngine:
         own = {"stiffness": self.stiffness, "rest": self.rest, "coulomb_width": self.coulomb_width}
         return pinocchio_reader.read(self.model, own, self.unsaid)
 
-    def adopt(self, **fields: Array) -> None:
+    def adopt(self, fields: Mapping[str, Array]) -> None:
         """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
         for field, values in fields.items():
             if field == "gravity":
