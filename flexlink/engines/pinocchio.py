@@ -27,7 +27,7 @@ from flexlink.engines import pinocchio_reader
 from flexlink.engines.base import Array, File, Samples, diverged, drive_function, start
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
-from flexlink.formats.urdf import LIMIT, to_urdf
+from flexlink.formats.urdf import WIDE, to_urdf
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
 
@@ -73,7 +73,7 @@ class PinocchioEngine:
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
-            ET.SubElement(joint, "limit", LIMIT)
+            ET.SubElement(joint, "limit", WIDE)
         engine = cls.__new__(cls)
         try:
             engine._take(ET.tostring(robot, encoding="unicode"))
