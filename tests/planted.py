@@ -48,6 +48,32 @@ def scaled(path: str, attribute: str, factor: float, only: int | None = None) ->
     return edit
 
 
+def said(path: str, value: str | None, only: int | None = None) -> Edit:
+    """Another text of elements, of all or of one; None takes the elements away."""
+
+    def edit(root: ET.Element) -> None:
+        parents = {child: parent for parent in root.iter() for child in parent}
+        found = root.findall(path)
+        for element in found if only is None else [found[only]]:
+            if value is None:
+                parents[element].remove(element)
+            else:
+                element.text = value
+
+    return edit
+
+
+def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
+    """The numbers that elements say, multiplied one by one."""
+
+    def edit(root: ET.Element) -> None:
+        found = root.findall(path)
+        for element in found if only is None else [found[only]]:
+            element.text = numbers(np.array((element.text or "").split(), float) * factors)
+
+    return edit
+
+
 def both(*edits: Edit) -> Edit:
     """One after another."""
     return lambda root: [edit(root) for edit in edits]
@@ -64,12 +90,14 @@ def numbers(values: object) -> str:
 def written_with(digits: str) -> Edit:
     """Every number of the file in another format."""
 
+    def shortened(text: str) -> str:
+        return re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda m: format(float(m[0]), digits), text)
+
     def edit(root: ET.Element) -> None:
         for element in root.iter():
             for name, value in element.attrib.items():
-                element.set(name, re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda m: format(float(m[0]), digits), value))
-            if element.text and element.text.strip():
-                element.text = re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda m: format(float(m[0]), digits), element.text)
+                element.set(name, value if name == "version" else shortened(value))
+            element.text = shortened(element.text or "")
 
     return edit
 
@@ -155,10 +183,37 @@ def slender(root: ET.Element) -> None:
     next(root.iter("inertial")).set("diaginertia", "0.001 0.001 0.01")
 
 
+def sdf_about_joint(root: ET.Element) -> None:
+    for e in root.iter("inertial"):
+        c, m = np.array(e.findtext("pose").split()[:3], float), float(e.findtext("mass"))
+        more = m * (c @ c * np.eye(3) - np.outer(c, c))
+        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1)}.items():
+            element = e.find(f"inertia/{name}")
+            element.text = numbers(float(element.text) + more[i, j])
+
+
+def effort_0(root: ET.Element) -> None:
+    """Drake makes no actuator for it, and forgets the rotor."""
+    ET.SubElement(ET.SubElement(next(root.iter("axis")), "limit"), "effort").text = "0"
+
+
+def expressed_in_model(root: ET.Element) -> None:
+    """Of a joint further out, whose frame is turned in the model's."""
+    root.findall(".//axis/xyz")[5].set("expressed_in", "__model__")
+
+
+def inertial_turned(root: ET.Element) -> None:
+    for pose in root.findall(".//inertial/pose"):
+        pose.text = " ".join([*pose.text.split()[:5], "0.3"])
+
+
+for prefix, uri in {"drake": "http://drake.mit.edu", "flexlink": "urn:flexlink"}.items():
+    ET.register_namespace(prefix, uri)
 PER_DEGREE = math.pi / 180
 OPTION, COMPILER = "option", "compiler"
 JOINT, BODY, INERTIAL = ".//joint", ".//body", ".//inertial"
 OWN = "joint/flexlink"
+ROTOR, SPRING, INERTIAS = ".//{http://drake.mit.edu}rotor_inertia", ".//spring_stiffness", ("ixx", "iyy", "izz")
 
 PLANTED = (
     Planted("mjcf", "angles in degrees by default", each(COMPILER, angle=None), "rest angle of 18 joints"),
@@ -226,4 +281,22 @@ PLANTED = (
     Planted("urdf", "inertia about the joint", urdf_about_joint, "taken about the joint"),
     Planted("urdf", "mass left out", scaled(".//mass", "value", 0, only=2), "the mass is left out"),
     Planted("urdf", "pounds", scaled(".//mass", "value", 1 / 0.45359237), "another density"),
+    Planted("sdf", "rotors left out", said(ROTOR, None), "armature of 3 joints"),
+    Planted("sdf", "no actuator, no rotor", effort_0, "armature of joint 'waist'"),
+    Planted("sdf", "springs left out", said(SPRING, "0"), "spring stiffness of 18 joints"),
+    Planted("sdf", "stiffness per degree", said_times(SPRING, PER_DEGREE), "degrees taken for radians"),
+    Planted("sdf", "rest angles left out", said(".//spring_reference", None), "rest angle of 18 joints"),
+    Planted("sdf", "damping left out", said(".//damping", "0"), "damping of 21 joints"),
+    Planted("sdf", "Coulomb torque left out", said(".//friction", "0"), "Coulomb torque of 3 joints"),
+    Planted("sdf", "gravity the other way", said("world/gravity", "0 0 -9.81"), "gravity has the wrong sign"),
+    Planted("sdf", "axis flipped", said_times(".//xyz", -1, -1, -1, only=4), "the axis is flipped"),
+    Planted("sdf", "axes of another frame", expressed_in_model, "turned by"),
+    Planted("sdf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("sdf", "rotations in degrees", said_times("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
+            "joint 'waist' turned by"),
+    Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), "mass of joint"),
+    Planted("sdf", "inertial rotated", inertial_turned, "rotation of the principal"),
+    Planted("sdf", "inertia about the joint", sdf_about_joint, "taken about the joint"),
+    Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), "a part is left out"),
+    Planted("sdf", "grams", both(said_times(".//mass", 1e3), *(said_times(f".//{i}", 1e3) for i in INERTIAS)), "grams"),
 )  # fmt: skip

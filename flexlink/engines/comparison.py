@@ -12,6 +12,7 @@ from flexlink.chain.arguments import all_given, given, integer
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.catalogue import given_path
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
 from flexlink.engines.diagnosis import Diagnosis, diagnose, diagnose_file
@@ -107,7 +108,7 @@ def compare(
     names = None if engines is None else all_given("engines", engines, str)
     chain = lump(scene.varied({"motion": ()}))  # prescribed joints are free in the exported files
     if file is not None:
-        return _compare_file(scene.name, chain, Path(file), names, samples, seed, progress)
+        return _compare_file(scene.name, chain, given_path("file", file), names, samples, seed, progress)
     loaded = [load(name, chain) for name in (DEFAULT if names is None else names)]
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from pydrake.multibody.tree import ForceElementIndex, RevoluteJoint, RevoluteSpring
+from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
 from flexlink.common.errors import ArgumentError
 from flexlink.engines.read_back import Array, Indices, ReadBack, merged
@@ -73,7 +73,7 @@ def _behind(plant: Any, joints: list[Any]) -> Indices:
 
 
 def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[str, Any]:
-    bodies = [plant.get_body(index) for index in plant.GetBodyIndices()]
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
     masses, centers, inertias = np.zeros(len(bodies)), np.zeros((len(bodies), 3)), np.zeros((len(bodies), 3, 3))
     for k, body in enumerate(bodies[1:], 1):  # the first is the world
         X, M = plant.EvalBodyPoseInWorld(context, body), body.default_spatial_inertia()
