@@ -128,7 +128,14 @@ def hinges_reversed(root: ET.Element) -> None:
         body[:] = sorted(body, key=lambda e: e.tag != "joint")
 
 
+def without_motors(root: ET.Element) -> None:
+    """Nor keyframes: both name joints, or count them."""
+    for part in (*root.findall("actuator"), *root.findall("keyframe")):
+        root.remove(part)
+
+
 def unnamed(root: ET.Element) -> None:
+    without_motors(root)
     for k, joint in enumerate(root.iter("joint")):
         joint.set("name", f"dof{k}")
 
@@ -168,6 +175,12 @@ def with_geoms(**attributes: str) -> Edit:
             ET.SubElement(body, "geom", {"type": "capsule", "fromto": "0 0 0 0.2 0 0", "size": "0.01"} | attributes)
 
     return edit
+
+
+def first_joint_gone(root: ET.Element) -> None:
+    without_motors(root)
+    body = next(root.iter("body"))
+    body.remove(body.find("joint"))
 
 
 def added(path: str, tag: str, **attributes: str) -> Edit:
@@ -265,7 +278,7 @@ PLANTED = (
     Planted("mjcf", "autoreset", flag("autoreset"), "restarts silently"),
     Planted("mjcf", "a servo holds a joint", servo, "actuators push without a command"),
     Planted("mjcf", "step of 10 ms", each(OPTION, timestep="0.01"), "step is beyond the largest stable one"),
-    Planted("mjcf", "a joint is missing", lambda root: [b.remove(b.find("joint")) for b in root.findall(BODY)[:1]],
+    Planted("mjcf", "a joint is missing", first_joint_gone,
             "20 joints instead of 21, without"),
     Planted("urdf", "armature left out", each(OWN, armature="0"), "armature of 3 joints"),
     Planted("urdf", "springs left out", each(OWN, stiffness="0"), "spring stiffness of 18 joints"),

@@ -58,7 +58,7 @@ class MujocoEngine:
         refuse_motion("MuJoCo", chain)
         try:
             with quiet():
-                model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
+                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use the other engines") from error
         self._take(model, mujoco_reader.read(model))

@@ -27,7 +27,7 @@ from flexlink.engines import pinocchio_reader
 from flexlink.engines.base import Array, File, Samples, diverged, drive_function, start
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
-from flexlink.formats.urdf import WIDE, to_urdf
+from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
 
@@ -55,7 +55,7 @@ class PinocchioEngine:
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
-        self._take(to_urdf(chain))
+        self._take(to_urdf(chain, shapes=False))
         if list(self.model.names[1:]) != xml_joint_names(chain):
             order = ", ".join(self.model.names[1:])
             raise ArgumentError(f"Pinocchio orders the joints of {chain.name!r} as {order}; expected those of the file")
@@ -73,7 +73,7 @@ class PinocchioEngine:
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
             joint.set("type", "revolute")
-            ET.SubElement(joint, "limit", WIDE)
+            ET.SubElement(joint, "limit", LIMIT)
         engine = cls.__new__(cls)
         try:
             engine._take(ET.tostring(robot, encoding="unicode"))
