@@ -151,7 +151,9 @@ def _parser() -> argparse.ArgumentParser:
 
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
     check.add_argument("scene", type=Path, help="scene file (.toml)")
-    check.add_argument("--engines", nargs="+", help="default: pinocchio mujoco; of a file the one for its format")
+    check.add_argument(
+        "--engines", nargs="+", help="default: pinocchio mujoco, of a file the one for its format; also drake, exudyn"
+    )
     check.add_argument("--file", type=Path, help="MJCF, URDF or SDF of the same arm: what is wrong in it, if anything")
     check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
     check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")

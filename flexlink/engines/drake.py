@@ -27,7 +27,17 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.engines import drake_reader
-from flexlink.engines.base import Array, DriveTorque, File, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import (
+    Array,
+    DriveTorque,
+    File,
+    Samples,
+    diverged,
+    drive_function,
+    refuse_held,
+    refuse_motion,
+    start,
+)
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
 
@@ -62,7 +72,8 @@ class DrakeEngine:
         try:
             names = self._take(to_sdf(chain))
         except RuntimeError as error:
-            raise ArgumentError(f"Drake cannot load {chain.name!r}: {error}; use the other engines") from error
+            told = " ".join(str(error).split())  # in one line
+            raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
         if names != sdf_names(chain)[1 : chain.n + 1]:
             raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected those of the file")
 
@@ -160,6 +171,7 @@ class DrakeEngine:
         """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run = scene.run
         refuse_motion("Drake", lump(scene))
+        refuse_held("Drake", scene)
         if run.method not in METHODS:
             known = " and ".join(map(repr, METHODS))
             raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Drake has only {known}")
