@@ -70,7 +70,7 @@ class DrakeEngine:
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Drake", chain)
         try:
-            names = self._take(to_sdf(chain))
+            names = self._take(to_sdf(chain, shapes=False))
         except RuntimeError as error:
             told = " ".join(str(error).split())  # in one line
             raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
