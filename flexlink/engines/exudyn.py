@@ -30,7 +30,8 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
-from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_held, refuse_motion, start
+from flexlink.engines.read_back import ReadBack
 from flexlink.engines.tree import Tree, read_tree
 from flexlink.formats import to_urdf
 
@@ -66,6 +67,10 @@ class ExudynEngine:
         self._bodies = _System(tree._replace(stiffness=none, damping=none))
         self._springs = _System(tree._replace(masses=none, inertias=0 * tree.inertias, armature=none))
 
+    def read_back(self) -> ReadBack:
+        """The numbers that Exudyn is given."""
+        return self.tree.read_back()
+
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by Exudyn's composite rigid bodies."""
         return self._bodies.mass_matrix(q)
@@ -94,6 +99,7 @@ class ExudynEngine:
         """Exudyn's own Runge-Kutta method, sample by sample."""
         run = scene.run
         refuse_motion("Exudyn", lump(scene))
+        refuse_held("Exudyn", scene)
         if run.method not in METHODS:
             known = " and ".join(map(repr, METHODS))
             raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Exudyn has only {known}")
