@@ -23,7 +23,9 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
-from flexlink.describe.arm import Arm, Damping, Joint, Link, Material, Mount, Payload, Section
+from flexlink.describe.arm import Arm, Damping, Link, Material, Section
+from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -38,7 +40,7 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
-from flexlink.formats import to_mjcf, to_urdf
+from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
@@ -106,6 +108,7 @@ __all__ = [
     "stable_step",
     "tip_position",
     "to_mjcf",
+    "to_sdf",
     "to_urdf",
 ]
 

@@ -262,7 +262,12 @@ def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Pat
 
 
 def test_a_wrong_option_is_answered_in_one_line(capsys) -> None:
-    for arguments in ([], ["foo"], ["simulate", "a.toml", "--step", "abc"], ["export", "a.toml", "--format", "sdf"]):
+    for arguments in (
+        [],
+        ["foo"],
+        ["simulate", "a.toml", "--step", "abc"],
+        ["export", "a.toml", "--format", "sdformat"],
+    ):
         with pytest.raises(SystemExit) as caught:
             main(arguments)
         assert caught.value.code == 2

@@ -114,7 +114,8 @@ def test_a_full_disk_loses_no_result(paper: str, tmp_path: Path, capsys, monkeyp
 
 def test_export_writes_every_format(paper: str, tmp_path: Path, capsys) -> None:
     assert main(["export", paper, "--out", str(tmp_path)]) == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["paper_fig5.mjcf.xml", "paper_fig5.urdf"]
+    written = sorted(path.name for path in tmp_path.iterdir())
+    assert written == ["paper_fig5.mjcf.xml", "paper_fig5.sdf", "paper_fig5.urdf"]
 
 
 def test_compare_agrees_and_exits_0(paper: str, capsys) -> None:

@@ -59,12 +59,15 @@ def with_stiffness(chain, k, factor):
     return dataclasses.replace(chain, hinges=hinges)
 
 
-@pytest.mark.parametrize(("engine", "export"), [("pinocchio", "to_urdf"), ("mujoco", "to_mjcf")])
+@pytest.mark.parametrize(("engine", "export"), [
+    ("pinocchio", "to_urdf"), ("mujoco", "to_mjcf"), ("exudyn", "to_urdf"),
+])  # fmt: skip
 @pytest.mark.parametrize(("scene", "k"), [
     ("models/paper_fig5", 1), ("models/t3_spatial", 20), ("validation/scenes/princeton_beam", 17),
     ("validation/scenes/deep_beam", 0),
 ])  # fmt: skip
 def test_a_stiffness_wrong_by_1e_9_in_an_engine_s_file_is_found(scene, k, engine, export, monkeypatch, capsys):
+    pytest.importorskip(engine)
     module = importlib.import_module(f"flexlink.engines.{engine}")
     write = getattr(module, export)
     monkeypatch.setattr(module, export, lambda chain: write(with_stiffness(chain, k, 1 + 1e-9)))

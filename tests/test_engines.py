@@ -1,7 +1,8 @@
-"""Pinocchio and MuJoCo, from the exported files, give what flexlink gives."""
+"""Other engines, from the exported files, give what flexlink gives; those that are not installed are skipped."""
 
 from __future__ import annotations
 
+import importlib.util
 import sys
 from pathlib import Path
 
@@ -36,10 +37,16 @@ from flexlink.engines import ENGINES, load
 from flexlink.engines.comparison import QUANTITIES
 from flexlink.engines.states import mixed_states
 
-OTHERS = [name for name in ENGINES if name != "native"]
 STATES = 20
 
-both = pytest.mark.parametrize("name", OTHERS)
+
+def engine(name: str) -> object:
+    """An engine as a parameter; without its package the test is skipped."""
+    missing = importlib.util.find_spec(name) is None
+    return pytest.param(name, marks=pytest.mark.skipif(missing, reason=f"not run: {name} is not installed"))
+
+
+every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
 
 
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
@@ -60,7 +67,7 @@ def rounding_bound(scene: Scene) -> float:
     return t[-1] ** 2 / 2 * explained
 
 
-@both
+@every
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, chain: Chain) -> None:
     native, other = load("native", chain), load(name, chain)
@@ -72,7 +79,7 @@ def test_every_term_agrees_as_far_as_rounding_lets_it(name: str, quantity: str, 
             assert_array_equal(got, got.T)
 
 
-@both
+@every
 def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: np.random.Generator) -> None:
     native, other = load("native", chain), load(name, chain)
     q, qd = random_state(chain, rng)
@@ -81,7 +88,7 @@ def test_accelerations_agree_without_a_wrench_too(name: str, chain: Chain, rng: 
     assert rounding.acceleration_error(chain, q, qd, tau, solutions=both_ways).max() <= 1
 
 
-@both
+@every
 def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: str, rng: np.random.Generator) -> None:
     massless = [
         Link(name=f"gimbal {k}", length=0.1 * k, mount=Mount(xyz=(0.1, -0.2, 0.3), rpy_deg=(30.0 * k, 40.0, -50.0)))
@@ -96,7 +103,7 @@ def test_massless_bodies_with_offsets_and_turns_between_them_move_alike(name: st
         assert np.abs(other.bias_torque(q, qd) - native.bias_torque(q, qd)).max() <= allowed
 
 
-@both
+@every
 def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.Generator) -> None:
     chains = [lump(make_scene(flexible("arm", joint=Joint(armature=armature)))) for armature in (0.0, 2.0)]
     without, heavy = (load(name, chain) for chain in chains)
@@ -129,7 +136,7 @@ SHORT = {
 }  # fmt: skip
 
 
-@both
+@every
 @pytest.mark.parametrize("case", SHORT)
 def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
     scene = SHORT[case]
@@ -142,20 +149,25 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
     assert_allclose(q2, q, rtol=0, atol=bound)
 
 
-@pytest.mark.parametrize(("method", "step"), [("RK2", 5e-6), ("RK10", 1e-4)])
-def test_pinocchio_runs_every_method(method: str, step: float) -> None:
+@pytest.mark.parametrize(
+    ("engine", "method", "step"), [("pinocchio", "RK2", 5e-6), ("pinocchio", "RK10", 1e-4), ("exudyn", "RK2", 5e-6)]
+)
+def test_other_methods_than_rk4_give_the_same_motion(engine: str, method: str, step: float) -> None:
+    pytest.importorskip(engine)
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
-    (_, q, _), (_, other, _) = (load(name, lump(scene)).integrate(scene) for name in ("native", "pinocchio"))
+    (_, q, _), (_, other, _) = (load(name, lump(scene)).integrate(scene) for name in ("native", engine))
     assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
 
 
-def test_mujoco_says_that_it_has_rk4_only() -> None:
+@pytest.mark.parametrize(("name", "has"), [("mujoco", "MuJoCo has only 'RK4'"), ("exudyn", "only 'RK2' and 'RK4'")])
+def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
+    pytest.importorskip(name)
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
-    with pytest.raises(ArgumentError, match=r"method = 'RK10'.*only 'RK4'"):
-        load("mujoco", lump(scene)).integrate(scene)
+    with pytest.raises(ArgumentError, match=rf"method = 'RK10': of .*explicit methods .*{has}"):
+        load(name, lump(scene)).integrate(scene)
 
 
-@both
+@every
 def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
     chain = lump(scene)
@@ -177,7 +189,7 @@ def torn(late: float, samples: int = STEPS) -> Scene:
     return shortened(make_scene(flexible("arm"), drive=drive), end, step=h, sample=end / samples)
 
 
-@both
+@every
 def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_file(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -190,7 +202,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
     assert list(tmp_path.iterdir()) == []
 
 
-@both
+@every
 @pytest.mark.parametrize("samples", [1, STEPS])
 def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
     scene = torn(late=1, samples=samples)
@@ -238,14 +250,16 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
         assert error[1:].max() <= 1
 
 
-def test_mujoco_refuses_a_prescribed_joint_and_says_what_to_do() -> None:
+@pytest.mark.parametrize(("name", "title"), [("mujoco", "MuJoCo"), ("exudyn", "Exudyn")])
+def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) -> None:
+    pytest.importorskip(name)
     scene = moved(flexible("upper"))
-    expected = "motion of joint 'upper' is prescribed, which MuJoCo does not know; use native or pinocchio"
+    expected = f"motion of joint 'upper' is prescribed, which {title} does not know; use native or pinocchio"
     with pytest.raises(ArgumentError, match=expected):
-        load("mujoco", lump(scene))
+        load(name, lump(scene))
     free = lump(scene.varied({"motion": ()}))
     with pytest.raises(ArgumentError, match=expected):
-        load("mujoco", free).integrate(scene)
+        load(name, free).integrate(scene)
 
 
 def test_mujoco_gives_the_process_its_callbacks_back() -> None:
@@ -267,7 +281,7 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
         mujoco.set_mjcb_passive(None)
 
 
-@both
+@every
 def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
     scene = SHORT["wrench"]
     engine = load(name, lump(scene))
@@ -279,15 +293,17 @@ def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
 
 
 def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ArgumentError, match=r"engine = 'bullet': unknown; allowed are native, pinocchio, mujoco"):
+    with pytest.raises(
+        ArgumentError, match=r"engine = 'bullet': unknown; allowed are native, pinocchio, mujoco, exudyn"
+    ):
         load("bullet", lump(make_scene(flexible("arm"))))
 
 
-@both
-def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("name", "extra"), [("pinocchio", "engines"), ("mujoco", "engines"), ("exudyn", "witness")])
+def test_a_missing_engine_names_what_to_install(name: str, extra: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
-    with pytest.raises(MissingDependencyError, match=r"flexlink\[engines\]"):
+    with pytest.raises(MissingDependencyError, match=rf"pip install 'flexlink\[{extra}\]'"):
         load(name, lump(make_scene(flexible("arm"))))
 
 

@@ -26,8 +26,8 @@ OF_A_STATE = [
 ]
 OF_OTHERS = {
     fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
-    fl.initial_state: ["scene", "chain"],
-    fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.load_scene: ["path"], load: ["name", "chain"],
+    fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
+    fl.load_scene: ["path"], load: ["name", "chain"],
 }  # fmt: skip
 
 

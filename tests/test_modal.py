@@ -92,7 +92,7 @@ def test_at_a_torque_free_joint_the_papers_layout_has_order_four():
 def test_clamped_link_with_payload(case):
     μ, j = (float(part.split("=")[1]) for part in case.split(","))
     exact = np.array(look_up("cantilever_tip_mass")["beta_n_L"][case][:3], float) ** 2
-    tip = Payload(mass=μ, inertia=(0.0, 0.0, j))
+    tip = Payload(mass=μ, inertia=(j, j, j))
     assert natural_frequencies(cantilever("legendre", 10, tip=tip))[:3] == pytest.approx(exact, rel=1e-3)
 
 
@@ -176,7 +176,7 @@ def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
             ),
             materials={"link": Material(young=1e16, density=0.2), "hub": Material(young=1.0, density=1.0)},
             sections={"thin": Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16, torsion=1e-16), "hub": hub},
-            tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)),
+            tip=Payload(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)),
         ),
         (0.0, 0.0, 0.0),
         joint_deg=(0.0, elbow_deg, 0.0),
@@ -193,8 +193,10 @@ def test_de_luca_and_sicilianos_clamped_links():
         joint=Joint(locked=True),
     )  # fmt: skip
     beyond = 0.1 + 0.2 * 0.5**3 / 3 + 0.1 * 0.5**2 + 5e-4  # hub, link 2 and payload about the elbow [kg m²]
-    first = chain_of(Arm(links=(link,), tip=Payload(mass=1.2, inertia=(0.0, 0.0, beyond)), **clamped), (0.0, 0.0, 0.0))
-    second = chain_of(Arm(links=(link,), tip=Payload(mass=0.1, inertia=(0.0, 0.0, 5e-4)), **clamped), (0.0, 0.0, 0.0))
+    first = chain_of(
+        Arm(links=(link,), tip=Payload(mass=1.2, inertia=(beyond, beyond, beyond)), **clamped), (0.0, 0.0, 0.0)
+    )
+    second = chain_of(Arm(links=(link,), tip=Payload(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)), **clamped), (0.0, 0.0, 0.0))
     measured = np.concatenate([modes(first).hertz[:2], modes(second).hertz[:2]])
     published = [0.4797, 1.7966, 2.1783, 15.9145]
     assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # measured 1e-6

@@ -104,7 +104,7 @@ def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> No
 def test_constant_torque_and_wrench_act_together() -> None:
     """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
     scene = make_scene(
-        fl.Link(name="a"), tip=fl.Payload(mass=1.0, inertia=(1.0, 1.0, 4.0)), gravity=(0, 0, 0),
+        fl.Link(name="a"), tip=fl.Payload(mass=1.0, inertia=(2.0, 2.0, 4.0)), gravity=(0, 0, 0),
         drive=fl.Drive(kind="constant", torque=(3.0,)), wrench=fl.Wrench(moment=(0.0, 0.0, -1.0)),
     )  # fmt: skip
     assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13, abs=0)

@@ -161,6 +161,28 @@ def test_deflections_are_followed_where_they_are_asked_for() -> None:
     assert off["tip"] > 0.2
 
 
+def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> None:
+    """Where nothing is bent yet, a part of the deflection is nothing: what rounding leaves is allowed.
+
+    Its part of the largest angle, where a tolerance is one of places: within a factor of 2.
+    """
+    links = flexible("a", segments=3), flexible("b", segments=3)
+    pulse = fl.Drive(kind="table", times=(0.0, 0.1, 0.2), torques=((0.0, 0.0), (5.0, 2.0), (0.0, 0.0)))
+    scene = make_scene(*links, drive=pulse).varied(SHORT)
+    run = fl.simulate(scene, method="Radau5", relative_tolerance=1e-2, accuracy="deflection")
+    exact = fl.simulate(scene, method="RK10", step=1e-4)
+    bent = exact.chain.stiffness > 0
+    assert np.abs((run.q - exact.q)[:, bent]).max() <= 2e-2 * np.abs(exact.q[:, bent]).max()
+
+
+def test_vibrations_that_stay_below_the_tolerance_are_not_followed() -> None:
+    """The fastest ones, undamped, of a sudden load: as fast as they are, their bodies hardly move."""
+    scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 1.0})
+    run = fl.simulate(scene, method="Radau5", tolerance=1e-4)
+    assert run.steps is not None
+    assert run.steps.taken * fl.stable_step(run.chain, run.q[0], method="RK4") < 0.1
+
+
 def test_a_signal_stops_a_run_with_a_tolerance_and_keeps_its_samples() -> None:
     scene = swinging(**{"run.duration": 2000.0})
 

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
-from flexlink.chain.rotation import cos_sin_deg, matrix_from_rpy_deg
+from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
+from flexlink.describe.rigid_body import Payload
 from flexlink.describe.rules import LumpingRule, hinges_of, lumping_rule
 from flexlink.describe.scene import Scene
 
@@ -51,8 +52,8 @@ def lump(scene: Scene) -> Chain:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for k, link in enumerate(arm.links):
             _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-            _add_beam(builder, arm, link, k + 1, *placed[k])
-        builder.add_inertia(arm.tip.mass, np.zeros(3), np.diag(arm.tip.inertia))
+            _add_line(builder, arm, link, k + 1, *placed[k])
+        builder.add_payload(arm.tip)
     builder.start_body()
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
@@ -73,33 +74,46 @@ def lump(scene: Scene) -> Chain:
 def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
     """Mount, joint and hub of a link."""
     builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
-    if link.joint.locked:
-        c, s = cos_sin_deg(locked_deg)
-        builder.move(np.zeros(3), np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    joint = link.joint
+    axis, turn = turn_to(joint.direction)
+    builder.turn(turn)
+    if joint.locked:
+        builder.turn(about_axis_deg(axis, locked_deg))
     else:
-        joint = link.joint
         builder.start_body()
         builder.add_hinge(
-            Coordinate(number, 0, 0), 2, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
+            Coordinate(number, 0, 0), axis, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
             prescribed,
         )  # fmt: skip
-    builder.add_inertia(link.hub.mass, np.zeros(3), np.diag(link.hub.inertia))
+    builder.turn(turn.T)
+    builder.add_payload(link.hub)
 
 
-def _add_beam(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
-    """Segments and hinges of a link, or its massless length."""
+def _add_line(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
+    """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
+    start, length, frame = link.beam
+    builder.move(start, frame)
     if link.material is None or link.section is None:
-        builder.move(np.array([link.length, 0, 0]))
-        return
-    root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-    beam = _Beam(link.length, arm.materials[link.material], root, tip)
-    rule, loss_time = lumping_rule(link.lumping), arm.loss_time(link)
+        builder.move(np.array([length, 0, 0]))
+    else:
+        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+        beam = _Beam(length, arm.materials[link.material], root, tip)
+        _add_segments(builder, link, number, beam, arm.loss_time(link), nodes, weights)
+    builder.turn(frame.T)
+    builder.add_payload(link.end)
+
+
+def _add_segments(
+    builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float, nodes: Array, weights: Array
+) -> None:
+    """Segments and hinges of a beam, along the x of the running frame."""
+    rule = lumping_rule(link.lumping)
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
-    stiffnesses = beam.rigidities(nodes) / (weights * link.length)
+    stiffnesses = beam.rigidities(nodes) / (weights * beam.length)
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
     edges = np.array([0.0, *nodes, 1.0])
-    slices = zip(*beam.slices(edges), np.diff(edges) * link.length, strict=True)
+    slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     for segment, (mass, center, inertia, length) in enumerate(slices):
         if segment:
             builder.start_body()
@@ -225,7 +239,10 @@ class _Builder:
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         self.translation = self.translation + self.rotation @ translation
         if rotation is not None:
-            self.rotation = self.rotation @ rotation
+            self.turn(rotation)
+
+    def turn(self, rotation: Array) -> None:
+        self.rotation = self.rotation @ rotation
 
     def start_body(self) -> None:
         n = len(self.hinges)
@@ -247,6 +264,9 @@ class _Builder:
         self.hinges.append((axis, stiffness, rest, damping, coulomb, coulomb_width, armature, prescribed))
         self.coordinates.append(coordinate)
         self.bodies[-1].stop += 1
+
+    def add_payload(self, payload: Payload) -> None:
+        self.add_inertia(payload.mass, np.array(payload.center), payload.matrix)
 
     def add_inertia(self, mass: float, center: Array, inertia: Array) -> None:
         R = self.rotation

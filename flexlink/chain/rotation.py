@@ -12,12 +12,30 @@ Array = NDArray[np.float64]
 
 def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
     """R = Rz(yaw) Ry(pitch) Rx(roll), angles in degrees; multiples of 90° give exact zeros and ones."""
-    (cr, sr), (cp, sp), (cy, sy) = (cos_sin_deg(angle) for angle in rpy_deg)
-    Rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-    Ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-    Rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    Rx, Ry, Rz = (about_axis_deg(axis, angle) for axis, angle in enumerate(rpy_deg))
     R: Array = Rz @ Ry @ Rx
     return R
+
+
+def about_axis_deg(axis: int, angle: float) -> Array:
+    """Rotation by an angle [deg] about coordinate axis 0, 1, 2 = X, Y, Z; exact at multiples of 90°."""
+    c, s = cos_sin_deg(angle)
+    R, (j, k) = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
+    R[j, j] = R[k, k] = c
+    R[k, j], R[j, k] = s, -s
+    return R
+
+
+def turn_to(direction: Array) -> tuple[int, Array]:
+    """The coordinate axis nearest to a unit vector, and the smallest rotation R that takes it there: R e = direction.
+
+    R = 1 + [v]× + [v]×²/(1 + c) with v = e × direction, c = e · direction; exact for every coordinate axis, and the
+    identity for X, Y and Z.
+    """
+    axis = int(np.argmax(direction))
+    c, v = direction[axis], np.cross(np.eye(3)[axis], direction)
+    V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    return axis, np.eye(3) + V + V @ V / (1 + c)
 
 
 def cos_sin_deg(angle: float) -> tuple[float, float]:

@@ -18,7 +18,7 @@ class SceneError(FlexlinkError, ValueError):
 
 
 class DataFileError(FlexlinkError, ValueError):
-    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, a case of the study."""
+    """A file of data that is not valid: a lumping rule, a Runge-Kutta method, an engine's XML, a case of the study."""
 
 
 class ArgumentError(FlexlinkError, ValueError):

@@ -6,12 +6,16 @@ import math
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
+from flexlink.describe.directions import Line, line_of
+from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.names import link_number
+from flexlink.describe.rigid_body import Payload
 from flexlink.describe.sections import SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short_list
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -91,43 +95,6 @@ class Section(Spec, frozen=True):
         return formula(*((1 - x) * getattr(self, name) + x * getattr(tip, name) for name in names))
 
 
-class Joint(Spec, frozen=True):
-    """Active joint at the base of a link, about its local Z; `locked` makes it rigid.
-
-    `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
-    seen at the joint.
-    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
-    smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
-    """
-
-    locked: bool = False
-    viscous: NonNegative = 0.0  # N m s/rad
-    coulomb: NonNegative = 0.0  # N m
-    coulomb_width: Positive = 0.01  # rad/s
-    armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
-
-
-class Mount(Spec, frozen=True):
-    """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
-
-    First the offset `xyz` [m], then `rpy_deg` [deg], roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll),
-    the convention of URDF; v_parent = R v_joint.
-    """
-
-    xyz: Vector3 = (0.0, 0.0, 0.0)  # m
-    rpy_deg: Vector3 = (0.0, 0.0, 0.0)
-
-
-class Payload(Spec, frozen=True):
-    """Rigid body at the tip or at a link's hub: centre in the frame's origin, principal axes along the frame.
-
-    `mass` [kg], principal moments of `inertia` about x, y, z [kg m²].
-    """
-
-    mass: NonNegative = 0.0  # kg
-    inertia: tuple[NonNegative, NonNegative, NonNegative] = (0.0, 0.0, 0.0)  # kg m²
-
-
 class Damping(Spec, frozen=True):
     """Structural damping by its effect: damping ratio `ratio` of a bending or twisting mode at `at_hz` [Hz].
 
@@ -146,17 +113,22 @@ class Damping(Spec, frozen=True):
 
 
 class Link(Spec, frozen=True):
-    """One link: an active joint about local Z, its hub, then a beam along local X, rigid or cut into segments.
+    """One link: an active joint, its hub, then a beam, rigid or cut into segments, then the rigid body at its end.
 
-    `length` [m]; `flex`: "rigid", or bending about Z ("z"), Y and Z ("yz"), with twist about X ("xyz"); `segments`:
-    rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`, `section`:
-    names.
+    The beam runs along local X over `length` [m], or along `line`, from one point of the link's frame to another [m].
+    Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
+    does, with the axes of its own frame: there hang `end` and the next link's mount.
+    `flex`: "rigid", or bending about the section's z ("z"), y and z ("yz"), with twist about the line ("xyz");
+    `segments`: rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`,
+    `section`: names.
     With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
     `section_tip` at the end. `damping` replaces the material's `loss_time`.
     """
 
     name: str
     length: NonNegative = 0.0  # m
+    line: tuple[Vector3, Vector3] | None = None  # m
+    up: Vector3 | None = None
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
     material: str | None = None
     section: str | None = None
@@ -166,6 +138,7 @@ class Link(Spec, frozen=True):
     joint: Joint = Joint()
     mount: Mount = Mount()
     hub: Payload = Payload()  # turns with the joint: motor housing, bearing
+    end: Payload = Payload()  # at the end of the beam: the next motor
     damping: Damping | None = None
 
     def __post_init__(self) -> None:
@@ -179,23 +152,33 @@ class Link(Spec, frozen=True):
             )
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
+        if self.line is not None and self.length:
+            raise SceneError(f"length = {self.length!r}: line = {short(self.line)} is given, too")
+        length = self.beam.length
         if self.flex != "rigid":
-            self._check_flexible()
+            self._check_flexible(length)
         elif self.segments != 1:
             raise SceneError(f"segments = {self.segments}: a rigid link has 1")
-        elif self.material is not None and self.length == 0:
+        elif self.material is not None and length == 0:
             raise SceneError(
-                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0; "
+                f"length = {self.length!r}: a link of material {self.material!r} needs a length > 0 or a line; "
                 "one without length has neither material nor section, but may have a hub"
             )
 
-    def _check_flexible(self) -> None:
+    def _check_flexible(self, length: float) -> None:
         if self.segments < 2:
             raise SceneError(f"segments = {self.segments}: a flexible link needs at least 2")
-        if self.length <= 0:
-            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0")
+        if length == 0:
+            raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0 or a line")
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
+
+    @property
+    def beam(self) -> Line:
+        """Where the beam runs: start, length and axes; of a link without length a point in its joint."""
+        if self.line is None and self.length == 0:
+            return Line(np.zeros(3), 0.0, np.eye(3))
+        return line_of(self.line or ((0.0, 0.0, 0.0), (self.length, 0.0, 0.0)), self.up, self.joint.direction)
 
 
 class Arm(Spec, frozen=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import functools
 import os
 import tomllib
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.reading import read_regular
 from flexlink.describe.spec import decode, meant, short
 
 T = TypeVar("T")
@@ -40,18 +40,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
         not TOML.
     """
+    data = read_regular(path, largest=LARGEST_FILE, error=SceneError)
     try:
-        if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
-            raise OSError(errno.EINVAL, "is a pipe or a device; a description is a regular file")
-        with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
         text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 at byte {error.start}; a description is UTF-8 text") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character in the path
-        raise SceneError(f"{path}: cannot be read: {getattr(error, 'strerror', error)}") from None
-    if len(data) > LARGEST_FILE:
-        raise SceneError(f"{path}: more than {LARGEST_FILE} bytes; a description is text that a person can read")
     if not text.strip():
         raise SceneError(f"{path}: empty; a description is a TOML file")
     try:

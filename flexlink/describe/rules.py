@@ -190,7 +190,7 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     if link.flex == "rigid":
         return np.empty(0), np.empty(0)
     nodes, weights = _hinges(rule, link)
-    if nodes[0] == 0 and not (link.joint.locked or link.joint.armature or link.hub.inertia[2]):
+    if nodes[0] == 0 and not (link.joint.locked or link.joint.armature or link.hub.about(link.joint.direction)):
         raise SceneError(
             f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
             "lock the joint or give it an armature or a hub"

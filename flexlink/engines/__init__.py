@@ -3,16 +3,30 @@
 from __future__ import annotations
 
 import importlib
+from typing import NamedTuple
 
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine
 
-ENGINES = {"native": "NativeEngine", "pinocchio": "PinocchioEngine", "mujoco": "MujocoEngine"}
-"""Module of this package: class in it."""
 
-__all__ = ["ENGINES", "Engine", "load"]
+class Adapter(NamedTuple):
+    """Where an engine is, and which extra it needs."""
+
+    factory: str
+    extra: str = ""
+
+
+ENGINES = {
+    "native": Adapter("NativeEngine"),
+    "pinocchio": Adapter("PinocchioEngine", "engines"),
+    "mujoco": Adapter("MujocoEngine", "engines"),
+    "exudyn": Adapter("ExudynEngine", "witness"),
+}
+"""By name, which is that of a module of this package: the class in it, and the extra that installs what it imports."""
+
+__all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
 
 def load(name: str, chain: Chain) -> Engine:
@@ -21,7 +35,7 @@ def load(name: str, chain: Chain) -> Engine:
     Parameters
     ----------
     name
-        "native", "pinocchio" or "mujoco"; the module is imported only now.
+        One of `ENGINES`; the module is imported only now.
     chain
         The chain; engines other than "native" get it as the text of an exported file.
 
@@ -33,13 +47,13 @@ def load(name: str, chain: Chain) -> Engine:
         The engine is not installed.
     """
     given("chain", chain, Chain)
-    factory = choice("engine", name, ENGINES)
+    adapter = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
     except ImportError as error:
         raise MissingDependencyError(
             f"engine {name!r} cannot be imported ({error}); "
-            "install the engines with: python -m pip install 'flexlink[engines]'"
+            f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    engine: Engine = getattr(module, factory)(chain)
+    engine: Engine = getattr(module, adapter.factory)(chain)
     return engine

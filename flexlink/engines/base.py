@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
@@ -82,6 +83,22 @@ def drive_function(scene: Scene) -> DriveTorque | None:
         return tau
 
     return torque
+
+
+def refuse_motion(engine: str, chain: Chain) -> None:
+    """Of an engine that knows no prescribed motion.
+
+    Raises
+    ------
+    ArgumentError
+        The motion of one of the joints is prescribed.
+    """
+    prescribed = np.flatnonzero(chain.hinges["prescribed"])
+    if len(prescribed):
+        raise ArgumentError(
+            f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
+            "does not know; use native or pinocchio, or take the motion out of the scene"
+        )
 
 
 def start(scene: Scene) -> Samples:

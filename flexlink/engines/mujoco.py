@@ -16,9 +16,10 @@ import mujoco
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, Samples, diverged, drive_function, start
+from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
 from flexlink.formats import to_mjcf
 
 Callback = Callable[[Any, Any], None] | None
@@ -43,9 +44,7 @@ class MujocoEngine:
     version: str = mujoco.__version__
 
     def __init__(self, chain: Chain) -> None:
-        prescribed = np.flatnonzero(chain.hinges["prescribed"])
-        if len(prescribed):
-            raise _no_motion(chain.name, chain.joint_name(int(prescribed[0])))
+        refuse_motion("MuJoCo", chain)
         try:
             with quiet():
                 self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
@@ -100,8 +99,7 @@ class MujocoEngine:
         run, model = scene.run, self.model
         if run.method != "RK4":
             raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
-        if scene.motion:
-            raise _no_motion(scene.name, scene.arm.links[scene.arm.number(scene.motion[0].link) - 1].name)
+        refuse_motion("MuJoCo", lump(scene))
         samples = t, q, qd = start(scene)
         data = self.data
         mujoco.mj_resetData(model, data)
@@ -137,13 +135,6 @@ class MujocoEngine:
             data.qfrc_passive -= self._coulomb(data.qvel)
 
         return passive
-
-
-def _no_motion(name: str, joint: str) -> ArgumentError:
-    return ArgumentError(
-        f"{name}: the motion of joint {joint!r} is prescribed, which MuJoCo does not know; "
-        "use native or pinocchio, or take the motion out of the scene"
-    )
 
 
 def _drive_callback(scene: Scene) -> Callback:

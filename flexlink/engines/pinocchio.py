@@ -144,4 +144,4 @@ class PinocchioEngine:
 
 def _own(robot: ET.Element, key: str) -> Array:
     """One number of our own per revolute joint."""
-    return np.array([float(element.attrib[key]) for element in robot.findall("joint/flexlink")])
+    return np.array([float(element.attrib[key]) for element in robot.findall("joint[@type='revolute']/flexlink")])

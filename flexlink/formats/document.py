@@ -1,16 +1,61 @@
-"""What the exporters share: names that are valid and unique, numbers that read back exactly, indented XML."""
+"""What the writers share: hinges one by one, names that are valid and unique, numbers that read back exactly."""
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
 from flexlink.chain.chain import Chain, unique
 
+Array = NDArray[np.float64]
+
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold, not even escaped."""
+
+UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+
+
+class Place(NamedTuple):
+    """One hinge as formats see it that have one link a joint: it hangs on the link of the hinge before it."""
+
+    k: int
+    translation: Array  # of the hinge's frame in the frame before it [m]
+    rotation: Array  # R: v_before = R v, at zero angle
+    body: np.void | None  # what is rigid behind the hinge; None: nothing that has inertia
+
+
+def places(chain: Chain) -> Iterator[Place]:
+    """The hinges in sequential order; all but the last at a point carry nothing."""
+    for body in chain.bodies[:-1]:
+        translation, rotation = body["translation"], body["rotation"]
+        for k in range(body["first"], body["stop"]):
+            last = k == body["stop"] - 1 and (body["mass"] or body["inertia"].any())
+            yield Place(k, translation, rotation, body if last else None)
+            translation, rotation = np.zeros(3), np.eye(3)
+
+
+def own_values(chain: Chain, k: int, held: Iterable[str]) -> dict[str, str]:
+    """What our own part of a joint says: all numbers of the hinge but those `held` elsewhere, and its coordinate."""
+    hinge = chain.hinges[k]
+    numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in held}
+    return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
+
+
+def own_rotation(rotation: Array) -> dict[str, str]:
+    """R, row by row, where a format's angles or quaternion round it."""
+    return {} if np.array_equal(rotation, np.eye(3)) else {"rotation": decimals(rotation.flat)}
+
+
+def links_text(chain: Chain) -> str:
+    """The names of the arm's links, also of those that have no hinge, as a JSON list."""
+    return json.dumps([valid(name) for name in chain.link_names], ensure_ascii=False)
 
 
 def valid(name: str) -> str:

@@ -3,20 +3,21 @@
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
 
-Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1; of two errors ε and ε₃, of
-which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett & Wanner, Solving Ordinary
-Differential Equations I, II.10).
+Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, weighed as in `thrown`; of
+two errors ε and ε₃, of which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
+Wanner, Solving Ordinary Differential Equations I, II.10).
 """
 
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.clock import POWER, SLOWEST, WORK
+from flexlink.kernels.clock import POWER, WORK
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.runge_kutta import add_stage
-from flexlink.kernels.shifted import displacement, place_bodies
+from flexlink.kernels.shifted import place_bodies
+from flexlink.kernels.thrown import error_of
 
 
 class EmbeddedMethod(NamedTuple):
@@ -42,6 +43,7 @@ class EmbeddedWork(NamedTuple):
     Q: Any  # (n,)
     tau: Any
     e: Any  # (2, n)
+    springs: Any  # see `thrown`
 
 
 @recursion
@@ -83,7 +85,7 @@ def evaluate(t, h, inputs, q, qd, weights, i, angles, work):
 
 @inlined
 def error_by(row, h, work):
-    """Largest displacement [m] of any body by e_q and by max(h, 1 / ω₁) e_v, as in `implicit`."""
+    """The error [m] by one row of d."""
     d, e_q, e_v = work.method.d[row], work.e[0], work.e[1]
     for k in range(len(e_q)):
         e_q[k] = e_v[k] = 0.0
@@ -92,5 +94,4 @@ def error_by(row, h, work):
     for k in range(len(e_q)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
-        e_v[k] *= max(h, work.clock[SLOWEST])
-    return max(displacement(e_q, work.posture), displacement(e_v, work.posture))
+    return error_of(h, e_q, e_v, work)

@@ -15,7 +15,7 @@ iteration contract by 1e-3 to 0.2 at useful steps.
 
 Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
-    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹
+    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹, weighed as in `thrown`
 """
 
 import math
@@ -27,6 +27,7 @@ from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.shifted import INVERSE, A, displacement, factor, place_bodies, solve
+from flexlink.kernels.thrown import error_of
 
 LIKELY = 0.3  # contraction that is taken for granted in the first iteration
 UNSETTLED = (
@@ -39,8 +40,7 @@ SLOW = 0.25  # contraction from which friction is suspected to turn round within
 
 
 K, BEFORE, ANGLES, RATES, RESIDUALS = range(5)  # of all stages: q̈, that of the last step that was accepted, q, q̇, R
-TAU, MIDDLE, RHS, SOLUTION, KP, KD = 0, 1, 3, 4, 5, 6  # of all joints: scratch, of the middle of a step two, and gains
-VECTORS = 7
+TAU, MIDDLE, RHS, SOLUTION, VECTORS = 0, 1, 3, 4, 5  # of all joints; of the middle of a step two
 COUPLING, TWICE = range(2)  # A and A²
 B, BA, C, D = range(4)  # b, b A, c and d
 
@@ -60,7 +60,7 @@ class ImplicitMethod(NamedTuple):
 
 
 class ImplicitWork(NamedTuple):
-    """Scratch of `implicit_step`, with the constants of a chain, and its drive's gains."""
+    """Scratch of `implicit_step`, with the constants of a chain."""
 
     method: ImplicitMethod
     chain: Any
@@ -70,7 +70,8 @@ class ImplicitWork(NamedTuple):
     new: Any  # (3, n) q, q̇, q̈ at the end of the step
     stages: Any  # (5, s, n)
     power: Any  # (s,)
-    vectors: Any  # (7, n)
+    vectors: Any  # (5, n)
+    springs: Any  # see `thrown`
     factors: Any  # (r, n, 8)
     pairs: Any  # (2, n) complex
     factors_pairs: Any  # (p, n, 8) complex
@@ -147,7 +148,7 @@ def predict(h, work):
 def slope(work, k, rate):
     """D of one joint: dampers, a drive's gain and the slope of the chord of dry friction, which does not overshoot."""
     hinge = work.chain.hinges[k]
-    d = hinge.damping + work.vectors[KD, k]
+    d = hinge.damping + work.springs.kd[k]
     if hinge.coulomb > 0.0:
         x = abs(rate) / hinge.coulomb_width
         d += hinge.coulomb / hinge.coulomb_width * (math.tanh(x) / x if x > 1e-8 else 1.0)
@@ -170,7 +171,7 @@ def shift_rotors(z, rates, factors, work):
     """A = rotors + z D + z² K."""
     for k in range(len(factors)):
         hinge = work.chain.hinges[k]
-        factors[k, A] = hinge.armature + z * (slope(work, k, rates[k]) + z * (hinge.stiffness + work.vectors[KP, k]))
+        factors[k, A] = hinge.armature + z * (slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k]))
 
 
 @recursion
@@ -310,11 +311,11 @@ def finish(t, h, inputs, state, work):
 
 @recursion
 def estimate(h, qd, qdd, work):
-    """Error of the step [m], 0 where none is estimated: largest displacement of any body by e_q and by τ e_v.
+    """Error of the step [m], 0 where none is estimated.
 
     (1 − hγ₀ J)⁻¹ (e_q, e_v):  (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
-    τ = max(h, 1 / ω₁): with τ = h any error of the rates would pass at small steps. Dry friction's slope in D is that
-    at the end of the step: the steepest one, with which the iteration ends, would hide what turning round did.
+    Dry friction's slope in D is that at the end of the step: the steepest one, with which the iteration ends, would
+    hide what turning round did.
     """
     hγ, vectors = h * work.method.γ, work.vectors
     if hγ == 0.0:
@@ -329,7 +330,7 @@ def estimate(h, qd, qdd, work):
             e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
             e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
         hinge = work.chain.hinges[k]
-        r[k] = -(work.factors[0, k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + vectors[KP, k]) * e_q[k]
+        r[k] = -(work.factors[0, k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
     solve(work.factors[0], r, y, work.posture)
     for k in range(len(qd)):
         if work.chain.hinges[k].prescribed:
@@ -337,5 +338,4 @@ def estimate(h, qd, qdd, work):
         else:
             e_v[k] += y[k]
             e_q[k] += hγ * e_v[k]
-            e_v[k] *= max(h, work.clock[SLOWEST])
-    return max(displacement(e_q, work.posture), displacement(e_v, work.posture))
+    return error_of(h, e_q, e_v, work)

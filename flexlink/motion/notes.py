@@ -8,7 +8,8 @@ import numpy as np
 
 from flexlink.chain.arguments import given
 from flexlink.chain.lumping import lump
-from flexlink.describe.arm import Joint, Link
+from flexlink.describe.arm import Link
+from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
 
 
@@ -73,9 +74,15 @@ def _idle_link_keys(scene: Scene) -> Iterator[str]:
             yield f"link[{k}].{key} = {value!r}: has no effect, {why}"
 
 
-def _idle(link: Link) -> Iterator[tuple[str, float, str]]:
+def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
     if link.flex == "rigid" and link.damping is not None:
         yield "damping.ratio", link.damping.ratio, f"{link.name!r} is rigid"
+    if link.up is not None and link.material is None:
+        yield "up", link.up, f"{link.name!r} has no section"
+    for key in ("hub", "end"):
+        payload = getattr(link, key)
+        if any(payload.center) and not payload.mass:
+            yield f"{key}.center", payload.center, "the body has no mass"
     if link.joint.locked:
         for key in ("viscous", "coulomb", "armature"):
             value = getattr(link.joint, key)

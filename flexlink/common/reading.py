@@ -1,0 +1,42 @@
+"""Reading a file that a user names, with one-line errors."""
+
+from __future__ import annotations
+
+import errno
+from pathlib import Path
+
+from flexlink.common.errors import FlexlinkError
+
+
+def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> bytes:
+    """The bytes of a regular file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    largest
+        Most bytes that are taken.
+    error
+        Class of the errors.
+
+    Returns
+    -------
+    bytes
+        All of the file.
+
+    Raises
+    ------
+    FlexlinkError
+        Of class `error`: the file is missing, unreadable, a pipe (which may never say anything), or larger.
+    """
+    try:
+        if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
+            raise OSError(errno.EINVAL, "is a pipe or a device; a description is a regular file")
+        with path.open("rb") as file:
+            data = file.read(largest + 1)
+    except (OSError, ValueError) as reason:  # ValueError: a null character in the path
+        raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}") from None
+    if len(data) > largest:
+        raise error(f"{path}: more than {largest} bytes; a description is text that a person can read")
+    return data

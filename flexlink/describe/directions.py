@@ -1,0 +1,81 @@
+"""Directions in a link's frame: the joint's axis, and where the beam runs with its section."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import Vector3, short
+
+Array = NDArray[np.float64]
+
+PARALLEL = 1e-6
+"""Radians below which two directions are the same one: files of robots state angles to some ten digits."""
+
+
+def unit(key: str, vector: Vector3 | Array) -> Array:
+    """The direction of a vector, shape (3,); coordinate axes are exact.
+
+    Raises
+    ------
+    SceneError
+        The vector, called `key`, has no direction.
+    """
+    largest = max(map(abs, vector))
+    if largest == 0:
+        raise SceneError(f"{key} = {short(vector)}: must not be zero; it is a direction")
+    scaled = np.array(vector) / largest
+    direction: Array = scaled / math.hypot(*scaled)
+    return direction
+
+
+class Line(NamedTuple):
+    """Where the beam runs in a link's frame.
+
+    `start` [m] is its root, `length` [m] what it measures, `frame` (3, 3) the section's axes: v_link = frame @ v_beam.
+    """
+
+    start: Array
+    length: float
+    frame: Array
+
+
+def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> Line:
+    """The line from one point to another, and the section's axes along it.
+
+    x runs along the line, z is what of `up` stands across it, y = z × x. Instead of `up` it is by default `axis`, the
+    joint's unit vector, so that a beam that bends about z stays in the plane in which the joint turns it; where that
+    runs along the line, it is z of the link's frame, or y for a line within 45° of z.
+
+    Raises
+    ------
+    SceneError
+        The line has no length, or one beyond float64, or `up` runs along it.
+    """
+    start, stop = np.array(ends)
+    with np.errstate(over="ignore"):  # refused below
+        along = stop - start
+    length = math.hypot(*along)
+    if not 0 < length < math.inf:
+        raise SceneError(f"line = {short(ends)}: is {length:g} m long; must run from one point to another")
+    x = unit("line", along)
+    z = _across(x, axis if up is None else unit("up", up))
+    if z is None and up is not None:
+        raise SceneError(f"up = {short(up)}: runs along the line; must point across it, as the section's z")
+    if z is None:
+        z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
+        assert z is not None  # at least 45° between them
+    return Line(start, length, np.stack([x, np.cross(z, x), z], axis=1))
+
+
+def _across(x: Array, direction: Array) -> Array | None:
+    """The direction of what of a unit vector stands across x; None if nothing does."""
+    if math.hypot(*np.cross(x, direction)) < PARALLEL:
+        return None
+    across = direction - (direction @ x) * x
+    result: Array = across / math.hypot(*across)
+    return result

@@ -1,0 +1,49 @@
+"""How a link hangs on the one before it: placement of the joint, and the joint itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.directions import unit
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
+
+Array = NDArray[np.float64]
+
+
+class Joint(Spec, frozen=True):
+    """Active joint at the base of a link, about `axis` in the link's frame; `locked` makes it rigid.
+
+    The axis needs a direction, no length; the link's frame turns about it, and is the mount's at angle zero.
+    `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
+    seen at the joint.
+    Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
+    smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
+    """
+
+    axis: Vector3 = (0.0, 0.0, 1.0)
+    locked: bool = False
+    viscous: NonNegative = 0.0  # N m s/rad
+    coulomb: NonNegative = 0.0  # N m
+    coulomb_width: Positive = 0.01  # rad/s
+    armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.direction  # noqa: B018  refuses an axis without one
+
+    @property
+    def direction(self) -> Array:
+        """Unit vector along the axis, in the link's frame, shape (3,)."""
+        return unit("axis", self.axis)
+
+
+class Mount(Spec, frozen=True):
+    """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
+
+    First the offset `xyz` [m], then `rpy_deg` [deg], roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll),
+    the convention of URDF; v_parent = R v_joint.
+    """
+
+    xyz: Vector3 = (0.0, 0.0, 0.0)  # m
+    rpy_deg: Vector3 = (0.0, 0.0, 0.0)

@@ -1,0 +1,60 @@
+"""A rigid body on an arm: a hub, what a link carries at its end, the payload."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import NonNegative, Spec, Vector3, short
+
+Array = NDArray[np.float64]
+
+ROUNDING = 32 * np.finfo(float).eps
+"""How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three
+given numbers, 12 for a turn I → R I Rᵀ on the way here (two products of three terms, R itself), 12 for eigenvalues."""
+
+
+class Payload(Spec, frozen=True):
+    """Rigid body with `mass` [kg], centre of mass `center` [m] and `inertia` [kg m²] about that centre.
+
+    Centre and axes belong to the frame that the body is fixed in: of a hub the link's, of an end the link's at the end
+    of its beam, of the payload the tip frame. `inertia` has three moments, xx, yy, zz, or six numbers, xx, yy, zz and
+    the products xy, xz, yz, the elements of I = ∫ (ρ² 1 − ρ ρᵀ) dm itself (I_xy = −∫ x y dm, the sign of URDF).
+
+    A body with mass has an inertia that bodies can have: its covariance ∫ ρ ρᵀ dm = tr(I)/2 · 1 − I is positive
+    semidefinite, that is, no principal moment exceeds the sum of the other two. Without mass it is a wheel given by its
+    inertia alone, such as a rotor's about one axis, and I need only be positive semidefinite itself.
+    """
+
+    mass: NonNegative = 0.0  # kg
+    center: Vector3 = (0.0, 0.0, 0.0)  # m
+    inertia: tuple[float, ...] = (0.0, 0.0, 0.0)  # kg m²
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.inertia) not in {3, 6}:
+            raise SceneError(
+                f"inertia = {short(self.inertia)}: expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz"
+            )
+        size = max(map(abs, self.inertia)) or 1.0
+        low, middle, high = np.linalg.eigvalsh(self.matrix / size)
+        most = low + middle if self.mass else np.inf
+        if low < -ROUNDING * high or high > most + ROUNDING * high:
+            moments = ", ".join(f"{size * moment:.6g}" for moment in (low, middle, high))
+            rule = ", and none may exceed the sum of the other two" if self.mass else ""
+            raise SceneError(
+                f"inertia = {short(self.inertia)}: no body can have it; its principal moments are {moments}; none may "
+                f"be negative{rule}"
+            )
+
+    @property
+    def matrix(self) -> Array:
+        """Inertia about the centre of mass, shape (3, 3) [kg m²]."""
+        xx, yy, zz, xy, xz, yz = (*self.inertia, 0.0, 0.0, 0.0)[:6]
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def about(self, axis: Array) -> float:
+        """Moment of inertia about an axis (a unit vector) through the origin of the body's frame [kg m²]."""
+        arm = np.cross(axis, self.center)
+        return float(axis @ self.matrix @ axis + self.mass * (arm @ arm))

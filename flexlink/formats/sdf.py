@@ -1,0 +1,126 @@
+"""Chain → SDFormat 1.10: one link and one revolute joint per coordinate, springs and dampers included.
+
+All but the last link at a point are massless, and say so: a link without `<inertial>` weighs 1 kg. Joints of several
+axes (`universal`, `ball`) are not used: they drop the springs without a word.
+
+Drake reads rotors as `drake:rotor_inertia`, and only where the joint has an actuator: driven joints and those with a
+rotor have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot hold
+stands in attributes `flexlink:…`, which parsers skip without a warning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from flexlink.chain.arguments import given
+from flexlink.chain.chain import BODY, Chain, unique
+from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.formats.document import (
+    UPPER_TRIANGLE,
+    Array,
+    decimals,
+    links_text,
+    own_rotation,
+    own_values,
+    places,
+    text,
+    valid,
+)
+
+NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
+DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
+"""Element of <dynamics>: field of the hinge."""
+NOTHING: np.void = np.zeros(1, BODY)[0]
+HELD = {*DYNAMICS.values(), "armature", "axis"}
+
+
+def to_sdf(chain: Chain) -> str:
+    """Write a chain as SDFormat 1.10.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+
+    Returns
+    -------
+    str
+        The document: a world with gravity and one model; joints in sequential order, named as `Chain.joint_name` does
+        where SDFormat allows it. Frame `tip` is the tip frame. Numbers read back exactly, except that placements turn
+        by roll, pitch and yaw.
+
+    Raises
+    ------
+    ArgumentError
+        `chain` is no Chain.
+    """
+    given("chain", chain, Chain)
+    name, *names = sdf_names(chain)
+    joints, links, tip = names[: chain.n], names[chain.n : -1], names[-1]
+    sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
+    world = ET.SubElement(sdf, "world", name=name)
+    _values(world, {"gravity": decimals(chain.gravity)})
+    model = ET.SubElement(world, "model", {"name": name, "flexlink:links": links_text(chain)})
+    parent = "world"
+    for k, translation, rotation, body in places(chain):
+        link = ET.SubElement(model, "link", name=links[k])
+        _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
+        _inertial(link, NOTHING if body is None else body)
+        _joint(model, chain, k, joints[k], (parent, links[k]))
+        parent = links[k]
+    end = chain.bodies[-1]
+    _pose(ET.SubElement(model, "frame", name=tip, attached_to=parent), end["translation"], end["rotation"], {})
+    return text(sdf)
+
+
+def sdf_names(chain: Chain) -> list[str]:
+    """Names of model, joints, links and tip, 2 n + 2: all different, without the delimiter "::" or reserved words.
+
+    Drake makes a frame `…_child` of its own behind every joint.
+    """
+    plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
+    joints = unique(["world", "", *plain[1:]])[2:]
+    children = [f"{name}_child" for name in joints]
+    others = unique([*joints, *children, *(f"{name}_link" for name in joints), "tip"])
+    return [f"{plain[0]}_" if plain[0] == "world" else plain[0], *joints, *others[2 * chain.n :]]
+
+
+def _allowed(name: str) -> str:
+    name = name.replace("::", ".")
+    return f"{name}." if name.startswith("__") and name.endswith("__") else name
+
+
+def _values(parent: ET.Element, values: Mapping[str, str]) -> None:
+    """SDFormat's way: one element a value."""
+    for name, value in values.items():
+        ET.SubElement(parent, name).text = value
+
+
+def _pose(parent: ET.Element, translation: Array, rotation: Array, attributes: Mapping[str, str]) -> None:
+    own = {f"flexlink:{name}": value for name, value in own_rotation(rotation).items()}
+    pose = ET.SubElement(parent, "pose", {**attributes, **own})
+    pose.text = decimals([*translation, *rpy_from_matrix(rotation)])
+
+
+def _inertial(link: ET.Element, body: np.void) -> None:
+    inertial = ET.SubElement(link, "inertial")
+    _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
+    moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
+    _values(ET.SubElement(inertial, "inertia"), moments)
+
+
+def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
+    hinge = chain.hinges[k]
+    own = {f"flexlink:{key}": value for key, value in own_values(chain, k, HELD).items()}
+    joint = ET.SubElement(model, "joint", {"name": name, "type": "revolute", **own})
+    _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
+    axis = ET.SubElement(joint, "axis")
+    _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"]])})
+    if chain.coordinates[k].axis and not hinge["armature"]:
+        _values(ET.SubElement(axis, "limit"), {"effort": "0"})
+    _values(ET.SubElement(axis, "dynamics"), {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
+    if hinge["armature"]:
+        _values(joint, {"drake:rotor_inertia": decimals([hinge["armature"]]), "drake:gear_ratio": "1"})

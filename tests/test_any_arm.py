@@ -1,0 +1,260 @@
+"""Joints about any axis, beams along any line, bodies of any inertia: each against the equations it stands for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, SQUARE, make_scene
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+import flexlink as fl
+from flexlink.chain.rotation import turn_to
+from flexlink.describe.directions import unit
+from flexlink.motion.notes import notes
+
+EPS = np.finfo(float).eps
+FLAT = fl.Section(shape="rectangle", height=0.03, width=0.01)
+SLENDER = {"material": "aluminium", "section": "flat", "flex": "xyz", "segments": 3}
+
+coordinate = st.floats(-1.0, 1.0)
+directions = st.tuples(coordinate, coordinate, coordinate).filter(lambda v: max(map(abs, v)) > 1e-3)
+
+
+def arm_of(*links: fl.Link, tip: fl.Payload | None = None, joint_deg: tuple[float, ...] = ()) -> fl.Scene:
+    """The links as a scene with a flat section and gravity in no plane of symmetry."""
+    arm = fl.Arm(
+        links=links, materials={"aluminium": ALUMINIUM}, sections={"flat": FLAT, "square": SQUARE},
+        tip=tip or fl.Payload(),
+    )  # fmt: skip
+    initial = fl.Initial(joint_deg=joint_deg or (0.0,) * len(links))
+    return fl.Scene(name="any", arm=arm, gravity=(1.0, -3.0, 9.0), initial=initial)
+
+
+def body(rng: np.random.Generator) -> fl.Payload:
+    """Some kilogram of points in a box, with all products of inertia."""
+    points = rng.uniform(-0.1, 0.1, (5, 3))
+    points -= points.mean(axis=0)
+    covariance = points.T @ points
+    I = np.trace(covariance) * np.eye(3) - covariance
+    return fl.Payload(mass=5.0, center=tuple(rng.uniform(-0.1, 0.1, 3)), inertia=six(I))
+
+
+def six(I: np.ndarray) -> tuple[float, ...]:
+    return (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
+
+
+def turned(payload: fl.Payload, F: np.ndarray) -> fl.Payload:
+    """The same body in axes that are turned by F."""
+    return fl.Payload(mass=payload.mass, center=F.T @ payload.center, inertia=six(F.T @ payload.matrix @ F))
+
+
+def in_other_frames(links: list[fl.Link], tip: fl.Payload, frames: list[np.ndarray]) -> fl.Scene:
+    """The same arm, with every link's frame turned by a rotation of its own."""
+    before, out = np.eye(3), []
+    for link, F in zip(links, frames, strict=True):
+        R = Rotation.from_euler("xyz", link.mount.rpy_deg, degrees=True).as_matrix()
+        rpy = Rotation.from_matrix(before.T @ R @ F).as_euler("xyz", degrees=True)
+        line = np.array(link.line or ((0, 0, 0), (link.length, 0, 0)))
+        up = link.up or link.joint.axis
+        out.append(
+            fl.Link(
+                name=link.name, mount=fl.Mount(xyz=before.T @ link.mount.xyz, rpy_deg=rpy),
+                joint=fl.Joint(axis=F.T @ link.joint.axis), hub=turned(link.hub, F), end=turned(link.end, F),
+                line=line @ F, up=F.T @ up, **SLENDER,
+            )
+        )  # fmt: skip
+        before = F
+    return arm_of(*out, tip=turned(tip, before))
+
+
+def test_an_arm_does_not_depend_on_the_frames_in_which_its_links_are_described(rng) -> None:
+    """M, T_GC and the tip of one arm in its own frames, and with every link's frame turned at random.
+
+    Some ten roundings, of mounts in degrees, axes, centres and inertias, a link of three, each of all that hangs on it.
+    """
+    links = [
+        fl.Link(
+            name=f"l{k}", mount=fl.Mount(xyz=tuple(rng.uniform(-0.3, 0.3, 3)), rpy_deg=tuple(rng.uniform(-90, 90, 3))),
+            length=0.5, hub=body(rng), end=body(rng), **SLENDER,
+        )
+        for k in range(3)
+    ]  # fmt: skip
+    tip = body(rng)
+    own = fl.lump(arm_of(*links, tip=tip))
+    other = fl.lump(in_other_frames(links, tip, list(Rotation.random(3, rng=1).as_matrix())))
+    q, qd = rng.uniform(-0.5, 0.5, own.n), rng.uniform(-1, 1, own.n)
+    M = fl.mass_matrix(own, q)
+    np.testing.assert_allclose(fl.mass_matrix(other, q), M, rtol=0, atol=100 * EPS * abs(M).max())
+    bias = fl.bias_torque(own, q, qd)
+    np.testing.assert_allclose(fl.bias_torque(other, q, qd), bias, rtol=0, atol=100 * EPS * abs(bias).max())
+    np.testing.assert_allclose(fl.tip_position(other, q), fl.tip_position(own, q), rtol=0, atol=100 * EPS)
+    np.testing.assert_allclose(other.stiffness, own.stiffness, rtol=10 * EPS)
+
+
+@given(axes=st.tuples(directions, directions), angles=st.tuples(coordinate, coordinate))
+def test_a_joint_turns_its_link_about_its_axis(axes, angles) -> None:
+    """R = R₁ R₂ by Rodrigues' formula, SciPy's; the second joint stands at the end of the first one's line."""
+    ends = ((0.1, 0.2, 0.3), (0.4, -0.2, 0.1))
+    load = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))
+    links = [fl.Link(name=f"l{k}", joint=fl.Joint(axis=axis), line=ends, end=load) for k, axis in enumerate(axes)]
+    first, second = (
+        Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()
+        for axis, angle in zip(axes, angles, strict=True)
+    )
+    wanted = first @ (np.array(ends[1]) + second @ ends[1])
+    tip = fl.tip_position(fl.lump(arm_of(*links)), np.array(angles))
+    np.testing.assert_allclose(tip, wanted, rtol=0, atol=16 * EPS)
+
+
+def test_locking_a_joint_turns_what_follows_as_a_free_one_at_that_angle() -> None:
+    axis, load = (1.0, -2.0, 0.5), fl.Payload(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.1, 0.2, 0.25, 0.01, 0, 0))
+    base, free = fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(axis=axis), length=0.4, hub=load)
+    locked = fl.Link(name="b", joint=fl.Joint(axis=axis, locked=True), length=0.4, hub=load)
+    loose, fast = (fl.lump(arm_of(base, link, joint_deg=(0.0, 35.0))) for link in (free, locked))
+    q = np.radians([20.0, 35.0])
+    np.testing.assert_allclose(fl.tip_position(fast, q[:1]), fl.tip_position(loose, q), rtol=0, atol=4 * EPS)
+    np.testing.assert_allclose(fl.mass_matrix(fast, q[:1]), fl.mass_matrix(loose, q)[:1, :1], rtol=16 * EPS)
+
+
+@pytest.mark.parametrize("axis", [tuple(row) for row in np.vstack([np.eye(3), -np.eye(3)])])
+def test_coordinate_axes_are_exact_however_long(axis) -> None:
+    nearest, R = turn_to(np.array(axis))
+    assert R[:, nearest].tolist() == list(axis)
+    assert set(R.ravel()) <= {0.0, 1.0, -1.0}
+    assert np.linalg.det(R) == 1.0
+    if min(axis) == 0:
+        assert R.tolist() == np.eye(3).tolist()
+    for size in (2.0, 5e-324, 1e-200, 0.1, 1e308):
+        assert unit("axis", tuple(size * np.array(axis))).tolist() == list(axis)
+
+
+@given(directions)
+def test_the_turn_to_an_axis_is_a_rotation(axis) -> None:
+    direction = unit("axis", axis)
+    nearest, R = turn_to(direction)
+    np.testing.assert_allclose(R[:, nearest], direction, rtol=0, atol=4 * EPS)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0, atol=16 * EPS)
+
+
+def test_a_length_is_a_line_along_x() -> None:
+    by_length = fl.lump(arm_of(fl.Link(name="a", length=0.7, **SLENDER)))
+    by_line = fl.lump(arm_of(fl.Link(name="a", line=((0, 0, 0), (0.7, 0, 0)), **SLENDER)))
+    assert by_length.bodies.tobytes() == by_line.bodies.tobytes()
+    assert by_length.hinges.tobytes() == by_line.hinges.tobytes()
+
+
+def test_up_is_where_the_sections_z_points() -> None:
+    """A flat bar turned about its line by 90° is one with height and width exchanged."""
+    tall = fl.Section(shape="rectangle", height=FLAT.width, width=FLAT.height)
+    turned_ = arm_of(fl.Link(name="a", length=0.7, up=(0.3, 1.0, 0.0), **{**SLENDER, "flex": "z"}))
+    exchanged = turned_.varied({"link.a.up": None, "section.flat": tall, "link.a.flex": "yz"})
+    soft, both = fl.lump(turned_), fl.lump(exchanged)
+    np.testing.assert_allclose(soft.stiffness[1], both.stiffness[both.index("a", 1, 2)], rtol=4 * EPS)
+    np.testing.assert_allclose(soft.axes[1], [0.0, 1.0, 0.0], rtol=0, atol=EPS)  # section's z: bends in the X-Z plane
+
+
+@pytest.mark.parametrize(
+    ("axis", "stop", "z"),
+    [((0, 0, 1), (1, 0, 0), (0, 0, 1)), ((0, 1, 0), (1, 0, 0), (0, 1, 0)), ((0, 1, 0), (0, 0, -1), (0, 1, 0)),
+     ((1, 0, 0), (1, 0, 0), (0, 0, 1)), ((0, 0, 1), (0, 0, 1), (0, 1, 0)), ((0, 2, 0), (0, 1, 1e-9), (0, 0, 1))],
+)  # fmt: skip
+def test_without_up_the_section_stands_by_the_joints_axis(axis, stop, z) -> None:
+    link = fl.Link(name="a", joint=fl.Joint(axis=axis), line=((0, 0, 0), stop))
+    np.testing.assert_allclose(link.beam.frame[:, 2], z, rtol=0, atol=2e-9)
+    np.testing.assert_allclose(link.beam.frame.T @ link.beam.frame, np.eye(3), rtol=0, atol=4 * EPS)
+    assert np.linalg.det(link.beam.frame) == pytest.approx(1.0)
+
+
+def test_the_end_of_a_link_is_the_hub_of_a_locked_one_behind_it(rng) -> None:
+    load, line = body(rng), ((0.0, 0.1, 0.0), (0.2, 0.3, 0.6))
+    at_end = fl.lump(arm_of(fl.Link(name="a", line=line, end=load, **SLENDER)))
+    behind = fl.Link(name="b", joint=fl.Joint(locked=True), hub=load)
+    as_hub = fl.lump(arm_of(fl.Link(name="a", line=line, **SLENDER), behind))
+    assert at_end.bodies.tobytes() == as_hub.bodies.tobytes()
+
+
+def test_a_body_turns_about_an_axis_with_steiners_share(rng) -> None:
+    """Σ m d² of five points, d the distance from the axis."""
+    points = rng.uniform(-0.1, 0.1, (5, 3))
+    center, axis = points.mean(axis=0), unit("axis", (1.0, 2.0, -1.0))
+    spread = points - center
+    I = (spread**2).sum() * np.eye(3) - spread.T @ spread
+    load = fl.Payload(mass=5.0, center=center, inertia=six(I))
+    distances = np.linalg.norm(np.cross(axis, points), axis=1)
+    assert load.about(axis) == pytest.approx((distances**2).sum(), rel=1e-14, abs=0)
+    M = fl.mass_matrix(fl.lump(arm_of(fl.Link(name="a", joint=fl.Joint(axis=axis), hub=load))), np.zeros(1))
+    assert M[0, 0] == pytest.approx((distances**2).sum(), rel=1e-13, abs=0)
+
+
+@given(directions, st.floats(0.1, 3.0))
+def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
+    """One moment is the sum of the other two, but for rounding."""
+    R = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
+    inertia = six(R @ np.diag([0.0037238, 0.0018619, 0.0018619]) @ R.T)
+    assert fl.Payload(mass=2.0, inertia=inertia).mass == 2.0
+
+
+@pytest.mark.parametrize(
+    ("build", "wanted"),
+    [
+        (lambda: fl.Joint(axis=(0, 0, 0)), r"^axis = \(0\.0, 0\.0, 0\.0\): must not be zero; it is a direction"),
+        (lambda: fl.Payload(mass=1.0, inertia=(1, 1)), r"^inertia = \(1\.0, 1\.0\): expected 3 moments, .* or 6"),
+        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 2.1)), r"^inertia = .* moments are 1, 1, 2\.1; .* sum of the"),
+        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 2 + 1e-13)), "may exceed the sum of the other two$"),
+        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 1, 0.9, 0, 0)), r"moments are 0\.1, 1, 1\.9; .* sum of the other"),
+        (lambda: fl.Payload(inertia=(1, 1, 1, 2, 0, 0)), r"moments are -1, 1, 3; none may be negative$"),
+        (lambda: fl.Payload(inertia=(1, -1, 1)), r"none may be negative$"),
+        (lambda: fl.Link(name="a", line=((0, 0, 0), (0, 0, 0))), r"^line = .*: is 0 m long; must run from one point"),
+        (lambda: fl.Link(name="a", line=((-1e308, 0, 0), (1e308, 0, 0))), r"^line = .*: is inf m long"),
+        (lambda: fl.Link(name="a", line=((0, 0, 0), (1, 0, 0)), length=1.0), r"^length = 1\.0: line = .* is given"),
+        (lambda: fl.Link(name="a", length=1.0, up=(1, 0, 0)), r"^up = \(1\.0, 0\.0, 0\.0\): runs along the line"),
+        (lambda: fl.Link(name="a", length=1.0, up=(0, 0, 0)), r"^up = .*: must not be zero; it is a direction"),
+        (lambda: fl.Link(name="a", flex="z", segments=3, material="m", section="s"), "needs a length > 0 or a line"),
+    ],
+)  # fmt: skip
+def test_what_no_arm_can_have_is_refused(build, wanted) -> None:
+    with pytest.raises(fl.SceneError, match=wanted):
+        build()
+
+
+def test_wheels_without_mass_need_only_moments_that_are_not_negative() -> None:
+    assert fl.Payload(inertia=(0, 0, 1)).mass == 0
+
+
+def skew_arm(rng: np.random.Generator) -> fl.Scene:
+    """Every key of this file, on two flexible links and a rigid one."""
+    return arm_of(
+        fl.Link(name="a", joint=fl.Joint(axis=(1, 2, 3)), line=((0, 0, 0.1), (0.3, 0, 0.6)), hub=body(rng), **SLENDER),
+        fl.Link(name="b", joint=fl.Joint(axis=(0, -1, 0), locked=True), line=((0, 0, 0), (0, 0, 0.2)), end=body(rng)),
+        fl.Link(name="c", joint=fl.Joint(axis=(-1, 0, 0)), length=0.5, up=(0, 1, 1), end=body(rng), **SLENDER),
+        tip=body(rng), joint_deg=(10.0, 20.0, 30.0),
+    )  # fmt: skip
+
+
+def test_a_skew_arm_survives_toml(tmp_path, rng) -> None:
+    scene, path = skew_arm(rng), tmp_path / "skew.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(path) == scene
+
+
+@pytest.mark.slow
+def test_engines_agree_on_a_skew_arm(rng) -> None:
+    assert fl.compare(skew_arm(rng), samples=20).passed
+
+
+def test_paths_reach_the_new_keys() -> None:
+    scene = make_scene(fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(locked=True), length=0.4))
+    varied = scene.varied({"link.*.joint.axis": (0, 1, 0), "link.a.end.mass": 2.0, "link.a.end.center": (0, 0, 1)})
+    assert [link.joint.axis for link in varied.arm.links] == [(0, 1, 0)] * 2
+    assert varied.arm.links[0].end == fl.Payload(mass=2.0, center=(0, 0, 1))
+    line = scene.varied({"link.a.length": None, "link.a.line": ((0, 0, 0), (0, 0, 1))})
+    assert line.arm.links[0].beam.length == 1.0
+
+
+def test_what_has_no_effect_is_noted() -> None:
+    lost = fl.Link(name="a", length=0.5, up=(0, 1, 0), hub=fl.Payload(center=(0, 0, 1)), end=fl.Payload(mass=1.0))
+    assert [note.partition(" = ")[0] for note in notes(make_scene(lost, gravity=(0.0, 9.81, 0.0)))] == [
+        "link[0].up", "link[0].hub.center",
+    ]  # fmt: skip

@@ -1,0 +1,89 @@
+"""What the error of a step is in metres: how far errors of angles and rates move the bodies."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene
+from scipy.linalg import eigh
+
+import flexlink as fl
+from flexlink.kernels import clock
+from flexlink.kernels.compiler import kernel
+from flexlink.kernels.shifted import FACTORS, displacement, place_bodies
+from flexlink.kernels.shifted_plane import plane_posture
+from flexlink.kernels.shifted_space import space_posture
+from flexlink.kernels.thrown import CLOSER, Springs, error_of
+
+pytestmark = compiled
+SCENES = {
+    "plane": make_scene(flexible("a"), flexible("b")),
+    "space": make_scene(flexible("a", "yz"), flexible("b", "xyz")),
+}
+
+
+class Work(NamedTuple):
+    """What `error_of` takes of the scratch of a method."""
+
+    chain: Any
+    posture: Any
+    clock: Any
+    springs: Any
+
+
+@kernel
+def weighed(h, q, e_q, e_v, work):
+    place_bodies(q, work.posture)
+    return error_of(h, e_q, e_v, work)
+
+
+@kernel
+def moved(change, posture):
+    return displacement(change, posture)
+
+
+def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
+    """A bent posture, scratch, and the frequencies [rad/s] and shapes (as columns) there; two joints turn freely."""
+    chain = fl.lump(SCENES[name])
+    n, q = chain.n, np.random.default_rng(3).uniform(-0.5, 0.5, chain.n)
+    squares, shapes = eigh(np.diag(chain.stiffness), fl.mass_matrix(chain, q))
+    ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(clock.CLOCK_SIZE)
+    ω[:2], numbers[clock.SLOWEST] = 0.0, 1.0 / ω[2]
+    posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
+    springs = Springs(*np.zeros((2, n)), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    return q, Work(chain.arrays, posture, numbers, springs), ω, shapes
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_error_of_the_rates_counts_as_far_as_it_swings_the_bodies(name: str) -> None:
+    """A part x/(1 + x²) of e_v/ω, x = τω, of the best τ: 1/2 where x = 1, and the least midway between two τ."""
+    q, work, ω, shapes = prepared(name)
+    least = CLOSER**0.5 / (1 + CLOSER)
+    for k in range(2, len(ω)):
+        counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), shapes[:, k], work) * ω[k]
+        assert least * (1 - 1e-6) <= counted / moved(shapes[:, k], work.posture) <= 0.5 * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_turns_freely_goes_on_for_the_time_of_the_slowest_swing(name: str) -> None:
+    q, work, ω, shapes = prepared(name)
+    for k in range(2):
+        counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), shapes[:, k], work)
+        assert counted * ω[2] == pytest.approx(moved(shapes[:, k], work.posture), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_at_long_steps_errors_of_the_rates_go_on_for_a_step(name: str) -> None:
+    q, work, ω, shapes = prepared(name)
+    h = 3.0 / ω[2]
+    counted = weighed(h, q, np.zeros_like(q), shapes[:, 4], work)
+    assert counted == pytest.approx(h * moved(shapes[:, 4], work.posture), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_error_of_the_angles_counts_as_it_moves_the_bodies(name: str) -> None:
+    q, work, _, shapes = prepared(name)
+    counted = weighed(1e-6, q, shapes[:, 3], np.zeros_like(q), work)
+    assert counted == pytest.approx(moved(shapes[:, 3], work.posture), rel=1e-12)
