@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.stability import stable_step
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
@@ -24,7 +24,6 @@ from flexlink.kernels.shifted_space import space_posture
 from flexlink.kernels.thrown import Springs
 from flexlink.motion.choice import Choice, cheapest
 from flexlink.motion.pace import Pace, Reached
-from flexlink.motion.probe import Probe
 from flexlink.motion.result import Record, Steps
 from flexlink.motion.watch import LONG, Watch, gains_of
 
@@ -82,8 +81,6 @@ class ControlledSteps:
         controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         self._take(choose(run, record, self.slowest))
         controlled.first_step(self.work, self.state, self.settings, run.duration)
-        if not run.controlled:
-            watch.own_errors = Probe(workspace(self.method, record, self.slowest), self.settings, record).errors
 
     def __iter__(self) -> Iterator[Reached]:
         duration, pace, how = self.run.duration, Pace(), controlled.GOES_ON
@@ -124,9 +121,11 @@ class ControlledSteps:
         if failed < max(OFTEN, 2 * self.looked_at) and how != controlled.STUCK:
             return False
         self.looked_at = failed
-        stages = method(EXPLICIT).stages
-        explicit, now = stages / longest_step(EXPLICIT, self.record, self.state), self.work.clock[clock.TIME]
-        return explicit * now < self._evaluations() or how == controlled.STUCK
+        try:
+            explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, self.state)
+        except FlexlinkError:  # of a posture whose M is singular, or nearly so
+            return False
+        return explicit * self.work.clock[clock.TIME] < self._evaluations() or how == controlled.STUCK
 
     def _go_on_explicitly(self) -> int:
         """Take the rest of the run with DOP853, from where it is."""

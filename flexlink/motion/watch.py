@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,6 @@ from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Steps, Trajectory
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
-OwnErrors = Callable[[Indices], Array]
-"""Numbers of samples → error [m] of a step of the run from each of them."""
 
 FAR = np.radians(84.0)
 """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
@@ -87,8 +84,6 @@ class Watch:
         What is wrong with the next one; empty if nothing is.
     warnings
         What is worth knowing of the good ones.
-    own_errors
-        Errors of single steps, where they are fixed; None: a tolerance bounds them.
     """
 
     def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
@@ -99,9 +94,8 @@ class Watch:
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
         self._exchanged = self._rounded = 0.0  # largest so far [J]
-        self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
+        self._unbalanced = self._tip_error = 0.0  # largest imbalance so far [J], sum of the steps' errors [m]
         self.explicit = not run.controlled and method(run.method).explicit
-        self.own_errors: OwnErrors | None = self._explicit_errors if self.explicit else None
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
 
@@ -116,8 +110,8 @@ class Watch:
             self._judge_energy(slice(first, stop))
             if self.good > first:
                 self._judge_bend(slice(first, self.good))
-            if self.good > first and self.own_errors is not None:
-                self._probe_steps(slice(first, self.good), self.own_errors)
+            if self.good > first and self.explicit:
+                self._probe_steps(slice(first, self.good))
         return not self.fault
 
     def trajectory(self) -> Trajectory:
@@ -145,8 +139,7 @@ class Watch:
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
         over = np.abs(r) - ε - self._allowed(energy[0])
         garbage = over > balance.SHARE * X
-        share = np.where(over > 0, over / X, 0.0)[finite & ~garbage]
-        self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
+        self._unbalanced = max(self._unbalanced, float(over[finite & ~garbage].max(initial=0.0)))
         if garbage.any():
             k = int(np.argmax(garbage))
             unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
@@ -199,30 +192,22 @@ class Watch:
         k = int(self.passive[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
-    def _probe_steps(self, rows: slice, own_errors: OwnErrors) -> None:
+    def _probe_steps(self, rows: slice) -> None:
         """Add up the errors of the steps themselves, of a few that stand for all."""
-        per_sample = self.run.steps_per_sample
+        record, per_sample = self.record, self.run.steps_per_sample
         steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
         every = max(1, -(-steps_apart // per_sample))  # samples
-        errors = own_errors(np.arange(-(-rows.start // every) * every, rows.stop, every))
-        if (unknown := np.isnan(errors)).any():
-            errors[unknown] = np.inf if unknown.all() else errors[~unknown].max()
-        errors[errors < rounding.of_position(self.record.chain)] = 0.0
+        probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
+        errors = np.empty(len(probed))
+        tip_errors(
+            record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
+            probed * per_sample, record.q[probed], record.qd[probed], errors,
+        )  # fmt: skip
+        errors[errors < rounding.of_position(record.chain)] = 0.0
         self._tip_error += float(errors.sum()) * every * per_sample
 
-    def _explicit_errors(self, rows: Indices) -> Array:
-        """Of a step from each of these samples, by two of half the size [m]."""
-        record, run, errors = self.record, self.run, np.empty(len(rows))
-        numbers, states = rows * run.steps_per_sample, (record.q[rows], record.qd[rows])
-        tableau = method(run.method).arrays
-        tip_errors(record.chain.arrays, record.scratch, tableau, record.inputs, run.step, numbers, *states, errors)
-        return errors
-
     def _doubts(self) -> Iterator[str]:
-        """What makes a run doubtful that is not garbage.
-
-        Of fixed implicit steps not the energy, which vibrations lose that do not matter for the path.
-        """
+        """What makes a run doubtful that is not garbage."""
         if self.good < 2:
             return
         moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
@@ -231,11 +216,10 @@ class Watch:
                 f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
-        if self._unbalanced > DOUBT * balance.SHARE and (self.explicit or self.run.controlled):
+        if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
             yield (
-                f"doubtful: the energy is out of balance by {self._unbalanced:.2g} of what was exchanged; "
-                + ("take a tenth of the tolerance" if self.run.controlled else "halve the step")
-                + " and compare"
+                f"doubtful: the energy is out of balance by {self._unbalanced / self._exchanged:.2g} of what was "
+                f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
 
     def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:

@@ -163,7 +163,8 @@ def _groups(found: list[Cell]) -> dict[tuple[str, Fact], list[Cell]]:
     groups: dict[tuple[str, Fact], list[Cell]] = collections.defaultdict(list)
     for cell in found:
         groups["", ""].append(cell)
-        for head, value in {"situation": cell.scene, "method": cell.method, cell.key: cell.value, **cell.axes}.items():
+        facts: Facts = {"situation": cell.scene, "method": cell.method, cell.key: cell.value, **cell.axes}
+        for head, value in facts.items():
             groups[head, value].append(cell)
     return groups
 
