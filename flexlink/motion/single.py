@@ -22,7 +22,7 @@ from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.second import UNKNOWN, doubt, second_runs
+from flexlink.motion.second import UNKNOWN, advice, doubt, second_runs
 from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
@@ -129,15 +129,14 @@ class SingleRun:
         text = ""
         for second in second_runs(self.watch, self.steps.steps.method):
             scene = replace(self.scene, run=second.run)
+            text = UNKNOWN.format(advice=advice(self.watch))
             try:
                 other = SingleRun(scene, prepare(scene, self.watch.record.chain))
                 other._advance(stop, lambda _: None)
             except FlexlinkError:
-                text = UNKNOWN
                 continue
             if not (other.watch.fault or other.steps.failure):
                 return doubt(self.watch, second, other.watch.record.tip[: other.watch.good])
-            text = UNKNOWN
         return text
 
 
