@@ -16,6 +16,7 @@ from flexlink.common.errors import (
     ArgumentError,
     ConvergenceError,
     DataFileError,
+    EngineError,
     FlexlinkError,
     MissingDependencyError,
     OutputError,
@@ -46,6 +47,8 @@ from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
@@ -64,9 +67,12 @@ __all__ = [
     "DivergenceError",
     "Drive",
     "Energy",
+    "EngineError",
     "Equilibrium",
+    "Flexible",
     "FlexlinkError",
     "Frames",
+    "Imported",
     "Initial",
     "InterruptedRunError",
     "Joint",
@@ -95,6 +101,7 @@ __all__ = [
     "frames",
     "friction_torque",
     "gravity_torque",
+    "import_urdf",
     "initial_state",
     "inverse_dynamics",
     "load_scene",
