@@ -159,7 +159,7 @@ class ControlledSteps:
         joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
         return (
             f"no step is found at t = {now:.6g} s, down to {h:.3g} s: Newton's iteration does not end (joint {joint!r})"
-            if self.count[clock.FAILED]
+            if self.work.clock[clock.REFUSED] == clock.NOT_SOLVED
             else f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s (joint {joint!r})"
         )
 

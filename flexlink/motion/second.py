@@ -29,10 +29,10 @@ STRICTER = 0.1
 TOLERABLE = 3.0
 """Tolerances that two runs may be apart: ten are the limit for an error at the end, one is what it should be."""
 
-FAR = 20.0
-"""Angle [rad] that a joint goes through in all, three turns, from which a motion is suspected to multiply errors: one
-of the rates grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15
-and less, those whose errors were multiplied a hundred times through 37 and more."""
+FAR = 16.0
+"""Angle [rad] that a joint goes through in all from which a motion is suspected to multiply errors: one of the rates
+grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15 and less;
+those whose errors were more than ten tolerances went through 19 (up to thirty), or 37 and more (up to thousands)."""
 
 UNKNOWN = "doubtful: no run with other steps ends, and so none tells the errors of this one; {advice} and compare"
 

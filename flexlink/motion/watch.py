@@ -124,7 +124,8 @@ class Watch:
         told = f"t = {record.t[self.good]:.6g} s: {self.fault}" if self.fault else failure
         advice = f"try a smaller step than {run.step:g} s"
         if run.controlled:
-            advice = "try a smaller tolerance, another method, or fixed steps"
+            smaller = "smaller" if self.fault else "larger"  # no step was small enough
+            advice = f"try a {smaller} tolerance, another method, or fixed steps"
         return DivergenceError(f"{record.chain.name}: {told}; {advice}; {self.good} samples kept", self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:

@@ -110,7 +110,7 @@ class Cell(NamedTuple):
     @property
     def how(self) -> str:
         """Step or tolerance, in words."""
-        return f"{self.key} {self.value:g}"
+        return said({self.key: self.value})
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
