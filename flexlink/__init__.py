@@ -30,7 +30,13 @@ from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.placement import Frames, frames, tip_position
+from flexlink.dynamics.derivatives import (
+    ForwardDerivatives,
+    InverseDerivatives,
+    forward_dynamics_derivatives,
+    inverse_dynamics_derivatives,
+)
+from flexlink.dynamics.placement import Frames, Jacobian, frames, jacobian, tip_position
 from flexlink.dynamics.terms import (
     Energy,
     bias_torque,
@@ -71,10 +77,13 @@ __all__ = [
     "Equilibrium",
     "Flexible",
     "FlexlinkError",
+    "ForwardDerivatives",
     "Frames",
     "Imported",
     "Initial",
     "InterruptedRunError",
+    "InverseDerivatives",
+    "Jacobian",
     "Joint",
     "Link",
     "Material",
@@ -98,12 +107,15 @@ __all__ = [
     "elastic_torque",
     "energy",
     "forward_dynamics",
+    "forward_dynamics_derivatives",
     "frames",
     "friction_torque",
     "gravity_torque",
     "import_urdf",
     "initial_state",
     "inverse_dynamics",
+    "inverse_dynamics_derivatives",
+    "jacobian",
     "load_scene",
     "lump",
     "mass_matrix",
