@@ -248,7 +248,7 @@ def test_a_run_without_duration_has_its_first_sample_only() -> None:
 
 
 def test_fixed_implicit_steps_end_where_a_table_has_a_kink_and_then_on_their_own_grid_again() -> None:
-    """A blow of 2.8 ms off the grid: half the step leaves less than an eighth, where steps over its kinks leave half."""
+    """A blow of 2.8 ms off the grid: half the step leaves less than an eighth; steps over its kinks leave half."""
     torques = (0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)
     drive = fl.Drive(kind="table", times=(0.0, 0.0993, 0.1007, 0.1021), torques=torques)
     scene = swinging(drive=drive, **{"material.aluminium.young": 7e7})
