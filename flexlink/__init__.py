@@ -24,7 +24,7 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
-from flexlink.describe.arm import Arm, Damping, Link, Material, Section
+from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
@@ -79,6 +79,7 @@ __all__ = [
     "FlexlinkError",
     "ForwardDerivatives",
     "Frames",
+    "Friction",
     "Imported",
     "Initial",
     "InterruptedRunError",
