@@ -8,6 +8,7 @@ import flexlink.common.entry  # noqa: F401  first of all
 # isort: split
 
 from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
+from flexlink.analysis.linear import LinearModel, linearize
 from flexlink.analysis.modal import Modes, modes, natural_frequencies
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain, Coordinate
@@ -25,7 +26,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
@@ -70,6 +71,7 @@ __all__ = [
     "Coordinate",
     "Damping",
     "DataFileError",
+    "DenavitHartenberg",
     "DivergenceError",
     "Drive",
     "Energy",
@@ -86,6 +88,7 @@ __all__ = [
     "InverseDerivatives",
     "Jacobian",
     "Joint",
+    "LinearModel",
     "Link",
     "Material",
     "MissingDependencyError",
@@ -117,6 +120,7 @@ __all__ = [
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "jacobian",
+    "linearize",
     "load_scene",
     "lump",
     "mass_matrix",

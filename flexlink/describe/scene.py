@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,7 @@ from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied
 from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
 from flexlink.describe.vary import changed, parsed
+from flexlink.describe.writing import said, toml_of
 
 Array = NDArray[np.float64]
 
@@ -130,9 +130,10 @@ class Scene(Spec, frozen=True):
         return varied
 
     def to_toml(self) -> str:
-        """This scene as a TOML document that `load_scene` reads back equal."""
-        document: bytes = msgspec.toml.encode(self._document())
-        return document.decode()
+        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
+        document: dict[str, Any] = said(self, always=frozenset({"gravity"}))
+        document |= document.pop("arm")
+        return toml_of({key: document[key] for key in ORDER if key in document})
 
     def _document(self) -> dict[str, Any]:
         """What a TOML parser returns of this scene, with all defaults written out."""
@@ -225,5 +226,9 @@ def scene_from(raw: dict[str, Any]) -> Scene:
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 _OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+ORDER = (
+    "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench", "run",
+)  # fmt: skip
+"""Of the tables of a file that `to_toml` writes."""
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

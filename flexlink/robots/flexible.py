@@ -54,13 +54,13 @@ class Flexible(Spec, frozen=True):
             raise SceneError("section: missing; a beam needs a section, or frequency_hz")
 
 
-class Bent(NamedTuple):
-    """A link that bends, its hub and end what is left of the rigid one, its material and section, and a remark."""
+class Made(NamedTuple):
+    """A link of a scene; of one that bends, its own material and section, and what is to be said of them."""
 
     link: Link
-    material: Material
-    section: Section
-    remark: str
+    material: Material | None = None
+    section: Section | None = None
+    remark: str = ""
 
 
 def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
@@ -79,7 +79,7 @@ def slender_mass(part: Part, next_origin: Array) -> float:
     return largest_mass(part.body, _placed(RigidBody(1.0, np.array([line.length / 2, 0, 0]), thin), line))
 
 
-def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Bent:
+def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Made:
     """Make a rigid link flexible.
 
     Parameters
@@ -132,7 +132,7 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Ben
         hub=payload(root),
         end=payload(end),
     )
-    return Bent(link, material, section, _remark(part, mass, largest, line))
+    return Made(link, material, section, _remark(part, mass, largest, line))
 
 
 def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
