@@ -78,7 +78,7 @@ class ControlledSteps:
         self.count, self.evaluations_before, self.looked_at = np.zeros(clock.COUNTS, np.int64), 0, 0
         self.count[clock.ROW] = 1
         self.samples = record.t, record.q, record.qd, record.works
-        controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
+        controlled.begin(float(record.t[0]), record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         self._take(choose(run, record, self.slowest))
         controlled.first_step(self.work, self.state, self.settings, run.duration)
 
@@ -92,7 +92,8 @@ class ControlledSteps:
                 how = self._go_on_explicitly()
             if how == controlled.STUCK:
                 self.failure = self._stuck()
-            yield Reached(int(self.count[clock.ROW]), self.work.clock[clock.TIME] / duration)
+            past = self.work.clock[clock.TIME] - self.record.t[0]
+            yield Reached(int(self.count[clock.ROW]), past / duration)
 
     @property
     def steps(self) -> Steps:
@@ -108,6 +109,7 @@ class ControlledSteps:
         run, record, (self.name, self.why) = self.run, self.record, choice
         self.method = method(self.name)
         self.work = workspace(self.method, record, self.slowest)
+        self.work.clock[clock.TIME] = record.t[0]
         self.knots = knots(run, self.method, record)
         longest = longest_step(self.name, record, self.state) if self.method.explicit else np.inf
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
@@ -125,7 +127,8 @@ class ControlledSteps:
             explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, self.state)
         except FlexlinkError:  # of a posture whose M is singular, or nearly so
             return False
-        return explicit * self.work.clock[clock.TIME] < self._evaluations() or how == controlled.STUCK
+        past = self.work.clock[clock.TIME] - self.record.t[0]
+        return explicit * past < self._evaluations() or how == controlled.STUCK
 
     def _go_on_explicitly(self) -> int:
         """Take the rest of the run with DOP853, from where it is."""
@@ -207,15 +210,15 @@ def knots(run: Run, method: Method, record: Record) -> Array:
     """
     drive, motion = record.inputs.drive, record.inputs.motion
     smooth = drive.coefficients.shape[1] > LINEAR
-    end = float(record.t[-1])  # rounded as the last sample is
+    start, end = float(record.t[0]), float(record.t[-1])  # rounded as the last sample is
     if not run.controlled:
-        number = np.concatenate([np.empty(0) if smooth else drive.knots, motion.knots]) / run.step
+        number = (np.concatenate([np.empty(0) if smooth else drive.knots, motion.knots]) - start) / run.step
         number = number[np.abs(number - np.round(number)) > ON_THE_GRID]
-        given = np.concatenate([number, np.ceil(number)]) * run.step
+        given = start + np.concatenate([number, np.ceil(number)]) * run.step
     else:
         samples = record.t if method.explicit else np.empty(0)
         given = np.concatenate([drive.knots[:: 2 if smooth else 1], drive.knots[-1:], motion.knots, samples])
-    return np.array([*np.unique(given[(given > 0) & (given < end * (1 - SHORTEST))]), end])
+    return np.array([*np.unique(given[(given > start) & (given < end - SHORTEST * run.duration)]), end])
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:

@@ -46,8 +46,13 @@ class Second(NamedTuple):
 
 
 def second_runs(watch: Watch, name: str) -> Iterator[Second]:
-    """Runs to compare a finished one with, that advanced by the method of this name; the first that ends will do."""
+    """Runs to compare a finished one with, that advanced by the method of this name; the first that ends will do.
+
+    None where a control law drives the arm: it may remember what it was asked.
+    """
     run = watch.run
+    if watch.control is not None:
+        return
     if run.controlled:
         if run.accuracy == "tip" and turned(watch.record) > FAR:
             yield Second(_within(run, name, STRICTER * _tolerance(watch)), 1, 1.0)
