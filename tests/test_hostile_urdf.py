@@ -135,6 +135,10 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
         edited("continuous", "revolute", "</joint>", '<limit lower="1" upper="-1"/></joint>'),
         "lower must not exceed upper",
     ),
+    "endless limit": (
+        edited("continuous", "revolute", "</joint>", '<limit lower="-inf" upper="1"/></joint>'),
+        "<limit lower> = '-inf'",
+    ),
     "negative damping": (edited("</joint>", '<dynamics damping="-1"/></joint>'), "<dynamics damping> = -1.0"),
     "negative friction": (edited("</joint>", '<dynamics friction="-1"/></joint>'), "<dynamics friction> = -1.0"),
     "follows nothing": (edited("</joint>", MIMIC.format("z") + "</joint>"), "mimics 'z', which is not there"),

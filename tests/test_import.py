@@ -15,7 +15,7 @@ from flexlink.describe.directions import line_of
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.flexible import Flexible
+from flexlink.robots.flexible import Flexible, payload
 from flexlink.robots.importing import Imported, import_urdf
 from flexlink.robots.inertia import Pose, RigidBody, body_with
 from validation.benchmarks.original import Original
@@ -141,6 +141,26 @@ def test_the_largest_mass_is_the_one_beyond_which_the_rest_is_no_body(rng) -> No
         assert np.linalg.eigvalsh(link.moments - 1.001 * largest * beam.moments)[0] < 0
 
 
+def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
+    """As CAD writes it: −5e-20 kg m² of half a kilogram, 3 cm from its frame; 32 eps of its m c² are 3e-18."""
+    center = np.array([0.0, 0.0, 0.03])
+    assert (
+        payload(RigidBody(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
+        == np.zeros((3, 3)).tolist()
+    )
+    with pytest.raises(fl.SceneError, match="no body can have it"):
+        payload(RigidBody(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
+
+
+def test_limits_of_1e16_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'), encoding="utf-8"
+    )
+    imported = import_urdf(path, tip="p8", locked={"j4": 0.0})
+    assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
+
+
 def test_a_plate_has_no_room_for_what_stands_out_of_it() -> None:
     plate = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.02, 0.01, 0.0]))
     flat = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.01, 0.001, 0.0]))
@@ -174,7 +194,15 @@ def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> N
 
 def test_little_room_for_a_beam_is_told(robot) -> None:
     _, _, imported = robot(3, p3=Flexible(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
-    assert any(note.startswith("warning: p3: a beam of ") for note in imported.notes)
+    (warning,) = imported.warnings
+    assert re.fullmatch(r"p3: only \d\.\d% of its mass fit along this line: does its tube run elsewhere\?", warning)
+
+
+def test_a_follower_of_a_joint_that_moves_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
+    warnings = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
+    assert warnings == ("d2: follows j3, which moves, and stays all the same",)
 
 
 WRONG = {

@@ -31,6 +31,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_held, refuse_motion, start
+from flexlink.engines.read_back import ReadBack
 from flexlink.engines.tree import Tree, read_tree
 from flexlink.formats import to_urdf
 
@@ -65,6 +66,10 @@ class ExudynEngine:
         self._whole = _System(tree)
         self._bodies = _System(tree._replace(stiffness=none, damping=none))
         self._springs = _System(tree._replace(masses=none, inertias=0 * tree.inertias, armature=none))
+
+    def read_back(self) -> ReadBack:
+        """The numbers that Exudyn is given."""
+        return self.tree.read_back()
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by Exudyn's composite rigid bodies."""

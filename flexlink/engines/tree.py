@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.engines.read_back import OF_JOINTS, ReadBack, merged
 from flexlink.formats.document import UPPER_TRIANGLE
 
 Array = NDArray[np.float64]
@@ -17,6 +18,7 @@ Array = NDArray[np.float64]
 class Tree(NamedTuple):
     """n hinges one after another, each with the link behind it, which may be massless; and the tip."""
 
+    names: tuple[str, ...]  # of the hinges
     gravity: Array  # (3,), frame 0 [m/s²]
     axes: Array  # (n, 3), in the hinge's own frame
     rotations: Array  # (n, 3, 3), R: v_parent = R v at zero angle
@@ -37,6 +39,22 @@ class Tree(NamedTuple):
         """Number of hinges."""
         return len(self.axes)
 
+    def read_back(self) -> ReadBack:
+        """The numbers in frame 0 at zero angles."""
+        R, p, placed = np.eye(3), np.zeros(3), []
+        for rotation, offset in zip(self.rotations, self.offsets, strict=True):
+            p, R = p + R @ offset, R @ rotation
+            placed.append((R, p))
+        turns, points = (np.array(part) for part in zip(*placed, strict=True))
+        centers = points + np.einsum("kij,kj->ki", turns, self.centers)
+        inertias = turns @ self.inertias @ turns.mT
+        own: dict[str, Any] = {field: getattr(self, field) for field in OF_JOINTS}
+        return ReadBack(
+            self.names, np.arange(self.n) - 1, np.einsum("kij,kj->ki", turns, self.axes), points,
+            **merged(np.arange(self.n), self.masses, centers, inertias, points), **own,
+            gravity=self.gravity, tip=p + R @ self.tip,
+        )  # fmt: skip
+
 
 def read_tree(text: str) -> Tree:
     """The numbers of a document that `formats.to_urdf` has written."""
@@ -51,6 +69,7 @@ def read_tree(text: str) -> Tree:
         return np.array([float(_part(hinge, element).attrib[key]) for hinge in hinges])
 
     return Tree(
+        names=tuple(hinge.attrib["name"] for hinge in hinges),
         gravity=_numbers(robot, "flexlink", "gravity"),
         axes=np.array([_numbers(hinge, "axis", "xyz") for hinge in hinges]),
         rotations=np.array([matrix_from_rpy_deg((float(r), float(p), float(y))) for r, p, y in turns]),

@@ -7,6 +7,7 @@ what the format requires must be there, nothing is given twice. The file alone i
 from __future__ import annotations
 
 import re
+import sys
 from collections import Counter
 from pathlib import Path
 from typing import cast, get_args
@@ -128,23 +129,25 @@ def _text(element: ET.Element, key: str, about: str) -> str:
     return found
 
 
-def _numbers(text: str, about: str, count: int = 1) -> list[float]:
+def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
     parts = text.split()
     if len(parts) != count or not all(NUMBER.fullmatch(part) for part in parts):
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
         raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
     values = [float(part) for part in parts]
-    if max(map(abs, values)) > LARGEST:
-        raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {LARGEST:g}")
+    if max(map(abs, values)) > largest:
+        raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
     return values
 
 
-def _number(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
+def _number(
+    element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST
+) -> float:
     """An attribute that is a number; one without default must be there."""
     text = None if element is None else element.get(key)
     if element is None or (text is None and default is not None):
         return default or 0.0
-    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>")[0]
+    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>", largest=largest)[0]
 
 
 def _not_negative(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
@@ -217,10 +220,10 @@ def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, fl
     if kind not in {"revolute", "prismatic"}:
         return None
     limit = _needed(element, "limit", about)
-    lower, upper = _number(limit, "lower", about, 0.0), _number(limit, "upper", about, 0.0)
+    lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
     if lower > upper:
         raise DataFileError(f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper")
-    return lower, upper
+    return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # 1e16 is said for none
 
 
 def _mimic(element: ET.Element, about: str) -> Mimic:
