@@ -194,7 +194,15 @@ def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> N
 
 def test_little_room_for_a_beam_is_told(robot) -> None:
     _, _, imported = robot(3, p3=Flexible(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
-    assert any(note.startswith("warning: p3: a beam of ") for note in imported.notes)
+    (warning,) = imported.warnings
+    assert re.fullmatch(r"p3: only \d\.\d% of its mass fit along this line: does its tube run elsewhere\?", warning)
+
+
+def test_a_follower_of_a_joint_that_moves_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
+    warnings = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
+    assert warnings == ("d2: follows j3, which moves, and stays all the same",)
 
 
 WRONG = {

@@ -35,6 +35,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "form": ("form", "{}"),
     "members": ("members", "{} members"),
     "steps": ("steps", "{:,} steps"),
+    "arms": ("arms", "{} arms"),
     "states": ("states", "{} random states"),
     "turns": ("turns", "{:g} turns"),
     "damping ratio": ("damping ratio [1]", "damping ratio {:g}"),

@@ -40,6 +40,7 @@ EXAMPLES = """examples:
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
   flexlink compare models/t3_spatial.toml --file theirs.xml
   flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+  flexlink robots --out models/robots
   flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 

@@ -147,6 +147,12 @@ class Robot:
             tip = found[-1].parent
         return found[::-1]
 
+    def leader(self, joint: TreeJoint) -> TreeJoint:
+        """The joint that a follower follows in the end; of any other itself."""
+        while joint.mimic is not None:
+            joint = self.joints[joint.mimic.leader]
+        return joint
+
     def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
         """Position [rad, m] of a joint at a posture: its own, or what follows from the joint that it mimics; or 0."""
         scale, shift = 1.0, 0.0
