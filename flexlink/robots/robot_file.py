@@ -28,9 +28,7 @@ from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
 
-NUMBER = re.compile(
-    r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII
-)  # no digit can be read in two ways: linear time
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 LONGEST = 10_000  # characters of an attribute; no path is longer
 MOST_LINKS = 5_000  # a humanoid with hands has 130
