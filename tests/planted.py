@@ -253,6 +253,7 @@ PLANTED = (
     Planted("mjcf", "hinges in another order", hinges_reversed, "hang in another order"),
     Planted("mjcf", "hinges in another order, without names", both(hinges_reversed, unnamed), "hang in another order"),
     Planted("mjcf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("mjcf", "10 digits", written_with(".10g"), "digits were lost"),
     Planted("mjcf", "7 decimals", written_with(".7f"), "digits were lost"),
     Planted("mjcf", "inertia from geoms", both(each(COMPILER, inertiafromgeom="true"), with_geoms()),
             "the shapes of geoms"),
