@@ -59,8 +59,8 @@ def lump(scene: Scene) -> Chain:
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
-        for field in set(array.dtype.names or ()) - {"lower", "upper"}:
-            if not np.isfinite(array[field]).all():
+        for field in array.dtype.names or ():
+            if field not in {"lower", "upper"} and not np.isfinite(array[field]).all():
                 raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
     return Chain(
         name=name,

@@ -24,7 +24,7 @@ LEAST = 0.01
 """Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Imported:
     """What became of a robot.
 
@@ -47,6 +47,9 @@ class Imported:
     largest_beams: Mapping[str, float]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Imported {self.scene.name!r}: {len(self.path.parts)} joints from {self.path.base} to {self.path.tip}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
