@@ -23,6 +23,7 @@ from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
 from flexlink.kernels.thrown import Springs
 from flexlink.motion.choice import Choice, cheapest
+from flexlink.motion.landings import landings
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
 from flexlink.motion.watch import LONG, Watch, gains_of
@@ -54,8 +55,8 @@ EXACT = 1e-13
 FEW_PASSES, MANY_PASSES = 12, 50
 """Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
 
-LINEAR = 2
-"""Coefficients of a piece of a table that is not smooth."""
+OF_A_TABLE = 0.1
+"""Torque, over the largest, that may come and go between the stages of a step, as a part of tolerance over reach."""
 
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
@@ -164,16 +165,14 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
 def knots(run: Run, method: Method, record: Record) -> Array:
     """Times where a step ends [s]: of the inputs' pieces, and the end; fixed steps end where they do.
 
-    Of a smooth table every second knot, so that no blow of two pieces falls between the stages of one step. A long step
-    of an explicit method ends at its samples: between its ends it is known less well than there.
+    A long step of an explicit method ends at its samples: between its ends it is known less well than there.
     """
     if not run.controlled:
         return record.t[-1:]
-    drive, motion = record.inputs.drive, record.inputs.motion
-    smooth = drive.coefficients.shape[1] > LINEAR
     samples = record.t if method.explicit else np.empty(0)
-    times = drive.knots[:: 2 if smooth else 1], drive.knots[-1:], motion.knots, samples
-    given = np.concatenate(times)
+    reach = rounding.reach(record.chain)
+    table = landings(record.inputs.drive, OF_A_TABLE * run.tolerance_within(reach) / reach)
+    given = np.concatenate([table, record.inputs.motion.knots, samples])
     end = float(record.t[-1])  # rounded as the last sample is
     return np.array([*np.unique(given[(given > 0) & (given < end)]), end])
 
