@@ -16,6 +16,7 @@ from flexlink.common.errors import (
     ArgumentError,
     ConvergenceError,
     DataFileError,
+    EngineError,
     FlexlinkError,
     MissingDependencyError,
     OutputError,
@@ -23,13 +24,19 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
-from flexlink.describe.arm import Arm, Damping, Link, Material, Section
+from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.placement import Frames, frames, tip_position
+from flexlink.dynamics.derivatives import (
+    ForwardDerivatives,
+    InverseDerivatives,
+    forward_dynamics_derivatives,
+    inverse_dynamics_derivatives,
+)
+from flexlink.dynamics.placement import Frames, Jacobian, frames, jacobian, tip_position
 from flexlink.dynamics.terms import (
     Energy,
     bias_torque,
@@ -46,6 +53,8 @@ from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
@@ -64,11 +73,18 @@ __all__ = [
     "DivergenceError",
     "Drive",
     "Energy",
+    "EngineError",
     "Equilibrium",
+    "Flexible",
     "FlexlinkError",
+    "ForwardDerivatives",
     "Frames",
+    "Friction",
+    "Imported",
     "Initial",
     "InterruptedRunError",
+    "InverseDerivatives",
+    "Jacobian",
     "Joint",
     "Link",
     "Material",
@@ -92,11 +108,15 @@ __all__ = [
     "elastic_torque",
     "energy",
     "forward_dynamics",
+    "forward_dynamics_derivatives",
     "frames",
     "friction_torque",
     "gravity_torque",
+    "import_urdf",
     "initial_state",
     "inverse_dynamics",
+    "inverse_dynamics_derivatives",
+    "jacobian",
     "load_scene",
     "lump",
     "mass_matrix",

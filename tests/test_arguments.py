@@ -281,10 +281,10 @@ def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
         fl.lump(make_scene(link(lumping="gaus")))
     with pytest.raises(fl.SceneError, match=r"^link\[0\]\.segments = 2, so 1 hinges: rule 'gregory'"):
         fl.lump(make_scene(link(lumping="gregory", segments=2)))
-    with pytest.raises(fl.SceneError, match=r"^run\.method = 'RK3': unknown"):
-        fl.simulate(scene(), method="RK3")
-    with pytest.raises(fl.ArgumentError, match=r"^method = 'RK3': unknown"):
-        fl.stable_step(chain(), method="RK3")
+    with pytest.raises(fl.SceneError, match=r"^run\.method = 'RK7': unknown"):
+        fl.simulate(scene(), method="RK7")
+    with pytest.raises(fl.ArgumentError, match=r"^method = 'RK7': unknown"):
+        fl.stable_step(chain(), method="RK7")
     with pytest.raises(fl.DataFileError, match=r"own\.toml: other = 1: unknown key"):
         fl.lump(make_scene(link(lumping=str(broken))))
     with pytest.raises(fl.DataFileError, match=r"own\.toml: other = 1: unknown key"):

@@ -33,17 +33,24 @@ from flexlink import (
     stable_step,
 )
 from flexlink.dynamics import rounding
-from flexlink.engines import ENGINES, load
+from flexlink.engines import ENGINES, load, load_here
 from flexlink.engines.comparison import QUANTITIES
 from flexlink.engines.states import mixed_states
 
 STATES = 20
 
 
-def engine(name: str) -> object:
-    """An engine as a parameter; without its package the test is skipped."""
-    missing = importlib.util.find_spec(name) is None
-    return pytest.param(name, marks=pytest.mark.skipif(missing, reason=f"not run: {name} is not installed"))
+PACKAGE = {"drake": "pydrake"}
+"""What an engine is imported from, where it is not called so."""
+METHOD = {"drake": "RK3"}
+"""Of an engine that has no RK4."""
+
+
+def engine(name: str, *more: object) -> object:
+    """An engine, and what goes with it, as parameters; skipped if it is not installed, slow if it starts a process."""
+    missing = importlib.util.find_spec(PACKAGE.get(name, name)) is None
+    marks = [pytest.mark.skipif(missing, reason=f"not run: {name} is not installed")]
+    return pytest.param(name, *more, marks=[*marks, pytest.mark.slow] if ENGINES[name].isolated else marks)
 
 
 every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if name != "native"])
@@ -52,6 +59,11 @@ every = pytest.mark.parametrize("name", [engine(name) for name in ENGINES if nam
 def shortened(scene: Scene, duration: float, **run: object) -> Scene:
     """The scene's first moments."""
     return scene.varied({"run.duration": duration} | {f"run.{name}": value for name, value in run.items()})
+
+
+def of(name: str, scene: Scene) -> Scene:
+    """The scene with a method that the engine has."""
+    return scene.varied({"run.method": METHOD.get(name, scene.run.method)})
 
 
 def rounding_bound(scene: Scene) -> float:
@@ -139,7 +151,7 @@ SHORT = {
 @every
 @pytest.mark.parametrize("case", SHORT)
 def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
-    scene = SHORT[case]
+    scene = of(name, SHORT[case])
     chain = lump(scene)
     t, q, _ = load("native", chain).integrate(scene)
     t2, q2, _ = load(name, chain).integrate(scene)
@@ -150,18 +162,29 @@ def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("engine", "method", "step"), [("pinocchio", "RK2", 5e-6), ("pinocchio", "RK10", 1e-4), ("exudyn", "RK2", 5e-6)]
+    ("name", "method", "step"),
+    [
+        engine("pinocchio", "RK2", 5e-6),
+        engine("pinocchio", "RK10", 1e-4),
+        engine("exudyn", "RK2", 5e-6),
+        engine("drake", "DOPRI5", 5e-5),
+    ],
 )
-def test_other_methods_than_rk4_give_the_same_motion(engine: str, method: str, step: float) -> None:
-    pytest.importorskip(engine)
+def test_other_methods_give_the_same_motion(name: str, method: str, step: float) -> None:
     scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.02, method=method, step=step)
-    (_, q, _), (_, other, _) = (load(name, lump(scene)).integrate(scene) for name in ("native", engine))
+    (_, q, _), (_, other, _) = (load(each, lump(scene)).integrate(scene) for each in ("native", name))
     assert_allclose(other, q, rtol=0, atol=rounding_bound(scene))
 
 
-@pytest.mark.parametrize(("name", "has"), [("mujoco", "MuJoCo has only 'RK4'"), ("exudyn", "only 'RK2' and 'RK4'")])
+@pytest.mark.parametrize(
+    ("name", "has"),
+    [
+        engine("mujoco", "MuJoCo has only 'RK4'"),
+        engine("exudyn", "Exudyn has only 'RK2' and 'RK4'"),
+        engine("drake", "Drake has only 'RK3' and 'DOPRI5'"),
+    ],
+)
 def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
-    pytest.importorskip(name)
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
     with pytest.raises(ArgumentError, match=rf"method = 'RK10': of .*explicit methods .*{has}"):
         load(name, lump(scene)).integrate(scene)
@@ -169,11 +192,11 @@ def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
 
 @every
 def test_a_step_past_the_largest_stable_one_is_refused_with_that_one(name: str) -> None:
-    scene = shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3)
-    chain = lump(scene)
-    stable = stable_step(chain, initial_state(scene, chain)[0], method="RK4")
+    scene = of(name, shortened(load_scene(ROOT / "models" / "paper_fig5.toml"), 0.5, step=1e-3, sample=1e-3))
+    chain, method = lump(scene), scene.run.method
+    stable = stable_step(chain, initial_state(scene, chain)[0], method=method)
     with pytest.raises(
-        FlexlinkError, match=f"step = 0.001 s: more than {stable:.3g} s, the largest stable step of RK4"
+        FlexlinkError, match=f"step = 0.001 s: more than {stable:.3g} s, the largest stable step of {method}"
     ):
         load(name, chain).integrate(scene)
 
@@ -194,7 +217,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    scene = torn(late=20)
+    scene = of(name, torn(late=20))
     with pytest.raises(DivergenceError, match=f"{name} is no longer finite at t = ") as caught:
         load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
@@ -205,7 +228,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 @every
 @pytest.mark.parametrize("samples", [1, STEPS])
 def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: int) -> None:
-    scene = torn(late=1, samples=samples)
+    scene = of(name, torn(late=1, samples=samples))
     with pytest.raises(DivergenceError, match="no longer finite") as caught:
         load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
@@ -250,9 +273,11 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
         assert error[1:].max() <= 1
 
 
-@pytest.mark.parametrize(("name", "title"), [("mujoco", "MuJoCo"), ("exudyn", "Exudyn")])
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [engine("mujoco", "MuJoCo"), engine("exudyn", "Exudyn"), engine("drake", "Drake")],
+)
 def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) -> None:
-    pytest.importorskip(name)
     scene = moved(flexible("upper"))
     expected = f"motion of joint 'upper' is prescribed, which {title} does not know; use native or pinocchio"
     with pytest.raises(ArgumentError, match=expected):
@@ -283,7 +308,7 @@ def test_mujoco_gives_the_process_its_callbacks_back() -> None:
 
 @every
 def test_an_engine_can_run_twice_and_answer_in_between(name: str) -> None:
-    scene = SHORT["wrench"]
+    scene = of(name, SHORT["wrench"])
     engine = load(name, lump(scene))
     zero = np.zeros(engine.n)
     before, first = engine.forward_dynamics(zero, zero, zero), engine.integrate(scene)
@@ -299,12 +324,12 @@ def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
         load("bullet", lump(make_scene(flexible("arm"))))
 
 
-@pytest.mark.parametrize(("name", "extra"), [("pinocchio", "engines"), ("mujoco", "engines"), ("exudyn", "witness")])
-def test_a_missing_engine_names_what_to_install(name: str, extra: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, name, None)
+@pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
+def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, PACKAGE.get(name, name), None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
-    with pytest.raises(MissingDependencyError, match=rf"pip install 'flexlink\[{extra}\]'"):
-        load(name, lump(make_scene(flexible("arm"))))
+    with pytest.raises(MissingDependencyError, match=rf"pip install 'flexlink\[{ENGINES[name].extra}\]'"):
+        load_here(name, lump(make_scene(flexible("arm"))))
 
 
 @pytest.mark.parametrize("settings", [{"run.method": "Gauss4"}, {"run.tolerance": 1e-4}])

@@ -9,7 +9,10 @@ from flexlink.describe import methods
 from flexlink.describe.catalogue import names
 from validation.oracles.rooted_trees import coefficients, density, embedded, residuals, trees
 
-ORDERS = {"RK2": 2, "RK4": 4, "RK10": 10, "DOP853": 8, "Radau5": 5, "Radau9": 9, "Gauss4": 4, "Gauss6": 6}
+ORDERS = {
+    "RK2": 2, "RK3": 3, "RK4": 4, "DOPRI5": 5, "DOP853": 8, "RK10": 10, "Radau5": 5, "Radau9": 9, "Gauss4": 4,
+    "Gauss6": 6,
+}  # fmt: skip
 
 DIGITS = {"DOP853": 28}
 """That are published; of the others there are 75 and more."""

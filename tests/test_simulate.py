@@ -139,7 +139,7 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
     [
         ({"step": -1.0}, "step = -1.0"),
         ({"step": float("nan")}, "step = nan"),
-        ({"method": "RK3"}, "method = 'RK3': unknown; allowed are DOP853, Gauss4"),
+        ({"method": "RK7"}, "method = 'RK7': unknown; allowed are DOP853, DOPRI5, Gauss4"),
         ({"dynamics": "magic"}, "dynamics = 'magic'"),
         ({"duration": 1e300}, r"more than 2\*\*53"),
     ],

@@ -192,7 +192,7 @@ def test_a_limit_that_nothing_measures_is_an_error(study, capsys):
 
 @pytest.mark.parametrize(("change", "message"), [
     (('"order_conditions"', '"orders"'), f"kind = 'orders': unknown; allowed are {', '.join(KINDS)}"),
-    (('["RK2"]', '["RK3"]'), "method = 'RK3': unknown; allowed are "),
+    (('["RK2"]', '["RK7"]'), "method = 'RK7': unknown; allowed are "),
     (("settings.methods", "settings.method"), "settings.method = ['RK2']: unknown key; allowed are methods"),
 ])  # fmt: skip
 def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, message):

@@ -119,7 +119,7 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
             r"link\[1\]\.segments = 8, so 7 hinges: rule 'gauss'",
         ),
         ({"link.*.lumping": "gaus"}, r"link\[1\]\.lumping = 'gaus': unknown; .* did you mean 'gauss'\?"),
-        ({"run.method": "RK3"}, r"run\.method = 'RK3': unknown; allowed are"),
+        ({"run.method": "RK7"}, r"run\.method = 'RK7': unknown; allowed are"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line_that_helps(paper: fl.Scene, changes: dict, wanted: str) -> None:

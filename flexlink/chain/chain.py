@@ -46,6 +46,8 @@ HINGE = np.dtype(
         ("coulomb", np.float64),  # dry friction torque [N m]
         ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
         ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
+        ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
+        ("upper", np.float64),
         ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
     ],
     align=True,
@@ -65,7 +67,10 @@ class ChainArrays(NamedTuple):
 
 
 class Coordinate(NamedTuple):
-    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending."""
+    """The paper's three indices: link from 1, segment from 0, axis 0 = active, 1 twist, 2 and 3 bending.
+
+    (link, 0, 3) is the hinge of an elastic gear, about the joint's axis.
+    """
 
     link: int
     segment: int
@@ -221,7 +226,7 @@ class Chain:
         return self.coordinates[joint_index("k", k, self)]
 
     def joint_name(self, k: int | str) -> str:
-        """Unique readable name of joint `k`: "upper", or "upper.2.z" for a passive hinge; errors as above.
+        """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear"; errors as above.
 
         Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
         """
@@ -230,10 +235,16 @@ class Chain:
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in sequential order."""
-        hinges = [f"{self.link_names[c.link - 1]}.{c.segment}.{' xyz'[c.axis]}" for c in self.coordinates]
+        hinges = [f"{self.link_names[c.link - 1]}.{_hinge_name(c)}" for c in self.coordinates]
         distinct = unique([*self.link_names, *hinges])  # links come first: they keep their own names
         links = len(self.link_names)
         return tuple(distinct[c.link - 1 if c.axis == 0 else links + k] for k, c in enumerate(self.coordinates))
+
+
+def _hinge_name(coordinate: Coordinate) -> str:
+    """Name of a hinge within its link."""
+    _, segment, axis = coordinate
+    return "gear" if axis and not segment else f"{segment}.{' xyz'[axis]}"
 
 
 def unique(names: Iterable[str]) -> list[str]:

@@ -17,7 +17,7 @@ from flexlink.describe.rules import LumpingRule, hinges_of, lumping_rule
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
-TWIST = 1
+TWIST, GEAR = 1, 3  # axes of coordinates
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -58,7 +58,7 @@ def lump(scene: Scene) -> Chain:
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
-        for field in array.dtype.names or ():
+        for field in set(array.dtype.names or ()) - {"lower", "upper"}:
             if not np.isfinite(array[field]).all():
                 raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
     return Chain(
@@ -72,19 +72,23 @@ def lump(scene: Scene) -> Chain:
 
 
 def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
-    """Mount, joint and hub of a link."""
+    """Mount, joint, gear and hub of a link."""
     builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
     joint = link.joint
     axis, turn = turn_to(joint.direction)
     builder.turn(turn)
     if joint.locked:
         builder.turn(about_axis_deg(axis, locked_deg))
-    else:
+    if not joint.locked or joint.gear_stiffness is not None:
         builder.start_body()
+    if not joint.locked:
+        lower, upper = np.radians(joint.limits_deg or (-np.inf, np.inf))
         builder.add_hinge(
-            Coordinate(number, 0, 0), axis, 0.0, joint.viscous, joint.coulomb, joint.coulomb_width, joint.armature,
-            prescribed,
+            Coordinate(number, 0, 0), axis, damping=joint.viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
+            armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
         )  # fmt: skip
+    if joint.gear_stiffness is not None:
+        builder.add_hinge(Coordinate(number, 0, GEAR), axis, joint.gear_stiffness, joint.gear_damping)
     builder.turn(turn.T)
     builder.add_payload(link.hub)
 
@@ -108,6 +112,7 @@ def _add_segments(
 ) -> None:
     """Segments and hinges of a beam, along the x of the running frame."""
     rule = lumping_rule(link.lumping)
+    friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
     stiffnesses = beam.rigidities(nodes) / (weights * beam.length)
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
@@ -121,7 +126,8 @@ def _add_segments(
             for axis in AXES[link.flex][:: -1 if backward else 1]:
                 k = float(stiffnesses[axis - 1, segment - 1])
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
-                builder.add_hinge(Coordinate(number, segment, axis), axis - 1, k, loss_time * k, armature=rotor)
+                coordinate = Coordinate(number, segment, axis)
+                builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
         if length > 0:  # a hinge at the very root has nothing before it
             builder.add_inertia(float(mass), np.array([center, 0, 0]), np.diag(inertia))
         builder.move(np.array([length, 0, 0]))
@@ -253,15 +259,18 @@ class _Builder:
         self,
         coordinate: Coordinate,
         axis: int,
-        stiffness: float,
-        damping: float,
+        stiffness: float = 0.0,
+        damping: float = 0.0,
         coulomb: float = 0.0,
-        coulomb_width: float = 1.0,
+        width: float = 1.0,
+        *,
         armature: float = 0.0,
+        lower: float = -np.inf,
+        upper: float = np.inf,
         prescribed: bool = False,
     ) -> None:
         rest = 0.0
-        self.hinges.append((axis, stiffness, rest, damping, coulomb, coulomb_width, armature, prescribed))
+        self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, prescribed))
         self.coordinates.append(coordinate)
         self.bodies[-1].stop += 1
 

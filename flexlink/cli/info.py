@@ -45,8 +45,7 @@ def _show(scene: Scene) -> None:
     print(f"{scene.name}: {scene.about}")
     print(f"{chain.n} degrees of freedom, {len(chain.active)} driven; mass {chain.bodies['mass'].sum():.6g} kg")
     for k in range(min(chain.n, LISTED)):
-        spring = f"k = {chain.stiffness[k]:.6g} N m/rad" if chain.coordinate(k).axis else "driven"
-        print(f"  {k:4d}  {chain.joint_name(k):<16} {spring}")
+        print(f"  {k:4d}  {chain.joint_name(k):<16} {_kind(chain, k)}")
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
     if chain.n > SLOW:
@@ -67,6 +66,14 @@ def _show(scene: Scene) -> None:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")
         print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _kind(chain: Chain, k: int) -> str:
+    """What a joint is: a spring, or driven, and within which limits."""
+    if chain.coordinate(k).axis:
+        return f"k = {chain.stiffness[k]:.6g} N m/rad"
+    lower, upper = np.degrees([chain.hinges["lower"][k], chain.hinges["upper"][k]])
+    return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 
 
 def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:

@@ -1,4 +1,4 @@
-"""`flexlink info | simulate | modes | export | compare`: one line on errors, exit code 2."""
+"""`flexlink info | simulate | modes | export | compare | import | robots`: one line on errors, exit code 2."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ import numpy as np
 from flexlink import __version__
 from flexlink.cli.compare import compare_engines
 from flexlink.cli.export import export_scenes
+from flexlink.cli.import_robot import import_scene
 from flexlink.cli.info import show_info
 from flexlink.cli.modes import show_modes
+from flexlink.cli.robots import list_robots
 from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
@@ -35,6 +37,8 @@ EXAMPLES = """examples:
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+  flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+  flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 
 
@@ -143,6 +147,24 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco")
     check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
     check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
+
+    robot = add("import", import_scene, "Make a scene of a robot's URDF: the arm between two links, some bending.")
+    robot.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
+    robot.add_argument(
+        "-o", "--out", type=Path, help="scene file to write (.toml); default: only say what would be done"
+    )
+    robot.add_argument("--base", help="link where the arm begins; default: the robot's root")
+    robot.add_argument("--tip", help="link where the arm ends; default: the end of the only arm")
+    for option, form, text in (
+        ("posture", "JOINT=DEG", "where a joint starts, or stays if it is off the path; slides in m; may be repeated"),
+        ("locked", "JOINT=DEG", "a joint of the path that stays there; slides in m; may be repeated"),
+        ("flexible", "LINK={…}", "a link that bends: { section, material, mass, frequency_hz, line, segments, … }"),
+        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²]; may be repeated"),
+    ):
+        robot.add_argument(f"--{option}", action="append", default=[], metavar=form, help=text)
+
+    robots = add("robots", list_robots, "List the arms of example-robot-data that `flexlink import` takes by name.")
+    robots.add_argument("--out", type=Path, help="folder to write their scenes to")
     return parser
 
 

@@ -6,7 +6,7 @@ import contextlib
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
@@ -19,22 +19,30 @@ if TYPE_CHECKING:
 
 def varied_scene(path: Path, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
     """The scene of a file with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
-    scene = load_scene(path)
-    changes = dict(map(_setting, settings)) | dict(own or {})
+    return varied(path, load_scene(path), settings, own)
+
+
+def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
+    """The scene of `path` with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
+    changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
     with about(path):
         return scene.varied(changes) if changes else scene
 
 
-def _setting(text: str) -> tuple[str, object]:
-    """Path and value of PATH=VALUE; a value is TOML, and a bare word that is none stands for itself, as `gauss`."""
+def assignments(option: str, texts: Sequence[str], example: str, form: str = "NAME=VALUE") -> dict[str, Any]:
+    """Names and values of an option's NAME=VALUE; a value is TOML, and a bare word that is none stands for itself."""
+    return dict(_assignment(option, text, example, form) for text in texts)
+
+
+def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, object]:
     path, equals, value = (part.strip() for part in text.partition("="))
     if not equals or not path or len(value.splitlines()) != 1:
-        raise ArgumentError(f"--set {text}: expected PATH=VALUE, such as run.step=1e-4 or 'link.*.segments=8'")
+        raise ArgumentError(f"{option} {text}: expected {form}, such as {example}")
     try:
         return path, tomllib.loads(f"value = {value}")["value"]
     except (ValueError, RecursionError) as error:
         if value[0] in "\"'[{":
-            raise ArgumentError(f"--set {text}: the value is not TOML: {error}") from None
+            raise ArgumentError(f"{option} {text}: the value is not TOML: {error}") from None
         return path, value
 
 

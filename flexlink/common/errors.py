@@ -37,6 +37,10 @@ class MissingDependencyError(FlexlinkError, ImportError):
     """An optional package (an engine, matplotlib) is not installed; the message names the extra to install."""
 
 
+class EngineError(FlexlinkError, RuntimeError):
+    """Another engine failed on its own account: its process crashed, or gave no answer in time."""
+
+
 class UnstableStepError(FlexlinkError, ValueError):
     """The step is larger than the largest stable one, `largest` [s]; `unstable = "allow"` insists on it."""
 

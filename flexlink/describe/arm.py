@@ -112,6 +112,17 @@ class Damping(Spec, frozen=True):
         return self.ratio / (math.pi * self.at_hz)
 
 
+class Friction(Spec, frozen=True):
+    """Dry friction in each passive hinge of a link, `coulomb` [N m] and `coulomb_width` [rad/s].
+
+    The law is the joints', coulomb · tanh(q̇ / coulomb_width). A link that bends by an angle loses coulomb times this
+    angle, however many hinges share it.
+    """
+
+    coulomb: NonNegative  # N m
+    coulomb_width: Positive = 0.01  # rad/s
+
+
 class Link(Spec, frozen=True):
     """One link: an active joint, its hub, then a beam, rigid or cut into segments, then the rigid body at its end.
 
@@ -122,7 +133,7 @@ class Link(Spec, frozen=True):
     `segments`: rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`,
     `section`: names.
     With `section_tip` the beam tapers: each dimension of the section runs linearly from `section` at the joint to
-    `section_tip` at the end. `damping` replaces the material's `loss_time`.
+    `section_tip` at the end. `damping` replaces the material's `loss_time`; `friction` is dry, in the link's hinges.
     """
 
     name: str
@@ -140,6 +151,7 @@ class Link(Spec, frozen=True):
     hub: Payload = Payload()  # turns with the joint: motor housing, bearing
     end: Payload = Payload()  # at the end of the beam: the next motor
     damping: Damping | None = None
+    friction: Friction | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -172,6 +184,11 @@ class Link(Spec, frozen=True):
             raise SceneError(f"length = {self.length!r}: a flexible link needs a length > 0 or a line")
         if self.material is None:
             raise SceneError("material = None: a flexible link needs a material and a section")
+
+    @property
+    def elastic(self) -> bool:
+        """Whether the link bends, or turns in its gear."""
+        return self.flex != "rigid" or self.joint.gear_stiffness is not None
 
     @property
     def beam(self) -> Line:
@@ -210,7 +227,7 @@ class Arm(Spec, frozen=True):
                     raise SceneError(
                         f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
                     )
-        if all(link.joint.locked and link.flex == "rigid" for link in self.links):
+        if all(link.joint.locked and not link.elastic for link in self.links):
             raise SceneError("link: every joint is locked and every link rigid; at least one must move")
 
     def __repr__(self) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.errors import SceneError
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
 
@@ -17,6 +18,10 @@ class Joint(Spec, frozen=True):
     The axis needs a direction, no length; the link's frame turns about it, and is the mount's at angle zero.
     `viscous` [N m s/rad], `coulomb` [N m], `coulomb_width` [rad/s], `armature` [kg m²], the rotor's inertia
     seen at the joint.
+    `limits_deg` = [lower, upper] [deg] are kept, exported and told when a run passes them; there are no stops.
+    With `gear_stiffness` k [N m/rad] the gear is elastic: motor, with armature, friction and drive, and link turn about
+    the same axis, and between them act k (θ_link − θ_motor) and `gear_damping` [N m s/rad] times the difference of
+    their rates. The joint's angle is then the motor's; `locked` holds the motor.
     Friction torque T_FR = viscous · q̇ + coulomb · tanh(q̇ / coulomb_width). The tanh makes Coulomb's law
     smooth, which Runge-Kutta needs: at |q̇| = 3 · coulomb_width it has reached 99.5 % of the dry torque.
     """
@@ -27,10 +32,22 @@ class Joint(Spec, frozen=True):
     coulomb: NonNegative = 0.0  # N m
     coulomb_width: Positive = 0.01  # rad/s
     armature: NonNegative = 0.0  # kg m², rotor inertia seen at the joint
+    gear_stiffness: Positive | None = None  # N m/rad
+    gear_damping: NonNegative = 0.0  # N m s/rad
+    limits_deg: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         self.direction  # noqa: B018  refuses an axis without one
+        if self.limits_deg is not None and self.limits_deg[0] >= self.limits_deg[1]:
+            raise SceneError(f"limits_deg = {self.limits_deg}: the lower one must be below the upper one")
+        if self.gear_stiffness is None and self.gear_damping:
+            raise SceneError(f"gear_damping = {self.gear_damping!r}: needs a gear_stiffness")
+        if self.gear_stiffness is not None and not self.armature and not self.locked:
+            raise SceneError(
+                f"armature = {self.armature!r}: gear_stiffness = {self.gear_stiffness!r} needs the motor's inertia; "
+                "nothing else moves between motor and gear"
+            )
 
     @property
     def direction(self) -> Array:

@@ -190,14 +190,21 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
     if link.flex == "rigid":
         return np.empty(0), np.empty(0)
     nodes, weights = _hinges(rule, link)
-    if nodes[0] == 0 and not (link.joint.locked or link.joint.armature or link.hub.about(link.joint.direction)):
+    if nodes[0] == 0 and not _stands_alone(link):
         raise SceneError(
             f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
-            "lock the joint or give it an armature or a hub"
+            "lock the joint, with a rigid gear, or give it an armature or a hub"
         )
     if nodes[-1] == 1:
         raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
     return nodes, weights
+
+
+def _stands_alone(link: Link) -> bool:
+    """Whether a hinge at the root of the beam has a fixed place or inertia on its other side."""
+    joint = link.joint
+    held = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
+    return held or link.hub.about(joint.direction) > 0
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
-from flexlink.describe.arm import Arm
+from flexlink.describe.arm import Arm, Link
 from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied
@@ -55,6 +55,8 @@ class Scene(Spec, frozen=True):
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+        for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
+            _check_limits(link, f"initial.joint_deg[{k}]", angle)
         moved: set[int] = set()
         for k, motion in enumerate(self.motion):
             number = self._check_motion(motion, f"motion[{k}]")
@@ -80,6 +82,8 @@ class Scene(Spec, frozen=True):
         ):
             if start != first:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
+        for k, angle in enumerate(motion.angle_deg):
+            _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
         return number
 
     @property
@@ -135,6 +139,12 @@ class Scene(Spec, frozen=True):
         document: dict[str, Any] = parsed(self)
         document |= document.pop("arm")
         return document
+
+
+def _check_limits(link: Link, key: str, angle: float) -> None:
+    limits = link.joint.limits_deg
+    if limits is not None and not limits[0] <= angle <= limits[1]:
+        raise SceneError(f"{key} = {angle!r}: outside limits_deg = {list(limits)} of the joint of {link.name!r}")
 
 
 def load_scene(path: str | Path) -> Scene:

@@ -19,8 +19,9 @@ from flexlink.describe.spec import Spec, bare, fields_of, meant, plain, short, t
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
-OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping"}
+OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping", "friction"}
 OF_BEAMS = {"material", "section", "section_tip", "up"}
+ALSO_OF_LOCKED = ["axis"], ["locked"], ["gear_stiffness"], ["gear_damping"], ["limits_deg"]
 PER_LINK = {
     "initial.joint_deg", "initial.rate_deg", "drive.torque", "drive.kp", "drive.kd", "drive.target_deg",
 }  # fmt: skip
@@ -140,7 +141,7 @@ class _Change:
             return [(_said(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in OF_BEAMS:
             return [_said(link, "material") is not None for link in self.links]
-        return free if below[:1] == ["joint"] and below[1:] not in ([], ["axis"], ["locked"]) else [True] * len(free)
+        return free if below[:1] == ["joint"] and below[1:] not in ([], *ALSO_OF_LOCKED) else [True] * len(free)
 
 
 def _said(table: Any, *keys: str) -> Any:

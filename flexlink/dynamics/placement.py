@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, vector
+from flexlink.chain.arguments import given, integer, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.kernels.kinematics import forward_kinematics
@@ -75,3 +75,58 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     """
     tip: Array = frames(chain, q).points[..., -1, :]
     return tip
+
+
+class Jacobian(NamedTuple):
+    """Velocity of a point and angular velocity of its body, frame 0, for each unit rate."""
+
+    linear: Array  # (…, 3, n), v = linear @ qd [m/rad]
+    angular: Array  # (…, 3, n), ω = angular @ qd [1]
+
+    def __repr__(self) -> str:
+        *states, _, n = self.linear.shape
+        return f"<Jacobian: {n} joints{f' in {states[0]} states' if states else ''}>"
+
+
+def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (0.0, 0.0, 0.0)) -> Jacobian:
+    """∂(place and turning of a body)/∂q: v = J_v q̇ of a point of it, ω = J_ω q̇, in axes of frame 0.
+
+    Column k is e_k × (p − p_k) and e_k, for axis and point of the hinges before the body, 0 for those beyond it. By
+    virtual work a force f and a moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states.
+    body
+        Number of the body in `chain.bodies`, as of `frames`, from −1, the tip frame, backwards or from 0 on.
+    point
+        The point in axes of the body's frame, from its origin, shape (3,) [m].
+
+    Returns
+    -------
+    Jacobian
+        `linear` and `angular`, shape (3, n), or (b, 3, n).
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or there is no such body.
+    """
+    if is_batch(q):
+        return each(jacobian, chain, {"q": q}, body=body, point=point)
+    m = len(given("chain", chain, Chain).bodies)
+    number, offset = integer("body", body, -m, m - 1) % m, vector("point", point, 3)
+    placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
+    before = np.arange(chain.n) < chain.bodies["stop"][number]
+    axes = np.where(before[:, None], placed.axes, 0.0)
+    place = placed.points[number] + placed.rotations[number] @ offset
+    linear = np.cross(axes, place - placed.points[hinge_bodies(chain)])
+    return Jacobian(np.ascontiguousarray(linear.T), np.ascontiguousarray(axes.T))
+
+
+def hinge_bodies(chain: Chain) -> NDArray[np.intp]:
+    """Number of the body that hangs on each hinge, whose origin is the hinge point, shape (n,)."""
+    return np.repeat(np.arange(len(chain.bodies)), chain.bodies["stop"] - chain.bodies["first"])

@@ -9,13 +9,15 @@ from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine
+from flexlink.engines.isolated import IsolatedEngine
 
 
 class Adapter(NamedTuple):
-    """Where an engine is, and which extra it needs."""
+    """Which class an engine is, which extra it needs, and whether it takes a process of its own."""
 
     factory: str
     extra: str = ""
+    isolated: bool = False
 
 
 ENGINES = {
@@ -23,6 +25,7 @@ ENGINES = {
     "pinocchio": Adapter("PinocchioEngine", "engines"),
     "mujoco": Adapter("MujocoEngine", "engines"),
     "exudyn": Adapter("ExudynEngine", "witness"),
+    "drake": Adapter("DrakeEngine", "witness", isolated=True),
 }
 """By name, which is that of a module of this package: the class in it, and the extra that installs what it imports."""
 
@@ -45,7 +48,16 @@ def load(name: str, chain: Chain) -> Engine:
         Unknown engine, or one that cannot hold this chain.
     MissingDependencyError
         The engine is not installed.
+    EngineError
+        The process that the engine takes for itself ended.
     """
+    if choice("engine", name, ENGINES).isolated:
+        return IsolatedEngine(name, given("chain", chain, Chain))
+    return load_here(name, chain)
+
+
+def load_here(name: str, chain: Chain) -> Engine:
+    """As `load`, but in this process, whatever the engine does to it."""
     given("chain", chain, Chain)
     adapter = choice("engine", name, ENGINES)
     try:

@@ -48,6 +48,11 @@ def own_values(chain: Chain, k: int, held: Iterable[str]) -> dict[str, str]:
     return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
 
 
+def limits(hinge: np.void) -> dict[str, str]:
+    """The limits of a hinge [rad] under their own names, those that there are."""
+    return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
+
+
 def own_rotation(rotation: Array) -> dict[str, str]:
     """R, row by row, where a format's angles or quaternion round it."""
     return {} if np.array_equal(rotation, np.eye(3)) else {"rotation": decimals(rotation.flat)}

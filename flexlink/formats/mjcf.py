@@ -23,7 +23,7 @@ from flexlink.chain.arguments import given
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
-from flexlink.formats.document import decimals, text, valid, xml_joint_names, xml_link_names
+from flexlink.formats.document import decimals, limits, text, valid, xml_joint_names, xml_link_names
 
 Array = NDArray[np.float64]
 
@@ -135,6 +135,8 @@ class _Hinge:
             "user": [hinge["coulomb_width"]],
         }  # fmt: skip
         written = {key: decimals(value) for key, value in values.items()}
+        if ends := limits(hinge):
+            written |= {"range": " ".join(ends.values()), "limited": "false"}  # said, not enforced
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | written)
 
 

@@ -22,6 +22,7 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     Array,
     decimals,
+    limits,
     links_text,
     own_rotation,
     own_values,
@@ -34,7 +35,7 @@ NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flex
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
 """Element of <dynamics>: field of the hinge."""
 NOTHING: np.void = np.zeros(1, BODY)[0]
-HELD = {*DYNAMICS.values(), "armature", "axis"}
+HELD = {*DYNAMICS.values(), "armature", "axis", "lower", "upper"}
 
 
 def to_sdf(chain: Chain) -> str:
@@ -119,8 +120,9 @@ def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, 
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")
     _values(axis, {"xyz": decimals(np.eye(3)[hinge["axis"]])})
-    if chain.coordinates[k].axis and not hinge["armature"]:
-        _values(ET.SubElement(axis, "limit"), {"effort": "0"})
+    limit = limits(hinge) | ({"effort": "0"} if chain.coordinates[k].axis and not hinge["armature"] else {})
+    if limit:
+        _values(ET.SubElement(axis, "limit"), limit)
     _values(ET.SubElement(axis, "dynamics"), {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
     if hinge["armature"]:
         _values(joint, {"drake:rotor_inertia": decimals([hinge["armature"]]), "drake:gear_ratio": "1"})

@@ -18,6 +18,7 @@ from flexlink.formats.document import (
     UPPER_TRIANGLE,
     Array,
     decimals,
+    limits,
     links_text,
     own_rotation,
     own_values,
@@ -28,9 +29,9 @@ from flexlink.formats.document import (
     xml_link_names,
 )
 
-# A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits, so they are wide.
-LIMIT = {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"}
-HELD = {"axis", "damping", "coulomb"}
+# A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
+WIDE = {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"}
+HELD = {"axis", "damping", "coulomb", "lower", "upper"}
 
 
 def to_urdf(chain: Chain) -> str:
@@ -88,7 +89,7 @@ def _origin(joint: ET.Element, translation: Array, rotation: Array, own: dict[st
 def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
     hinge = chain.hinges[k]
     ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
-    ET.SubElement(joint, "limit", LIMIT)
+    ET.SubElement(joint, "limit", WIDE | limits(hinge))
     dynamics = {"damping": hinge["damping"], "friction": hinge["coulomb"]}
     ET.SubElement(joint, "dynamics", {name: decimals([value]) for name, value in dynamics.items()})
 

@@ -22,6 +22,7 @@ from flexlink.kernels.articulated_rows import (
     HE,
     INERTIA,
     INVERSE,
+    INVERSES,
     JE,
     MASS,
     MC,
@@ -205,6 +206,8 @@ def take_out_two(bodies, i, J, h, T, M, f):
     put_vec_of(bodies, (l12, l13, l23), i, FACTORS)
     put_at(bodies, α1, i, ALPHA)
     put_at(bodies, α2, i, ALPHA + 1)
+    put_at(bodies, i1, i, INVERSES)
+    put_at(bodies, i2, i, INVERSES + 1)
     M = sym_add_dyad(sym_add_dyad(M, -i1, h1), -i2, h2)
     return J33 - l23 * J23, h3, T3, M, add(f, add_scaled(scale(α1, h1), α2, h2))
 
@@ -230,6 +233,7 @@ def take_out_triple(bodies, i, hinges, k, c, J, h, n, M, f):
     α3 = inverse * T3
     put_vec_of(bodies, scale(inverse, h), i, H_D + 6)
     put_at(bodies, α3, i, ALPHA + 2)
+    put_at(bodies, inverse, i, INVERSES + 2)
     return sym_add_dyad(M, -inverse, h), t, add_scaled(f, α3, h)
 
 

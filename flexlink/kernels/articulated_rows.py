@@ -16,8 +16,8 @@ from flexlink.kernels.vec3 import scale, vector
 # inertia and n = ω × I ω along x_j. These are the axes of the body, but of a pair e₂, e₁, e₂ × e₁.
 MOUNT, MASS, MOMENT, OWN_INERTIA, REACH = 0, 9, 10, 13, 19
 AXES, R, MC, B, ZETA, F, INERTIA, N = 22, 31, 34, 37, 40, 43, 46, 52
-# Of a pair or triple, once J is eliminated: h_j / D_j, the factors of J, and α.
-H_D, FACTORS, ALPHA, BODY_SIZE = 55, 64, 67, 70
+# Of a pair or triple, once J is eliminated: h_j / D_j, the factors of J, α and 1 / D_j.
+H_D, FACTORS, ALPHA, INVERSES, BODY_SIZE = 55, 64, 67, 70, 73
 # Where working axes may begin anew: the working axes before in these (columns), and whether they do (1 or 0).
 BEFORE, BEGINS = H_D, FACTORS
 # Numbers of a hinge, after those of its joint: rotor A, torque, axis e, J e, Hᵀ e, T and 1 / D; within a triple

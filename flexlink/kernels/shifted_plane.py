@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.lanes import at, put_at, zero_of
 from flexlink.kernels.planar import INERTIA, MASS, RX, RY, SIGN, SX, SY, planar_workspace
 from flexlink.kernels.sincos import cos_sin_all
 
@@ -77,26 +78,26 @@ def factor_in_plane(factors, posture):
 
 @recursion
 def solve_in_plane(factors, r, x, posture):
-    """Write x with (M + A) x = r, 0 at prescribed joints."""
+    """Write x with (M + A) x = r, 0 at prescribed joints; r and x of shape (n,), or (n, 8), eight side by side."""
     links, given, d = posture.links, posture.given, posture.d
-    o = factors.dtype.type(0)
+    o = factors.dtype.type(0) + zero_of(x)
     fx = fy = n = o
     for k in range(len(factors) - 1, -1, -1):
         n += d[k, 0] * fx + d[k, 1] * fy
         if not given[k]:
-            τ = links[k, SIGN] * r[k]
+            τ = links[k, SIGN] * at(r, k)
             α = (τ - n) * factors[k, INVERSE]
-            x[k] = α
+            put_at(x, α, k)
             n = τ - factors[k, A] * α
             fx, fy = fx + factors[k, HX] * α, fy + factors[k, HY] * α
     ax = ay = before = o
     for k in range(len(factors)):
         if given[k]:
-            x[k] = o
+            put_at(x, o, k)
         else:
             pull = factors[k, HX] * ax + factors[k, HY] * ay
-            α = x[k] + factors[k, BETA] * before - factors[k, INVERSE] * pull
-            x[k] = links[k, SIGN] * (α - before)
+            α = at(x, k) + factors[k, BETA] * before - factors[k, INVERSE] * pull
+            put_at(x, links[k, SIGN] * (α - before), k)
             before = α
         ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]
 

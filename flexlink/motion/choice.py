@@ -22,12 +22,8 @@ that Newton's iteration leaves out, and which keeps an implicit method's steps s
 TWIST = 1
 """`Coordinate.axis` of a hinge that twists."""
 
-SMALL, SMALLER = 1e-5, 1e-6
-"""Parts of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper, and up to
-which an undamped arm swings on in all its modes, which an implicit method would have to follow, too."""
-
-FEW = 16
-"""Joints up to which these modes are so slow that DOP853 follows them more cheaply."""
+SMALL = 1e-5
+"""Part of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
 
 
 class Choice(NamedTuple):
@@ -54,9 +50,6 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     if softness > SOFT and fastest * duration <= SOFT_STIFF and any(c.axis == TWIST for c in chain.coordinates):
         return Choice("DOP853", f"soft: gravity and turning are {softness:.2g} of its stiffness")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
-    damped = bool(chain.hinges["damping"][chain.stiffness > 0].any())
-    if part <= SMALLER and not damped and chain.n <= FEW:
-        return Choice("DOP853", f"undamped, {chain.n} joints, tolerance {part:.2g} of the reach")
     if part <= SMALL and not chain.hinges["coulomb"].any():
         return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")
     return Choice("Radau5", stiffness)

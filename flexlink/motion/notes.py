@@ -52,7 +52,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
 
 
 def _stiff_static(scene: Scene) -> Iterator[str]:
-    if scene.initial.passive == "static" and all(link.flex == "rigid" for link in scene.arm.links):
+    if scene.initial.passive == "static" and not any(link.elastic for link in scene.arm.links):
         yield "initial.passive = 'static': has no effect, no link bends"
 
 
@@ -77,6 +77,8 @@ def _idle_link_keys(scene: Scene) -> Iterator[str]:
 def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
     if link.flex == "rigid" and link.damping is not None:
         yield "damping.ratio", link.damping.ratio, f"{link.name!r} is rigid"
+    if link.flex == "rigid" and link.friction is not None:
+        yield "friction.coulomb", link.friction.coulomb, f"{link.name!r} is rigid"
     if link.up is not None and link.material is None:
         yield "up", link.up, f"{link.name!r} has no section"
     for key in ("hub", "end"):

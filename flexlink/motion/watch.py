@@ -30,6 +30,9 @@ coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
 TIP_SHARE = 0.05
 """Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
 
+NEAR = 1e-9
+"""How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
+
 DOUBT = 0.1
 """Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
 energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
@@ -89,7 +92,8 @@ class Watch:
     def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
         chain = record.chain
         self.record, self.run = record, run
-        self.passive = np.setdiff1d(np.arange(chain.n), chain.active)
+        self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
+        self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
         self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
@@ -110,6 +114,7 @@ class Watch:
             self._judge_energy(slice(first, stop))
             if self.good > first:
                 self._judge_bend(slice(first, self.good))
+                self._judge_limits(slice(first, self.good))
             if self.good > first and self.explicit:
                 self._probe_steps(slice(first, self.good))
         return not self.fault
@@ -186,6 +191,17 @@ class Watch:
             self.good = rows.start + row
             bent = self._bent(self.good, bends[row])
             self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+
+    def _judge_limits(self, rows: slice) -> None:
+        """Joints stay within their limits; nothing stops one that does not."""
+        chain = self.record.chain
+        for k in self.limited:
+            q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
+            out = np.maximum(lower - q, q - upper) > NEAR
+            if out.any():
+                row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
+                angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
+                self._warn(f"limit {k}", row, f"{angle}, past its limits {least:.6g}° … {most:.6g}°; no stop holds it")
 
     def _bent(self, row: int, bends: Array) -> str:
         """Words for the hinge that is bent most in a sample."""

@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from validation.oracles.planar_chain import DIGITS
 
+STEP = mpf(10) ** -20
+"""Of differences [rad, rad/s]."""
 Vector = list[Any]
 Matrix = list[Vector]
 
@@ -53,7 +55,7 @@ class SpatialChain:
 
     def equations(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Any, Vector]:
         """M(q) [kg m²], an mpmath matrix (n, n), and T_GC(q, q̇) [N m]."""
-        axes, points, bodies = self._place(q, qd)
+        axes, points, bodies, _ = self._place(q, qd)
         M, bias = mp.zeros(self.n, self.n), [mpf(0)] * self.n
         for body in bodies:
             v = [cross(e, sub(body.center, p)) for e, p in zip(axes[: body.hinges], points, strict=False)]
@@ -71,18 +73,42 @@ class SpatialChain:
                 M[k, j] = M[j, k]
         return M, bias
 
-    def forward_dynamics(self, q: Sequence[Any], qd: Sequence[Any], tau: Sequence[Any]) -> Vector:
-        """q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR [rad/s²]."""
-        M, bias = self.equations(q, qd)
-        joints = [
+    def load(self, q: Sequence[Any], wrench: Sequence[Any]) -> Vector:
+        """Jᵀ w of a wrench on the tip, axes of frame 0 [N m]."""
+        axes, points, _, tip = self._place(q, [mpf(0)] * self.n)
+        force, moment = list(wrench[:3]), list(wrench[3:])
+        return [mp.fdot(e, add(moment, cross(sub(tip, p), force))) for e, p in zip(axes, points, strict=True)]
+
+    def slopes(self, q: Vector, qd: Vector, qdd: Vector, wrench: Vector) -> tuple[Any, Any]:
+        """∂T/∂q and ∂T/∂q̇ of T = M q̈ + T_GC − Jᵀ w + T_FL + T_FR, (n, n): central differences, error STEP²."""
+
+        def torque(q: Vector, qd: Vector) -> Any:
+            M, bias = self.equations(q, qd)
+            rest = zip(bias, self.joint_torques(q, qd), self.load(q, wrench), strict=True)
+            return M * mp.matrix(qdd) + mp.matrix([b + joint - w for b, joint, w in rest])
+
+        by_angle, by_rate = mp.zeros(self.n, self.n), mp.zeros(self.n, self.n)
+        for j in range(self.n):
+            h = [STEP * (k == j) for k in range(self.n)]
+            by_angle[:, j] = (torque(add(q, h), qd) - torque(sub(q, h), qd)) / (2 * STEP)
+            by_rate[:, j] = (torque(q, add(qd, h)) - torque(q, sub(qd, h))) / (2 * STEP)
+        return by_angle, by_rate
+
+    def joint_torques(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
+        """T_FL + T_FR [N m]."""
+        return [
             h["stiffness"] * (x - h["rest"]) + h["damping"] * v + h["coulomb"] * mp.tanh(v / h["coulomb_width"])
             for h, x, v in zip(self.joints, q, qd, strict=True)
         ]
-        rest = [t - b - s for t, b, s in zip(tau, bias, joints, strict=True)]
+
+    def forward_dynamics(self, q: Sequence[Any], qd: Sequence[Any], tau: Sequence[Any]) -> Vector:
+        """q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR [rad/s²]."""
+        M, bias = self.equations(q, qd)
+        rest = [t - b - s for t, b, s in zip(tau, bias, self.joint_torques(q, qd), strict=True)]
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
-    def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[list[Vector], list[Vector], list[Body]]:
-        """Axes and points of the hinges, and the bodies that have inertia."""
+    def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[list[Vector], list[Vector], list[Body], Vector]:
+        """Axes and points of the hinges, the bodies that have inertia, and the tip."""
         zero, one = mpf(0), mpf(1)
         R: Matrix = [[one, zero, zero], [zero, one, zero], [zero, zero, one]]
         p, ω, α, a = ([zero] * 3 for _ in range(4))
@@ -105,7 +131,7 @@ class SpatialChain:
                 inertia = product(turned, [list(column) for column in zip(*R, strict=True)])
                 acceleration = add(a, add(cross(α, c), cross(ω, cross(ω, c))))
                 bodies.append(Body(mpf(float(row["mass"])), inertia, add(p, c), ω, acceleration, α, len(axes)))
-        return axes, points, bodies
+        return axes, points, bodies, p
 
 
 def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float64]]:

@@ -1,0 +1,62 @@
+"""`flexlink import`: a robot's URDF as a scene, some of its links bending."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from flexlink.cli.shared import about, assignments, require_place, varied
+from flexlink.common.output import write_text
+from flexlink.describe.spec import decode
+from flexlink.robots.collection import KnownArm, known_arm
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import import_robot
+from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.urdf_reader import read_urdf
+
+
+def import_scene(options: argparse.Namespace) -> int:
+    """Import a robot, say what was done, and write the scene where it is asked for."""
+    if options.out is not None:
+        require_place(options.out)
+    source = Path(options.robot)
+    is_file = source.exists() or source.suffix != ""
+    known = KnownArm(file=options.robot) if is_file else known_arm(options.robot)
+    robot = read_urdf(source if is_file else known.path)
+    asked = _asked(robot, known, options)
+    with about(source):
+        imported = import_robot(robot, **asked)
+    scene = varied(source, imported.scene, options.set)
+    print(imported)
+    if options.out is None:
+        print("nothing written: -o FILE.toml takes the scene")
+    else:
+        write_text(options.out, scene.to_toml())
+        print(options.out)
+    return 0
+
+
+def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
+    """Arguments of `import_robot`: those of a known arm, and the command's own over them."""
+    flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
+    return {
+        "base": options.base or known.base,
+        "tip": options.tip or known.tip,
+        "posture": known.posture | _positions(robot, "--posture", options.posture),
+        "locked": known.locked | _positions(robot, "--locked", options.locked),
+        "flexible": known.flexible | {k: decode(v, Flexible, f"flexible.{k}") for k, v in flexible.items()},
+        "armature": assignments("--armature", options.armature, "elbow=0.1"),
+    }
+
+
+def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, Any]:
+    """Positions [rad, m] by joint of what is written in degrees and metres."""
+    found = assignments(option, texts, "elbow=90")
+    for name, value in found.items():
+        slides = name in robot.joints and robot.joints[name].kind == "prismatic"
+        if isinstance(value, int | float) and not isinstance(value, bool) and not slides:
+            found[name] = math.radians(value)
+    return found

@@ -1,0 +1,196 @@
+"""Drake, from the exported SDF; it runs in a process of its own, because some files abort it (`engines.isolated`).
+
+M, T_GC, springs, dampers, rotors and q̈ are Drake's own. It ignores the world's gravity and dry friction, both of which
+the file holds: gravity is set, and the smooth Coulomb law c tanh(q̇/w) joins the drive in a system of ours that every
+stage of Drake's integrators sees. The tip wrench is an external force on the last link.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections.abc import Callable
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from pydrake.multibody.math import SpatialForce
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
+from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
+from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
+from flexlink.engines.base import Array, DriveTorque, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.formats import to_sdf
+
+METHODS = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}
+"""The methods of ours that Drake has, too, and what it calls them."""
+NOT_FINITE = re.compile("NaN|hinge inertia")
+"""In what Drake says about a state that has left the finite numbers."""
+OWN = "{urn:flexlink}"
+NO_WRENCH = np.zeros(6)
+
+
+class DrakeEngine:
+    """A chain in Drake.
+
+    Attributes
+    ----------
+    text
+        The exported file.
+    plant, context
+        Drake's own.
+    rest, coulomb, coulomb_width
+        As read back from the file, shape (n,).
+    """
+
+    name = "drake"
+    version: str = importlib.metadata.version("drake")
+
+    def __init__(self, chain: Chain) -> None:
+        refuse_motion("Drake", chain)
+        self.text = to_sdf(chain)
+        world = ET.fromstring(self.text).findall("world")[0]
+        joints = world.findall("model/joint")
+        self.rest, self.coulomb = (
+            np.array([float(joint.findtext(f"axis/dynamics/{key}", "nan")) for joint in joints])
+            for key in ("spring_reference", "friction")
+        )
+        self.coulomb_width = np.array([float(joint.attrib[f"{OWN}coulomb_width"]) for joint in joints])
+        self.gravity = np.array(world.findtext("gravity", "").split(), float)
+        try:
+            self.plant = self._load(MultibodyPlant(time_step=0.0))
+        except RuntimeError as error:
+            raise ArgumentError(f"Drake cannot load {chain.name!r}: {error}; use the other engines") from error
+        order = [self.plant.GetJointByName(joint.attrib["name"]).velocity_start() for joint in joints]
+        if order != list(range(self.plant.num_velocities())):
+            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {order}; expected those of the file")
+        self.n, self.context = len(joints), self.plant.CreateDefaultContext()
+        self.tip = self.plant.GetFrameByName(world.findall("model/frame")[-1].attrib["name"])
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q) by composite rigid bodies (`CalcMassMatrix`)."""
+        self._place(q, np.zeros(self.n))
+        return np.array(self.plant.CalcMassMatrix(self.context))
+
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
+        """T_GC: `CalcBiasTerm`, less gravity and Jᵀ F."""
+        self._place(q, qd)
+        plant, context = self.plant, self.context
+        torque = plant.CalcBiasTerm(context) - plant.CalcGravityGeneralizedForces(context)
+        if tip_wrench is not None:
+            world = plant.world_frame()
+            J = plant.CalcJacobianSpatialVelocity(
+                context, JacobianWrtVariable.kV, self.tip, np.zeros(3), world, world
+            )  # angular part first
+            torque -= J[3:].T @ tip_wrench[:3] + J[:3].T @ tip_wrench[3:]
+        return np.array(torque)
+
+    def gravity_torque(self, q: Array) -> Array:
+        """T_G: `CalcGravityGeneralizedForces`, which has the opposite sign."""
+        self._place(q, np.zeros(self.n))
+        return -np.array(self.plant.CalcGravityGeneralizedForces(self.context))
+
+    def elastic_torque(self, q: Array) -> Array:
+        """T_FL: the forces of Drake's force elements on the joints at rest, negative."""
+        return -self._joint_forces(q, np.zeros(self.n))
+
+    def friction_torque(self, qd: Array) -> Array:
+        """T_FR: what they are more at rates, negative, and the Coulomb law with the file's numbers."""
+        return self._coulomb(qd) - self._joint_forces(self.rest, qd)
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
+        """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
+        self._place(q, qd)
+        plant, context = self.plant, self.context
+        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self._coulomb(qd))
+        self._pull(plant, context, tip_wrench)
+        return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
+
+    def integrate(self, scene: Scene) -> Samples:
+        """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
+        run = scene.run
+        refuse_motion("Drake", lump(scene))
+        if run.method not in METHODS:
+            known = " and ".join(map(repr, METHODS))
+            raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Drake has only {known}")
+        samples = t, q, qd = start(scene)
+        simulator, plant = self._simulator(scene)
+        state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        self._pull(plant, state, scene.tip_wrench)
+        plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
+        integrator = ResetIntegratorFromFlags(simulator, METHODS[run.method], run.step)
+        integrator.set_fixed_step_mode(True)
+        simulator.Initialize()
+        for row in range(1, len(t)):
+            try:
+                simulator.AdvanceTo(t[row])
+            except RuntimeError as error:
+                if NOT_FINITE.search(str(error)):
+                    raise diverged(self.name, scene, samples, row) from error
+                raise
+            q[row], qd[row] = plant.GetPositions(state), plant.GetVelocities(state)
+            if not np.isfinite([q[row], qd[row]]).all():
+                raise diverged(self.name, scene, samples, row)
+        return samples
+
+    def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
+        Parser(plant).AddModelsFromString(self.text, "sdf")
+        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
+        plant.Finalize()
+        return plant
+
+    def _simulator(self, scene: Scene) -> tuple[Simulator, MultibodyPlant]:
+        """A simulator of a plant with the scene's drive and the Coulomb friction, and that plant."""
+        builder = DiagramBuilder()
+        plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
+        drive = drive_function(scene)
+        if drive is not None or self.coulomb.any():
+            torques = builder.AddSystem(_Torques(self.n, drive, self._coulomb))
+            builder.Connect(plant.get_state_output_port(), torques.get_input_port())
+            builder.Connect(torques.get_output_port(), plant.get_applied_generalized_force_input_port())
+        return Simulator(builder.Build()), plant
+
+    def _place(self, q: Array, qd: Array) -> None:
+        self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q, qd]))
+
+    def _joint_forces(self, q: Array, qd: Array) -> Array:
+        """Of springs and dampers, shape (n,)."""
+        self._place(q, qd)
+        forces = MultibodyForces(self.plant)
+        self.plant.CalcForceElementsContribution(self.context, forces)
+        return np.array(forces.generalized_forces())
+
+    def _pull(self, plant: MultibodyPlant, context: Context, wrench: Array | None) -> None:
+        """Force and moment on the tip, in axes of frame 0."""
+        force = ExternallyAppliedSpatialForce()
+        force.body_index = self.tip.body().index()
+        force.p_BoBq_B = self.tip.GetFixedPoseInBodyFrame().translation()
+        f, m = np.split(NO_WRENCH if wrench is None else wrench, 2)
+        force.F_Bq_W = SpatialForce(m, f)
+        plant.get_applied_spatial_force_input_port().FixValue(context, [force])
+
+    def _coulomb(self, qd: Array) -> Array:
+        torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
+        return torque
+
+
+class _Torques(LeafSystem):  # type: ignore[misc]  # pydrake is not looked into for types
+    """Drive less Coulomb friction."""
+
+    def __init__(self, n: int, drive: DriveTorque | None, coulomb: Callable[[Array], Array]) -> None:
+        super().__init__()
+        self._n, self._drive, self._coulomb = n, drive, coulomb
+        self.DeclareVectorInputPort("state", 2 * n)
+        self.DeclareVectorOutputPort("torque", n, self._write)
+
+    def _write(self, context: Context, output: BasicVector) -> None:
+        q, qd = np.split(self.get_input_port().Eval(context), 2)
+        torque = -self._coulomb(qd)
+        if self._drive is not None:
+            torque += self._drive(context.get_time(), q, qd)
+        output.SetFromVector(torque)

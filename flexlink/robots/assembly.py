@@ -1,0 +1,121 @@
+"""The parts of a robot's path as the links of a scene."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.common.errors import DataFileError, SceneError
+from flexlink.describe.arm import Arm, Link, Material, Section
+from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.scene import Scene
+from flexlink.describe.situation import Initial, Run
+from flexlink.describe.spec import Vector3, short, short_list
+from flexlink.robots.flexible import Flexible, bent, payload
+from flexlink.robots.inertia import Array, Pose
+from flexlink.robots.serial import Part, SerialPath
+
+NOISE_DEG = 1e-13
+"""What rounding leaves on an angle that is written in nine digits behind the point; few eps of half a turn."""
+ACCURACY = 1e-4
+"""Of a run, as a part of the reach: steps follow from it, whether or not the links bend."""
+
+
+def origins_beyond(way: SerialPath) -> list[Array]:
+    """By part, where the next joint, or of the last part the tip, is in its frame [m]."""
+    return [*(part.origin.p for part in way.parts[1:]), way.end.p]
+
+
+def assembled(
+    name: str,
+    way: SerialPath,
+    flexible: Mapping[str, Flexible],
+    armature: Mapping[str, float],
+    gravity: Vector3,
+) -> tuple[Scene, list[str]]:
+    """The scene, and remarks on its flexible links; their Young's modulus is still that of their material.
+
+    Raises
+    ------
+    DataFileError
+        A part's inertia is none that a body can have, or nothing has inertia that the last joint moves.
+    SceneError, ArgumentError
+        As in `bent`; or a negative armature.
+    """
+    links: list[Link] = []
+    materials: dict[str, Material] = {}
+    sections: dict[str, Section] = {}
+    remarks: list[str] = []
+    at = np.zeros(3)  # where the link before ends, in the frame of its part
+    for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
+        link, at = _rigid(part, at, armature.get(part.joint.name, 0.0)), np.zeros(3)
+        if part.link in flexible:
+            made = bent(part, link, flexible[part.link], beyond)
+            link, materials[part.link], sections[part.link] = made.link, made.material, made.section
+            remarks.append(made.remark)
+            at = np.array(made.link.line[1]) if made.link.line else at
+        links.append(link)
+    _check_last(links[-1])
+    links += _tip(way, at)
+    starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
+    scene = Scene(
+        name=name,
+        about=f"{name} from {way.base} to {way.tip}, imported from URDF",
+        arm=Arm(links=tuple(links), materials=materials, sections=sections),
+        gravity=gravity,
+        initial=Initial(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
+        run=Run(relative_tolerance=ACCURACY),
+    )
+    return scene, remarks
+
+
+def _rigid(part: Part, before: Array, armature: float) -> Link:
+    joint = part.joint
+    try:
+        hub = payload(part.body)
+    except SceneError as error:
+        folded = f" with {short_list(part.folded)}" if part.folded else ""
+        raise DataFileError(f"link {short(part.link)}{folded}: {error}") from None
+    x, y, z = joint.axis.tolist()
+    return Link(
+        name=part.link,
+        mount=_mount(part.origin, before),
+        joint=Joint(
+            axis=(x, y, z),
+            viscous=joint.damping,
+            coulomb=joint.friction,
+            armature=armature,
+        ),
+        hub=hub,
+    )
+
+
+def _mount(origin: Pose, before: Array) -> Mount:
+    x, y, z = (origin.p - before + 0.0).tolist()
+    roll, pitch, yaw = (_tidy(math.degrees(angle)) for angle in rpy_from_matrix(origin.R))
+    return Mount(xyz=(x, y, z), rpy_deg=(roll, pitch, yaw))
+
+
+def _tidy(degrees: float) -> float:
+    """An angle without the rounding that made 89.99999999999999 of a right one."""
+    near = round(degrees, 9)
+    return (near if abs(degrees - near) < NOISE_DEG else degrees) + 0.0
+
+
+def _tip(way: SerialPath, before: Array) -> list[Link]:
+    """A rigid link that leads to the tip's frame, unless the last part is already there."""
+    mount = _mount(way.end, before)
+    if mount == Mount():
+        return []
+    taken = [part.link for part in way.parts]
+    name = way.tip if way.tip not in taken else f"{way.tip} frame"
+    return [Link(name=name, mount=mount, joint=Joint(locked=True))]
+
+
+def _check_last(link: Link) -> None:
+    moved = link.hub.about(link.joint.direction) + link.joint.armature
+    if moved == 0 and link.flex == "rigid":
+        raise DataFileError(f"link {short(link.name)}: nothing that its joint turns has inertia; end the arm before it")

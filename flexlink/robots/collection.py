@@ -1,0 +1,85 @@
+"""The arms of example-robot-data, an optional package of URDF files: a table of them, and where they are installed."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+from pathlib import Path
+
+import msgspec
+
+from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.describe.catalogue import read_toml
+from flexlink.describe.spec import Spec, decode, meant, short, short_list
+from flexlink.robots.flexible import Flexible
+from flexlink.robots.importing import Imported, import_urdf
+
+PACKAGE = "example-robot-data"
+TABLE = Path(__file__).parent / "data" / "arms.toml"
+
+
+class KnownArm(Spec, frozen=True):
+    """One arm: its file below the package's folder of robots, and what `import_urdf` is to take."""
+
+    file: str
+    base: str | None = None
+    tip: str | None = None
+    posture: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
+    locked: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
+    flexible: dict[str, Flexible] = msgspec.field(default_factory=dict)
+
+    @property
+    def path(self) -> Path:
+        """The installed file.
+
+        Raises
+        ------
+        MissingDependencyError
+            example-robot-data is not installed, or has no such file.
+        """
+        try:
+            files = importlib.metadata.files(PACKAGE) or []
+        except importlib.metadata.PackageNotFoundError:
+            raise MissingDependencyError(
+                f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'"
+            ) from None
+        for file in files:
+            if file.as_posix().endswith(f"/robots/{self.file}"):
+                return Path(str(file.locate()))
+        raise MissingDependencyError(f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}")
+
+
+def known_arms() -> dict[str, KnownArm]:
+    """All arms of the table, by name; those with flexible links also rigid."""
+    table: dict[str, KnownArm] = decode(read_toml(TABLE), dict[str, KnownArm])
+    found: dict[str, KnownArm] = {}
+    for name, arm in table.items():
+        found[name] = msgspec.structs.replace(arm, flexible={})
+        if arm.flexible:
+            found[f"{name}_flexible"] = arm
+    return found
+
+
+def known_arm(name: str) -> KnownArm:
+    """The arm of this name.
+
+    Raises
+    ------
+    ArgumentError
+        There is none.
+    """
+    arms = known_arms()
+    if name not in arms:
+        raise ArgumentError(
+            f"robot = {short(name)}: neither a file nor one of {short_list(list(arms))}{meant(name, arms)}"
+        )
+    return arms[name]
+
+
+def import_known(name: str) -> Imported:
+    """What `import_urdf` makes of an arm of the table; its scene has the name of the arm."""
+    arm = known_arm(name)
+    imported = import_urdf(
+        arm.path, base=arm.base, tip=arm.tip, posture=arm.posture, locked=arm.locked, flexible=arm.flexible
+    )
+    return dataclasses.replace(imported, scene=msgspec.structs.replace(imported.scene, name=name))

@@ -1,0 +1,181 @@
+"""How a link of a robot is to bend, and the beam that comes of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe.arm import Damping, Link, Material, Section
+from flexlink.describe.directions import Line, line_of
+from flexlink.describe.rigid_body import Payload
+from flexlink.describe.spec import Positive, Spec, Vector3, short
+from flexlink.robots.cut import cut, largest_mass
+from flexlink.robots.inertia import Array, Pose, RigidBody
+from flexlink.robots.serial import Part
+
+SLENDER, WALL = 10, 20
+"""Of a beam of which only the frequency is given: a tube of a tenth of its length, its wall a twentieth of that."""
+SHARE = 0.5
+"""Part of the largest mass that a beam of unknown mass gets."""
+LITTLE = 0.1
+"""Part of a link's mass below which it is said that a beam can have no more of it."""
+
+
+class Flexible(Spec, frozen=True):
+    """Of one link: where its beam runs, what it is made of, and how it is cut into segments.
+
+    The beam has `section` and `material`; with `mass` [kg] the density follows from that, and with `frequency_hz` [Hz]
+    Young's modulus: it is then the first frequency of the link clamped at its joint, everything beyond it rigid, at the
+    posture in which the arm starts, without gravity. Of a beam of which only the frequency is known, the section is a
+    thin tube of a tenth of its length, and the mass half of the largest that the link can give.
+
+    `line`, from one point of the link's frame to another [m], is by default the straight line from joint to joint;
+    `up`, `flex`, `segments`, `lumping` and `damping` are those of `Link`.
+    """
+
+    section: Section | None = None
+    material: Material = Material(young=70e9, density=2700.0, poisson=0.33)
+    mass: Positive | None = None  # kg
+    frequency_hz: Positive | None = None
+    line: tuple[Vector3, Vector3] | None = None  # m
+    up: Vector3 | None = None
+    flex: Literal["z", "yz", "xyz"] = "yz"
+    segments: Annotated[int, msgspec.Meta(ge=2, le=1001)] = 5
+    lumping: str = "gauss"
+    damping: Damping | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.section is None and self.frequency_hz is None:
+            raise SceneError("section: missing; a beam needs a section, or frequency_hz")
+
+
+class Bent(NamedTuple):
+    """A link that bends, its hub and end what is left of the rigid one, its material and section, and a remark."""
+
+    link: Link
+    material: Material
+    section: Section
+    remark: str
+
+
+def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
+    """The line from a link's joint to the next one, in the link's frame [m]."""
+    x, y, z = next_origin.tolist()
+    return (0.0, 0.0, 0.0), (x, y, z)
+
+
+def slender_mass(part: Part, next_origin: Array) -> float:
+    """The largest mass [kg] of a thin beam from joint to joint; 0 where they have no distance."""
+    ends = joint_to_joint(next_origin)
+    if ends[0] == ends[1]:
+        return 0.0
+    line = line_of(ends, None, part.joint.axis)
+    thin = np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12
+    return largest_mass(part.body, _placed(RigidBody(1.0, np.array([line.length / 2, 0, 0]), thin), line))
+
+
+def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Bent:
+    """Make a rigid link flexible.
+
+    Parameters
+    ----------
+    part
+        The link's body.
+    rigid
+        The link, rigid.
+    flexible
+        What is asked for.
+    next_origin
+        Of the next joint, in the link's frame [m]: where the beam ends unless a line is given.
+
+    Raises
+    ------
+    SceneError
+        The line has no length.
+    ArgumentError
+        The beam does not fit into the link; the message says which mass does.
+    """
+    ends = flexible.line or joint_to_joint(next_origin)
+    line = line_of(ends, flexible.up, part.joint.axis)
+    section = flexible.section or _tube(line.length)
+    unit = _prism(section, 1.0, line)
+    largest = largest_mass(part.body, unit)
+    volume = section.properties.area * line.length
+    if flexible.section is not None and flexible.mass is None:
+        mass = flexible.material.density * volume
+    else:
+        mass = flexible.mass or SHARE * largest
+    if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
+        raise ArgumentError(
+            f"flexible: link {short(part.link)}: a beam of {mass:.4g} kg does not fit into its {part.body.mass:.4g} kg "
+            f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or another line"
+        )
+    root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
+    stop = line.start + line.frame[:, 0] * line.length
+    end = end.moved(Pose(np.eye(3), -stop))
+    material = msgspec.structs.replace(flexible.material, density=mass / volume)
+    link = msgspec.structs.replace(
+        rigid,
+        line=ends,
+        up=flexible.up,
+        flex=flexible.flex,
+        segments=flexible.segments,
+        lumping=flexible.lumping,
+        damping=flexible.damping,
+        material=part.link,
+        section=part.link,
+        hub=payload(root),
+        end=payload(end),
+    )
+    return Bent(link, material, section, _remark(part, mass, largest, line))
+
+
+def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
+    said = f"{part.link}: a beam of {mass:.4g} kg and {line.length:.4g} m, of the link's {part.body.mass:.4g} kg"
+    share = largest / part.body.mass
+    if share >= LITTLE:
+        return said
+    return f"warning: {said}; only {share:.1%} of that fit along this line: does the link's tube run elsewhere?"
+
+
+def payload(body: RigidBody) -> Payload:
+    """A body in the words of a scene; three moments where there are no products."""
+    inertia = (body.inertia + body.inertia.T) / 2
+    xx, yy, zz, xy, xz, yz = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+    products = (xy, xz, yz) if xy or xz or yz else ()
+    x, y, z = body.center.tolist()
+    return Payload(mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *products))
+
+
+def rounded_down(value: float) -> str:
+    """Four digits of a positive number, none of them rounded up."""
+    if value <= 0:
+        return "0"
+    unit = 10.0 ** (math.floor(math.log10(value)) - 3)
+    return f"{math.floor(value / unit) * unit:.4g}"
+
+
+def _tube(length: float) -> Section:
+    outer = length / SLENDER
+    return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / WALL))
+
+
+def _prism(section: Section, mass: float, line: Line) -> RigidBody:
+    """A uniform beam, I = m diag((I_y + I_z)/A, I_y/A + L²/12, I_z/A + L²/12), in the link's frame."""
+    area, i_y, i_z, _ = section.properties
+    L = line.length
+    inertia = mass * np.diag([(i_y + i_z) / area, i_y / area + L**2 / 12, i_z / area + L**2 / 12])
+    return _placed(RigidBody(mass, np.array([L / 2, 0, 0]), inertia), line)
+
+
+def _placed(body: RigidBody, line: Line) -> RigidBody:
+    return body.moved(_pose(line))
+
+
+def _pose(line: Line) -> Pose:
+    return Pose(line.frame, line.start)

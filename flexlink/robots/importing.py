@@ -1,0 +1,189 @@
+"""A robot's URDF → a scene: the path between two links as an arm, some of whose links bend."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Vector3, short, short_list
+from flexlink.robots.assembly import assembled, origins_beyond
+from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
+from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.serial import SerialPath, serial
+from flexlink.robots.tuning import tuned
+from flexlink.robots.urdf_reader import read_urdf
+
+NO_NUMBERS: Mapping[str, float] = {}
+NO_BEAMS: Mapping[str, Flexible] = {}
+DOWN = (0.0, 0.0, -9.81)
+"""Gravity [m/s²] in the frame of a robot's root, whose Z points up."""
+LEAST = 0.01
+"""Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Imported:
+    """What became of a robot.
+
+    Attributes
+    ----------
+    scene
+        The arm, at rest at the stated posture, undriven.
+    path
+        Joints, bodies and positions that it was made of.
+    largest_beams
+        By link, the most mass [kg] that a thin beam from joint to joint can have; 0 where they have no distance.
+    notes
+        What was folded, held, left out, and what a flexible link is made of: a line each.
+    """
+
+    scene: Scene
+    path: SerialPath
+    largest_beams: Mapping[str, float]
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join(self.notes)
+
+
+def import_urdf(
+    path: str | Path,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    posture: Mapping[str, float] = NO_NUMBERS,
+    locked: Mapping[str, float] = NO_NUMBERS,
+    flexible: Mapping[str, Flexible] = NO_BEAMS,
+    armature: Mapping[str, float] = NO_NUMBERS,
+    gravity: Vector3 = DOWN,
+) -> Imported:
+    """Read a robot from a URDF file and make a scene of the path between two of its links.
+
+    The hinges of the path are the joints of the arm. Whatever hangs on it, side branches, grippers, followers, is rigid
+    at the stated posture, and fixed joints are folded: mass, centre and inertia are kept.
+
+    Parameters
+    ----------
+    path
+        The file; it alone is read.
+    base, tip
+        Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
+    posture
+        Positions by joint [rad; m of a slide]: at which free joints start, and at which others stay. Unless stated 0,
+        or, where the limits exclude it, their middle. A joint that mimics another follows it.
+    locked
+        Positions by joint of the path that stay there; all joints of the path that are no hinges must be among them.
+    flexible
+        Links of the path that bend, by name.
+    armature
+        Rotor inertias by joint [kg m²], seen at the joint; URDF has none.
+    gravity
+        Acceleration [m/s²] in the root's frame.
+
+    Returns
+    -------
+    Imported
+        The scene, and what was done.
+
+    Raises
+    ------
+    ArgumentError
+        A name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position beyond
+        limits, or a beam that does not fit into its link.
+    DataFileError
+        The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
+    SceneError
+        A value of `flexible` or `armature` that cannot be.
+    """
+    return import_robot(
+        read_urdf(path),
+        base=base,
+        tip=tip,
+        posture=posture,
+        locked=locked,
+        flexible=flexible,
+        armature=armature,
+        gravity=gravity,
+    )
+
+
+def import_robot(
+    robot: Robot,
+    *,
+    base: str | None = None,
+    tip: str | None = None,
+    posture: Mapping[str, float] = NO_NUMBERS,
+    locked: Mapping[str, float] = NO_NUMBERS,
+    flexible: Mapping[str, Flexible] = NO_BEAMS,
+    armature: Mapping[str, float] = NO_NUMBERS,
+    gravity: Vector3 = DOWN,
+) -> Imported:
+    """As `import_urdf`, of a robot that was read."""
+    way = serial(robot, base, tip, posture, locked)
+    _check_links(way, flexible)
+    _check_joints(way, armature)
+    scene, remarks = assembled(robot.name, way, flexible, armature, gravity)
+    for part in way.parts:
+        hertz = flexible[part.link].frequency_hz if part.link in flexible else None
+        if hertz is not None:
+            scene = tuned(scene, part.link, hertz)
+    largest = {
+        part.link: slender_mass(part, beyond) for part, beyond in zip(way.parts, origins_beyond(way), strict=True)
+    }
+    stated = {*posture, *locked}
+    return Imported(scene, way, largest, (*_notes(robot, way, stated), *remarks, *_beams(way, largest)))
+
+
+def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
+    for link, asked in flexible.items():
+        holders = [part.link for part in way.parts if link in part.folded]
+        if holders:
+            raise ArgumentError(f"flexible: link {short(link)} is folded into {short(holders[0])}, which can bend")
+        if link not in [part.link for part in way.parts]:
+            allowed = short_list([part.link for part in way.parts])
+            raise ArgumentError(f"flexible: link {short(link)} is not on the path; allowed are {allowed}")
+        if not isinstance(asked, Flexible):
+            raise ArgumentError(f"flexible: {short(link)} = {short(asked)}: expected a Flexible")
+
+
+def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
+    free = [part.joint.name for part in way.parts]
+    for joint in armature:
+        if joint not in free:
+            raise ArgumentError(
+                f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
+            )
+
+
+def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
+    """What was done to the robot, a line each."""
+    moving = sum(part.body.mass for part in way.parts)
+    notes = [f"{robot.name}: {len(way.parts)} joints from {way.base} to {way.tip}; {moving:.6g} kg move"]
+    for part in way.parts:
+        if part.folded:
+            notes.append(f"{part.link}: rigid with {short_list(part.folded)}")
+        start = way.positions[part.joint.name]
+        if start and part.joint.name not in stated:
+            notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of limits that exclude 0")
+    if way.held:
+        said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
+        notes.append(f"stay where they are [rad, m]: {short_list(said)}")
+    left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
+    notes.append("left out: " + ", ".join(["limits, largest efforts and rates", *left_out]))
+    return notes
+
+
+def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
+    """How much of each link can bend."""
+    share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
+    notes = [
+        f"{part.link}: a thin beam from joint to joint can have at most {rounded_down(largest[part.link])} of its "
+        f"{part.body.mass:.4g} kg"
+        for part in way.parts
+        if share.get(part.link, 0.0) >= LEAST
+    ]
+    others = [part.link for part in way.parts if share.get(part.link, 0.0) < LEAST]
+    return [*notes, f"no beam from joint to joint: {short_list(others)}"] if others else notes

@@ -1,0 +1,77 @@
+"""Placements and rigid bodies, which are moved, joined and taken apart exactly.
+
+A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I; there can
+be such a body exactly if m ≥ 0 and Σ ⪰ 0. As ∫ (1, x)(1, x)ᵀ dm, symmetric of size 4, masses, first and second moments
+simply add (Wensing, Kim & Slotine 2018, Linear matrix inequalities for physically consistent inertial parameters).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Placement of a frame in another: v_outer = R v + p."""
+
+    R: Array
+    p: Array
+
+    def then(self, inner: Pose) -> Pose:
+        """Of a frame placed by `inner` in this one."""
+        return Pose(self.R @ inner.R, self.p + self.R @ inner.p)
+
+    @property
+    def inverse(self) -> Pose:
+        """Of the outer frame in the inner one."""
+        return Pose(self.R.T, -self.R.T @ self.p)
+
+
+HERE = Pose(np.eye(3), np.zeros(3))
+
+
+class RigidBody(NamedTuple):
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²], in one frame."""
+
+    mass: float
+    center: Array
+    inertia: Array
+
+    def moved(self, pose: Pose) -> RigidBody:
+        """The same body in the frame in which its own is placed by `pose`."""
+        R, p = pose
+        return RigidBody(self.mass, p + R @ self.center, R @ self.inertia @ R.T)
+
+    def plus(self, other: RigidBody) -> RigidBody:
+        """Both as one, by parallel axes; two bodies far apart keep their digits, which second moments would lose."""
+        mass = self.mass + other.mass
+        if mass == 0:
+            return RigidBody(0.0, np.zeros(3), self.inertia + other.inertia)
+        d = other.center - self.center
+        between = self.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
+        return RigidBody(mass, self.center + d * (other.mass / mass), self.inertia + other.inertia + between)
+
+    @property
+    def covariance(self) -> Array:
+        """Σ = ∫ (x − c)(x − c)ᵀ dm [kg m²]."""
+        return np.asarray(np.trace(self.inertia) / 2 * np.eye(3) - self.inertia)
+
+    @property
+    def moments(self) -> Array:
+        """∫ (1, x)(1, x)ᵀ dm, shape (4, 4): mass, first moment [kg m], second moment about the origin [kg m²]."""
+        point = np.array([1.0, *self.center])
+        found = self.mass * np.outer(point, point)
+        found[1:, 1:] += self.covariance
+        return found
+
+
+NOTHING = RigidBody(0.0, np.zeros(3), np.zeros((3, 3)))
+
+
+def body_with(mass: float, center: Array, covariance: Array) -> RigidBody:
+    """The body of this mass, centre and covariance."""
+    return RigidBody(mass, center, np.trace(covariance) * np.eye(3) - covariance)

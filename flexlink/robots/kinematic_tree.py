@@ -1,0 +1,182 @@
+"""A robot as URDF says it: rigid links, joined to a tree; what is no tree is refused by name."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import DataFileError
+from flexlink.describe.spec import short, short_list
+from flexlink.robots.inertia import Pose, RigidBody
+
+Array = NDArray[np.float64]
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+TURNING = {"revolute", "continuous"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: position = multiplier · that of `leader` + offset."""
+
+    leader: str
+    multiplier: float
+    offset: float
+
+
+@dataclasses.dataclass(frozen=True)
+class TreeJoint:
+    """A joint of a robot: the frame of the link `child` in that of the link `parent`, at position 0.
+
+    `axis` is a unit vector in the child's frame; `limits` are positions [rad, m], None where there are none;
+    `damping` [N m s/rad, N s/m], `friction` [N m, N].
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Pose
+    axis: Array
+    limits: tuple[float, float] | None
+    damping: float
+    friction: float
+    mimic: Mimic | None
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a hinge."""
+        return self.kind in TURNING
+
+    def pose(self, position: float) -> Pose:
+        """The child's frame in the parent's at a position; floating and planar joints stay where they are at 0."""
+        if self.kind == "prismatic":
+            return self.origin.then(Pose(np.eye(3), self.axis * position))
+        return self.origin.then(Pose(_turn(self.axis, position), np.zeros(3))) if self.turns else self.origin
+
+
+def _turn(axis: Array, angle: float) -> Array:
+    """Rodrigues' rotation about a unit vector."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    R: Array = np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * (K @ K)
+    return R
+
+
+@dataclasses.dataclass(frozen=True)
+class Robot:
+    """Links by name, and joints by name, which make a tree.
+
+    Attributes
+    ----------
+    name
+        Name of the robot.
+    links
+        The rigid body of each link in its frame, massless where the file gives none.
+    joints
+        Joints by name, in the file's order.
+    left_out
+        Elements of the file that say nothing about motion, or that flexlink does not know: how many of each name.
+
+    Raises
+    ------
+    DataFileError
+        No tree: no links, a joint to a link that is not there, a link that hangs on two joints, several roots, a loop;
+        or joints that mimic in a circle, or one that is not there.
+    """
+
+    name: str
+    links: Mapping[str, RigidBody]
+    joints: Mapping[str, TreeJoint]
+    left_out: Mapping[str, int]
+
+    def __post_init__(self) -> None:
+        if not self.links:
+            raise DataFileError("no link; a robot has at least one")
+        for joint in self.joints.values():
+            for link in (joint.parent, joint.child):
+                if link not in self.links:
+                    raise DataFileError(f"joint {short(joint.name)}: link {short(link)} is not there")
+        _check_roots(self)
+        _check_mimics(self)
+
+    @functools.cached_property
+    def above(self) -> dict[str, TreeJoint]:
+        """The joint on which each link but the root hangs."""
+        found: dict[str, TreeJoint] = {}
+        for joint in self.joints.values():
+            other = found.setdefault(joint.child, joint)
+            if other is not joint:
+                both = f"{short(other.name)} and {short(joint.name)}"
+                raise DataFileError(f"link {short(joint.child)} hangs on two joints, {both}; a robot is a tree")
+        return found
+
+    @functools.cached_property
+    def below(self) -> dict[str, list[TreeJoint]]:
+        """The joints that hang on each link."""
+        found: dict[str, list[TreeJoint]] = {link: [] for link in self.links}
+        for joint in self.joints.values():
+            found[joint.parent].append(joint)
+        return found
+
+    @functools.cached_property
+    def root(self) -> str:
+        """The link that hangs on no joint."""
+        return next(link for link in self.links if link not in self.above)
+
+    def outward(self, base: str, stop: Sequence[str] = ()) -> list[str]:
+        """`base` and all links beyond it, each after the one that it hangs on, but not beyond the joints `stop`."""
+        found = [base]
+        for link in found:  # grows on the way
+            found += [joint.child for joint in self.below[link] if joint.name not in stop]
+        return found
+
+    def path(self, base: str, tip: str) -> list[TreeJoint] | None:
+        """Joints from `base` outward to `tip`; None if `tip` does not lie beyond `base`."""
+        found: list[TreeJoint] = []
+        while tip != base:
+            if tip not in self.above:
+                return None
+            found.append(self.above[tip])
+            tip = found[-1].parent
+        return found[::-1]
+
+    def position(self, joint: TreeJoint, posture: Mapping[str, float]) -> float:
+        """Position [rad, m] of a joint at a posture: its own, or what follows from the joint that it mimics; or 0."""
+        scale, shift = 1.0, 0.0
+        while joint.mimic is not None and joint.name not in posture:
+            shift += scale * joint.mimic.offset
+            scale *= joint.mimic.multiplier
+            joint = self.joints[joint.mimic.leader]
+        return scale * posture.get(joint.name, 0.0) + shift
+
+
+def _check_roots(robot: Robot) -> None:
+    roots = [link for link in robot.links if link not in robot.above]
+    if len(roots) > 1:
+        raise DataFileError(f"{len(roots)} links hang on no joint, {short_list(roots)}; a robot has one root")
+    reached = set(robot.outward(roots[0])) if roots else set()
+    circle = [link for link in robot.links if link not in reached]
+    if circle:
+        raise DataFileError(f"links {short_list(circle)} hang on each other in a loop; a robot is a tree")
+
+
+def _check_mimics(robot: Robot) -> None:
+    fine: set[str] = set()
+    for start in robot.joints.values():
+        joint, way = start, {start.name: None}
+        while joint.mimic is not None and joint.name not in fine:
+            leader = joint.mimic.leader
+            if leader not in robot.joints:
+                raise DataFileError(f"joint {short(joint.name)}: mimics {short(leader)}, which is not there")
+            fine.add(joint.name)  # unless this way leads back to it
+            joint = robot.joints[leader]
+            if leader in way:
+                raise DataFileError(f"joint {short(leader)}: mimics itself, by way of {short_list(list(way))}")
+            way[leader] = None

@@ -1,0 +1,46 @@
+"""The stiffness of a beam from a frequency that was measured.
+
+Springs are proportional to E, and without gravity nothing else is stiff: f ∝ √E. One evaluation gives E = E₀ (f/f₀)².
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.analysis.modal import natural_frequencies
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import short
+
+CLOSE = 1e-6
+
+
+def clamped_frequency(scene: Scene, link: str) -> float:
+    """First frequency [Hz] of a link clamped at its joint, everything beyond it rigid, where it starts, no gravity."""
+    chain = lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    number = scene.arm.number(link)
+    q = np.zeros(chain.n)
+    joints = [chain.coordinate(k).link - 1 for k in chain.active]
+    q[chain.active] = np.radians(np.array(scene.initial.joint_deg)[joints])
+    held = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
+    return float(natural_frequencies(chain, q, locked=held)[0] / (2 * np.pi))
+
+
+def tuned(scene: Scene, link: str, hertz: float) -> Scene:
+    """The scene with the Young's modulus of a link's own material such that `clamped_frequency` is `hertz`.
+
+    Raises
+    ------
+    ArgumentError
+        Frequencies of this size are not proportional to √E in float64.
+    """
+    material = scene.arm.links[scene.arm.number(link) - 1].material or link
+    young = scene.arm.materials[material].young * (hertz / clamped_frequency(scene, link)) ** 2
+    found = scene.varied({f'material."{material}".young': young})
+    reached = clamped_frequency(found, link)
+    if not abs(reached / hertz - 1) <= CLOSE:
+        raise ArgumentError(
+            f"flexible: link {short(link)}: frequency_hz = {hertz!r}: young = {young:.4g} Pa gives {reached:.9g} Hz"
+        )
+    return found

@@ -1,0 +1,229 @@
+"""URDF → `Robot`: masses, placements, joints; pictures, meshes and whatever else says nothing about motion is left out.
+
+Strict where other readers are lenient: a number is a decimal number (no `nan`, no `1,5`, which some read as 0 or 1),
+what the format requires must be there, nothing is given twice. The file alone is read: no mesh, entity or package.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from pathlib import Path
+from typing import get_args
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.common import safe_xml
+from flexlink.common.errors import DataFileError
+from flexlink.common.reading import read_regular
+from flexlink.describe.catalogue import given_path
+from flexlink.describe.spec import meant, short
+from flexlink.robots.inertia import NOTHING, Pose, RigidBody
+from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
+
+Array = NDArray[np.float64]
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+MOST_LINKS = 5_000  # a humanoid with hands has 130
+KINDS: tuple[str, ...] = get_args(JointKind)
+READ = {
+    "robot": {"link", "joint"},
+    "link": {"inertial"},
+    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
+}
+"""Elements that are looked at, by that in which they stand."""
+
+
+def read_urdf(path: str | Path) -> Robot:
+    """Read a robot.
+
+    Parameters
+    ----------
+    path
+        A URDF file; a xacro file is to be expanded first.
+
+    Returns
+    -------
+    Robot
+        As the file says, in SI units and radians.
+
+    Raises
+    ------
+    ArgumentError
+        `path` is no path.
+    DataFileError
+        The message names the file, the link or joint, the value and what is allowed.
+    """
+    path = given_path("path", path)
+    data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
+    root = safe_xml.parse(data, str(path))
+    try:
+        return _robot(root)
+    except DataFileError as error:
+        hint = "; this is a xacro file: expand it first" if b"xacro:" in data or b"${" in data else ""
+        raise DataFileError(f"{path}: {error}{hint}") from None
+
+
+def _robot(root: ET.Element) -> Robot:
+    if root.tag != "robot":
+        raise DataFileError(f"<{short(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
+    for element in root.iter():
+        if "xacro" in element.tag.partition("}")[0]:  # the namespace
+            raise DataFileError(f"<xacro:{element.tag.partition('}')[2]}>: a macro")
+    found = root.findall("link")
+    if len(found) > MOST_LINKS:
+        raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
+    links: dict[str, RigidBody] = {}
+    for element in found:
+        links[_new_name(element, links)] = _body(element)
+    joints: dict[str, TreeJoint] = {}
+    for element in root.findall("joint"):
+        name = _new_name(element, joints)
+        joints[name] = _joint(element, name)
+    tables = [(root, READ["robot"]), *((e, READ[e.tag]) for e in root if e.tag in READ)]
+    left_out = Counter(child.tag for element, known in tables for child in element if child.tag not in known)
+    return Robot(root.get("name", "robot"), links, joints, left_out)
+
+
+def _new_name(element: ET.Element, known: dict[str, RigidBody] | dict[str, TreeJoint]) -> str:
+    name = element.get("name")
+    if not name:
+        raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing")
+    if name in known:
+        raise DataFileError(f"{_said(element)}: two {element.tag}s have this name")
+    return name
+
+
+def _said(element: ET.Element) -> str:
+    """A link or joint in a message."""
+    return f"{element.tag} {short(element.get('name'))}"
+
+
+def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
+    found = parent.findall(tag)
+    if len(found) > 1:
+        raise DataFileError(f"{about}: <{tag}> is given {len(found)} times")
+    return found[0] if found else None
+
+
+def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
+    found = _one(parent, tag, about)
+    if found is None:
+        raise DataFileError(f"{about}: <{tag}>: missing")
+    return found
+
+
+def _text(element: ET.Element, key: str, about: str) -> str:
+    found = element.get(key)
+    if found is None:
+        raise DataFileError(f"{about}: <{element.tag} {key}>: missing")
+    return found
+
+
+def _numbers(text: str, about: str, count: int = 1) -> list[float]:
+    parts = text.split()
+    wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
+    if len(parts) != count or not all(NUMBER.fullmatch(part) for part in parts):
+        raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
+    values = [float(part) for part in parts]
+    if not all(map(math.isfinite, values)):
+        raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
+    return values
+
+
+def _number(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
+    """An attribute that is a number; one without default must be there."""
+    text = None if element is None else element.get(key)
+    if element is None or (text is None and default is not None):
+        return default or 0.0
+    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>")[0]
+
+
+def _not_negative(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
+    value = _number(element, key, about, default)
+    if value < 0 and element is not None:
+        raise DataFileError(f"{about}: <{element.tag} {key}> = {value!r}: must not be negative")
+    return value
+
+
+def _vector(element: ET.Element | None, key: str, about: str, default: tuple[float, float, float]) -> Array:
+    text = None if element is None else element.get(key)
+    if element is None or text is None:
+        return np.array(default)
+    return np.array(_numbers(text, f"{about}: <{element.tag} {key}>", 3))
+
+
+def _origin(parent: ET.Element, about: str) -> Pose:
+    element = _one(parent, "origin", about)
+    zero = (0.0, 0.0, 0.0)
+    roll, pitch, yaw = np.degrees(_vector(element, "rpy", about, zero)).tolist()  # a right angle is exact in degrees
+    return Pose(matrix_from_rpy_deg((roll, pitch, yaw)), _vector(element, "xyz", about, zero))
+
+
+def _body(link: ET.Element) -> RigidBody:
+    about = _said(link)
+    inertial = _one(link, "inertial", about)
+    if inertial is None:
+        return NOTHING
+    mass = _not_negative(_needed(inertial, "mass", about), "value", about)
+    tensor = _needed(inertial, "inertia", about)
+    xx, yy, zz, xy, xz, yz = (_number(tensor, key, about) for key in MOMENTS)
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return RigidBody(mass, np.zeros(3), inertia).moved(_origin(inertial, about))
+
+
+def _joint(element: ET.Element, name: str) -> TreeJoint:
+    about = _said(element)
+    kind = _kind(element, about)
+    dynamics, mimic = _one(element, "dynamics", about), _one(element, "mimic", about)
+    return TreeJoint(
+        name=name,
+        kind=kind,
+        parent=_text(_needed(element, "parent", about), "link", about),
+        child=_text(_needed(element, "child", about), "link", about),
+        origin=_origin(element, about),
+        axis=_axis(element, about) if kind in {"revolute", "continuous", "prismatic"} else np.zeros(3),
+        limits=_limits(element, kind, about),
+        damping=_not_negative(dynamics, "damping", about, 0.0),
+        friction=_not_negative(dynamics, "friction", about, 0.0),
+        mimic=None if mimic is None else _mimic(mimic, about),
+    )
+
+
+def _kind(element: ET.Element, about: str) -> JointKind:
+    given = _text(element, "type", about)
+    for kind in get_args(JointKind):
+        if given == kind:
+            return kind  # type: ignore[no-any-return]
+    raise DataFileError(f"{about}: type = {short(given)}: allowed are {', '.join(KINDS)}{meant(given, KINDS)}")
+
+
+def _axis(element: ET.Element, about: str) -> Array:
+    axis = _vector(_one(element, "axis", about), "xyz", about, (1.0, 0.0, 0.0))
+    length = float(np.linalg.norm(axis / (np.abs(axis).max() or 1.0)) * np.abs(axis).max())
+    if not 0 < length < math.inf:
+        raise DataFileError(f"{about}: <axis xyz> = {axis.tolist()}: has no direction")
+    return axis / length
+
+
+def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, float] | None:
+    if kind not in {"revolute", "prismatic"}:
+        return None
+    limit = _needed(element, "limit", about)
+    lower, upper = _number(limit, "lower", about, 0.0), _number(limit, "upper", about, 0.0)
+    if lower > upper:
+        raise DataFileError(f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper")
+    return lower, upper
+
+
+def _mimic(element: ET.Element, about: str) -> Mimic:
+    return Mimic(
+        _text(element, "joint", about),
+        _number(element, "multiplier", about, 1.0),
+        _number(element, "offset", about, 0.0),
+    )

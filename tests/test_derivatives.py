@@ -1,0 +1,245 @@
+"""Derivatives of the dynamics are those of its functions: against 50 digits, against each other, and at the edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, nasty_scene, random_state
+from mpmath import mp
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink import ArgumentError, Chain, Joint, Link, Motion, Mount, Payload, SingularMassError
+from flexlink.describe.spec import Vector3
+from flexlink.kernels.forward_slopes import slopes_in_plane, slopes_in_space
+from validation.oracles.spatial_chain import SpatialChain, exactly
+
+Array = NDArray[np.float64]
+DIGITS = 60  # differences lose 20 and are right to 40; M at 89.99° loses 8
+CLOSE = 1e-12
+"""Of the largest element: the project's limit; n eps times the spread of the parts is 1e-13 for arms of ten hinges."""
+
+
+def random_arm(rng: np.random.Generator) -> Chain:
+    """One to three links of any kind, mounted anyhow, with rotors, hubs, dry friction and a load."""
+
+    def joint() -> Joint:
+        some = rng.uniform(size=3) * (rng.uniform(size=3) < 0.5)
+        return Joint(viscous=some[0], coulomb=some[1], coulomb_width=1.0, armature=0.1 * some[2])
+
+    def link(number: int) -> Link:
+        flex = str(rng.choice(["rigid", "z", "yz", "xyz"]))
+        fields = {
+            "mount": Mount(rpy_deg=_three(rng, 180.0), xyz=_three(rng, 0.3)),
+            "joint": joint(),
+            "hub": Payload(mass=rng.uniform(), inertia=(0.01, 0.01, 0.01)),
+        }
+        if flex == "rigid":
+            return Link(
+                name=f"l{number}", length=rng.uniform(0.1, 1.0), material="aluminium", section="square", **fields
+            )
+        return flexible(f"l{number}", flex, int(rng.integers(2, 4)), **fields)
+
+    links = [link(number) for number in range(rng.integers(1, 3))]
+    tip = Payload(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02))
+    return fl.lump(make_scene(*links, tip=tip, gravity=_three(rng, 10.0)))
+
+
+def _three(rng: np.random.Generator, size: float) -> Vector3:
+    x, y, z = rng.uniform(-size, size, 3)
+    return float(x), float(y), float(z)
+
+
+def bent_state(chain: Chain, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Driven joints anywhere, hinges bent by up to 30°, rates up to 10 rad/s."""
+    q, qd = random_state(chain, rng)
+    return np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6), qd
+
+
+def off(ours: Array, exact: Array) -> float:
+    """Largest error, in units of the largest element, or of 1 where all is zero to the last of the oracle's digits."""
+    largest = np.abs(exact).max()
+    return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))
+
+
+def friction_slope(chain: Chain, qd: Array) -> Array:
+    """∂T_FR/∂q̇, shape (n,)."""
+    joints = chain.hinges
+    return joints["damping"] + joints["coulomb"] / joints["coulomb_width"] * (
+        1 - np.tanh(qd / joints["coulomb_width"]) ** 2
+    )
+
+
+def exact_derivatives(chain: Chain, q: Array, qd: Array, tau: Array, wrench: Array) -> tuple[Array, list[Array]]:
+    """q̈, then ∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹ from 60 digits, each rounded once."""
+    oracle = SpatialChain(chain)
+    with mp.workdps(DIGITS):
+        q, qd, tau, wrench = (exactly(part) for part in (q, qd, tau, wrench))
+        M, bias = oracle.equations(q, qd)
+        rest = zip(tau, bias, oracle.joint_torques(q, qd), oracle.load(q, wrench), strict=True)
+        inverse = M**-1
+        qdd = inverse * mp.matrix([t - b - joint + w for t, b, joint, w in rest])
+        by_angle, by_rate = oracle.slopes(q, qd, list(qdd), wrench)
+        found = [np.array(part.tolist(), dtype=float) for part in (-inverse * by_angle, -inverse * by_rate, inverse)]
+        return np.array(list(qdd), dtype=float), found
+
+
+def worst_of_forward(chain: Chain, q: Array, qd: Array, tau: Array, wrench: Array) -> float:
+    _, exact = exact_derivatives(chain, q, qd, tau, wrench)
+    found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
+    return max(off(ours, theirs) for ours, theirs in zip(found, exact, strict=True))
+
+
+def worst_of_inverse(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> float:
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=wrench)
+    oracle = SpatialChain(chain)
+    with mp.workdps(DIGITS):
+        exact = oracle.slopes(*(exactly(part) for part in (q, qd, qdd, wrench)))
+        by_angle, by_rate = (np.array(part.tolist(), dtype=float) for part in exact)
+        M = np.array(oracle.equations(exactly(q), exactly(qd))[0].tolist(), dtype=float)
+    own = found.dq + np.diag(chain.stiffness), found.dqd + np.diag(friction_slope(chain, qd)), found.dqdd
+    return max(off(ours, theirs) for ours, theirs in zip(own, (by_angle, by_rate, M), strict=True))
+
+
+def worst_of_random_arm(seed: int) -> tuple[float, float]:
+    rng = np.random.default_rng(seed)
+    chain = random_arm(rng)
+    q, qd = bent_state(chain, rng)
+    qdd, tau, wrench = rng.normal(size=chain.n), rng.normal(size=chain.n), rng.normal(size=6)
+    return worst_of_inverse(chain, q, qd, qdd, wrench), worst_of_forward(chain, q, qd, tau, wrench)
+
+
+@pytest.mark.parametrize("seed", [6, 9])  # of five and four joints
+def test_derivatives_are_those_of_50_digits(seed: int) -> None:
+    assert max(worst_of_random_arm(seed)) <= CLOSE
+
+
+def test_a_planar_arm_has_the_same_derivatives_by_the_recursion_in_space(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a"), flexible("b", joint=Joint(armature=0.1)), gravity=(0.0, 9.81, 0.0)))
+    q, qd = bent_state(chain, rng)
+    state = chain.arrays, rng.normal(size=6), q, qd, rng.normal(size=chain.n)
+    for plane, space in zip(slopes_in_plane(*state)[1], slopes_in_space(*state)[1], strict=True):
+        assert off(plane, space) <= 1e-10  # both lose what the spread of M costs
+
+
+def test_derivatives_undo_each_other(chain: Chain, rng: np.random.Generator) -> None:
+    """∂τ/∂q + ∂τ/∂q̈ ∂q̈/∂q = −∂(T_FL + T_FR)/∂q, and so on: inverse and forward dynamics are one equation."""
+    q, qd = bent_state(chain, rng)
+    tau = rng.normal(size=chain.n)
+    forward = fl.forward_dynamics_derivatives(chain, q, qd, tau)
+    inverse = fl.inverse_dynamics_derivatives(chain, q, qd, fl.forward_dynamics(chain, q, qd, tau))
+    for slope, own, through in (
+        (inverse.dq, chain.stiffness, forward.dq),
+        (inverse.dqd, friction_slope(chain, qd), forward.dqd),
+        (np.zeros((chain.n, chain.n)), -np.ones(chain.n), forward.dtau),
+    ):
+        parts = np.abs(inverse.dqdd) @ np.abs(through)
+        assert (np.abs(slope + np.diag(own) + inverse.dqdd @ through) <= 1e-12 * parts.max()).all()
+
+
+def test_the_mass_matrix_and_the_jacobian_come_along(chain: Chain, rng: np.random.Generator) -> None:
+    q, qd = bent_state(chain, rng)
+    qdd, wrench = rng.normal(size=chain.n), rng.normal(size=6)
+    found = fl.inverse_dynamics_derivatives(chain, q, qd, qdd)
+    M = fl.mass_matrix(chain, q)
+    assert off(found.dqdd, M) <= 1e-14 * chain.n
+    J = fl.jacobian(chain, q)
+    load = fl.bias_torque(chain, q, 0 * q) - fl.bias_torque(chain, q, 0 * q, tip_wrench=wrench)
+    size = np.abs(load).max() + np.abs(fl.gravity_torque(chain, q)).max()
+    assert np.abs(J.linear.T @ wrench[:3] + J.angular.T @ wrench[3:] - load).max() <= 1e-13 * size
+
+
+def test_a_jacobian_gives_the_velocity_of_any_point(chain: Chain, rng: np.random.Generator) -> None:
+    q, qd = bent_state(chain, rng)
+    h = 1e-5  # s
+    for body in (0, len(chain.bodies) // 2, -1):
+        point = rng.normal(size=3)
+        J = fl.jacobian(chain, q, body=body, point=point)
+        ahead, behind = (fl.frames(chain, q + sign * h * qd) for sign in (1, -1))
+        place = [frames.points[body] + frames.rotations[body] @ point for frames in (ahead, behind)]
+        speed = np.abs(qd).sum()
+        assert np.abs((place[0] - place[1]) / (2 * h) - J.linear @ qd).max() <= 10 * speed**3 * h**2
+        turn = (ahead.rotations[body] - behind.rotations[body]) / (2 * h) @ fl.frames(chain, q).rotations[body].T
+        ω = np.array([turn[2, 1], turn[0, 2], turn[1, 0]])
+        assert np.abs(ω - J.angular @ qd).max() <= 10 * speed**3 * h**2
+
+
+def test_hinges_beyond_a_body_do_not_move_it() -> None:
+    chain = fl.lump(nasty_scene())
+    J = fl.jacobian(chain, np.full(chain.n, 0.1), body=0)
+    stop = int(chain.bodies["stop"][0])
+    assert not J.linear[:, stop:].any() and not J.angular[:, stop:].any()
+
+
+def test_where_motion_is_prescribed_the_acceleration_is_the_input(rng: np.random.Generator) -> None:
+    links = Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
+    motion = (
+        Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)),
+    )
+    given = fl.lump(make_scene(*links, motion=motion))
+    free = fl.lump(make_scene(*links))
+    q, qd = bent_state(given, rng)
+    tau = rng.normal(size=given.n)
+    found = fl.forward_dynamics_derivatives(given, q, qd, tau)
+    M, others = fl.mass_matrix(free, q), np.arange(1, given.n)
+    inverse = fl.inverse_dynamics_derivatives(free, q, qd, fl.forward_dynamics(given, q, qd, tau))
+    block = M[1:, 1:]
+    assert not found.dq[0].any() and not found.dqd[0].any() and found.dtau[0, 0] == 1 and not found.dtau[0, 1:].any()
+    assert off(found.dtau[1:, 0], -np.linalg.solve(block, M[1:, 0])) <= 1e-10
+    assert off(found.dtau[1:, 1:], np.linalg.inv(block)) <= 1e-10
+    K = inverse.dq[1:] + np.diag(free.stiffness)[1:]
+    assert off(found.dq[1:], -np.linalg.solve(block, K)) <= 1e-10
+    assert others.size
+
+
+def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
+    arm = Link(name="a", length=1.0, joint=Joint(viscous=0.3)), Payload(mass=2.0)
+    chain = fl.lump(make_scene(arm[0], tip=arm[1], gravity=(0.0, 9.81, 0.0)))
+    q = np.array([0.4])
+    found = fl.forward_dynamics_derivatives(chain, q, np.array([1.5]), np.array([0.7]))
+    assert found.dq == pytest.approx(np.array([[-9.81 * np.sin(0.4)]]), rel=1e-14)
+    assert found.dqd == pytest.approx(np.array([[-0.15]]), rel=1e-14)
+    assert found.dtau == pytest.approx(np.array([[0.5]]), rel=1e-14)
+
+
+def test_many_states_have_the_derivatives_of_each(rng: np.random.Generator) -> None:
+    chain = fl.lump(nasty_scene())
+    q, qd = rng.uniform(-1, 1, (2, 3, chain.n))
+    tau = rng.normal(size=chain.n)
+    many = fl.forward_dynamics_derivatives(chain, q, qd, tau)
+    assert repr(many) == "<ForwardDerivatives: 3 × 19 × 19>"
+    for k in range(3):
+        for batch, one in zip(many, fl.forward_dynamics_derivatives(chain, q[k], qd[k], tau), strict=True):
+            assert np.array_equal(batch[k], one)
+    assert fl.inverse_dynamics_derivatives(chain, q, qd, tau).dq.shape == (3, chain.n, chain.n)
+    assert fl.jacobian(chain, q).linear.shape == (3, 3, chain.n)
+
+
+@pytest.mark.slow
+def test_long_chains_have_derivatives_too(rng: np.random.Generator) -> None:
+    chain = fl.lump(make_scene(flexible("a", "z", 400)))
+    q, qd = np.full(chain.n, 1e-3), np.full(chain.n, 0.1)
+    found = fl.forward_dynamics_derivatives(chain, q, qd, 0 * q)
+    assert chain.n == 400
+    for j in (0, 200, 399):
+        e = np.eye(400)[j]
+        assert (
+            off(found.dtau[:, j], fl.forward_dynamics(chain, q, qd, e) - fl.forward_dynamics(chain, q, qd, 0 * e))
+            <= 1e-8
+        )
+
+
+def test_a_derivative_that_is_not_there_is_an_error() -> None:
+    chain = fl.lump(make_scene(flexible("a", "xyz", 2)))
+    q = np.zeros(chain.n)
+    with pytest.raises(ArgumentError, match=r"q has shape \(1,\); expected \(4,\), or \(b, 4\)"):
+        fl.forward_dynamics_derivatives(chain, [0.0], q, q)
+    with pytest.raises(ArgumentError, match="derivative of the torques of 'test' is beyond"):
+        fl.inverse_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
+    with pytest.raises(ArgumentError, match="leaves float64"):
+        fl.forward_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
+    with pytest.raises(ArgumentError, match="body = 3: must be -3 … 2"):
+        fl.jacobian(chain, q, body=3)
+    massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=Payload(mass=1.0)))
+    with pytest.raises(SingularMassError, match="moves no inertia"):
+        fl.forward_dynamics_derivatives(massless, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])

@@ -1,0 +1,221 @@
+"""Elastic gears, dry friction in the hinges of a link, limits of joints: closed forms, engines, and what is refused."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree as ET
+
+import mujoco
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.motion.notes import notes
+
+EPS = np.finfo(float).eps
+K, I_A, J = 300.0, 0.02, 0.5
+GEAR = fl.Joint(gear_stiffness=K, armature=I_A)
+WHEEL = fl.Payload(inertia=(0.0, 0.0, J))
+
+
+def geared(joint: fl.Joint = GEAR, **fields: object) -> fl.Scene:
+    """A wheel of inertia J about Z behind a motor and its gear; nothing pushes."""
+    return make_scene(fl.Link(name="a", joint=joint, hub=WHEEL), **{"gravity": (0.0, 0.0, 0.0), **fields})
+
+
+def test_motor_and_wheel_are_two_inertias_and_a_spring() -> None:
+    """M in (θ_motor, θ_link − θ_motor); ω² = k (1/I_a + 1/J), and k/J with the motor held."""
+    chain = fl.lump(geared())
+    assert chain.joint_names == ("a", "a.gear")
+    assert chain.coordinate("a.gear") == (1, 0, 3)
+    assert chain.active.tolist() == [0]
+    np.testing.assert_array_equal(fl.mass_matrix(chain, np.zeros(2)), [[J + I_A, J], [J, J]])
+    ω = fl.natural_frequencies(chain, np.zeros(2))
+    assert ω[-1] == pytest.approx(np.sqrt(K * (1 / I_A + 1 / J)), rel=1e-13, abs=0)
+    held = fl.natural_frequencies(chain, np.zeros(2), locked=["a"])
+    assert held.tolist() == pytest.approx([np.sqrt(K / J)], rel=1e-14, abs=0)
+
+
+def test_a_locked_motor_holds_its_side_of_the_gear() -> None:
+    chain = fl.lump(geared(fl.Joint(gear_stiffness=K, locked=True), initial=fl.Initial(joint_deg=(90.0,))))
+    assert chain.joint_names == ("a.gear",)
+    assert fl.natural_frequencies(chain, np.zeros(1)).tolist() == pytest.approx([np.sqrt(K / J)], rel=1e-14, abs=0)
+    np.testing.assert_array_equal(fl.frames(chain, np.zeros(1)).rotations[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+
+
+def test_gear_damping_and_motor_friction_stand_on_their_own_sides() -> None:
+    joint = fl.Joint(gear_stiffness=K, gear_damping=3.0, armature=I_A, viscous=2.0, coulomb=0.4, coulomb_width=0.1)
+    torque = fl.friction_torque(fl.lump(geared(joint)), [0.1, 0.7])
+    assert torque.tolist() == pytest.approx([2.0 * 0.1 + 0.4 * np.tanh(1.0), 3.0 * 0.7], rel=4 * EPS, abs=0)
+
+
+def test_a_gear_sags_under_what_its_link_carries() -> None:
+    """k θ = m g r cos θ behind a motor that is held, and Initial(passive="static") starts there."""
+    link = fl.Link(name="a", length=0.5, joint=fl.Joint(gear_stiffness=K, armature=I_A, axis=(0, 0, -1)))
+    load = fl.Payload(mass=4.0, inertia=(0.1, 0.1, 0.1))
+    start = fl.Initial(joint_deg=(0.0,), passive="static")
+    scene = make_scene(link, tip=load, gravity=(0.0, -9.81, 0.0), initial=start)
+    assert not notes(scene)
+    q, _ = fl.initial_state(scene, fl.lump(scene))
+    assert q[0] == 0
+    assert K * q[1] == pytest.approx(4.0 * 9.81 * 0.5 * np.cos(q[1]), rel=1e-12, abs=0)
+
+
+def arm_with_gears(**fields: object) -> fl.Scene:
+    """A stiff and a soft gear, about skew axes, with flexible links that rub in their hinges."""
+    first = fl.Joint(gear_stiffness=2e3, gear_damping=0.5, armature=0.3, axis=(0, 1, 0), viscous=0.3)
+    second = fl.Joint(gear_stiffness=200.0, armature=0.1, coulomb=0.2, coulomb_width=0.1)
+    rubbing = fl.Friction(coulomb=0.5, coulomb_width=0.2)
+    return make_scene(
+        flexible("a", "yz", 3, joint=first, friction=rubbing),
+        flexible("b", "xyz", 3, joint=second, friction=fl.Friction(coulomb=0.3), mount=fl.Mount(rpy_deg=(30, 0, 60))),
+        tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
+    )  # fmt: skip
+
+
+PLANE = make_scene(
+    flexible("a", joint=GEAR, friction=fl.Friction(coulomb=0.5, coulomb_width=0.2)), flexible("b", joint=GEAR),
+    gravity=(0.0, 9.81, 0.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
+def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
+    """M q̈ = τ − T_GC − T_FL − T_FR by all three; T_FR is d q̇ + c tanh(q̇/w) on passive hinges, too."""
+    chain = fl.lump(scene)
+    q, qd, tau = 0.1 * rng.standard_normal(chain.n), rng.standard_normal(chain.n), rng.standard_normal(chain.n)
+    hinges = chain.hinges
+    friction = fl.friction_torque(chain, qd)
+    wanted = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
+    np.testing.assert_allclose(friction, wanted, rtol=4 * EPS)
+    passive = [k for k, c in enumerate(chain.coordinates) if c.link == 1 and c.segment]
+    assert (hinges["coulomb"][passive] == 0.5).all()
+    assert (hinges["coulomb_width"][passive] == 0.2).all()
+    M = fl.mass_matrix(chain, q)
+    rest = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - friction
+    for method in ("articulated", "lu", "cholesky"):
+        qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
+        residual = np.abs(M @ qdd - rest).max()
+        assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
+def test_engines_agree_on_gears_and_friction_in_hinges(scene) -> None:
+    assert fl.compare(scene, samples=20).passed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", [arm_with_gears(), PLANE], ids=["space", "plane"])
+def test_implicit_and_explicit_steps_see_the_same_gears_and_friction(scene) -> None:
+    """Radau5 and DOP853 to 1e-7 m, and the energy balances: friction in hinges is counted in the work."""
+    runs = [fl.simulate(scene, tolerance=1e-7, method=m, duration=0.1) for m in ("Radau5", "DOP853")]
+    assert np.abs(runs[0].tip - runs[1].tip).max() < 1e-6
+    for run in runs:
+        assert abs(run.imbalance[-1]) < 1e-5 * run.exchanged[-1]
+
+
+def test_hinges_that_rub_lose_energy() -> None:
+    """A link that swings on its locked joint, and the same link with friction: the second comes to rest sooner."""
+    start = fl.Initial(joint_deg=(0.0,))
+    smooth = make_scene(
+        flexible("a", "z", 3, joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0), initial=start,
+    )  # fmt: skip
+    rubbing = smooth.varied({"link.*.friction": fl.Friction(coulomb=20.0, coulomb_width=1.0)})
+    left = [fl.simulate(s, step=1e-5, sample=1e-3, duration=0.05).exchanged[-1] for s in (smooth, rubbing)]
+    work = fl.simulate(rubbing, step=1e-5, sample=1e-3, duration=0.05).work[-1]
+    assert work < -0.01 * left[0]
+
+
+def test_the_motor_follows_a_prescribed_motion_and_the_gear_gives() -> None:
+    """θ_gear = −(α/ω²)(1 − cos ω t) behind a motor that accelerates evenly by α from rest, ω² = k/J."""
+    α, end = 2.0, 0.2
+    path = [(t, 0.5 * α * t * t, α * t, α) for t in (0.0, 2 * end)]
+    times, angle, rate, acceleration = zip(*path, strict=True)
+    motion = fl.Motion(
+        link="a", times=times, angle_deg=np.degrees(angle), rate_deg=np.degrees(rate),
+        acceleration_deg=np.degrees(acceleration),
+    )  # fmt: skip
+    run = fl.simulate(geared(motion=(motion,)), step=1e-4, duration=end, sample=end)
+    ω = np.sqrt(K / J)
+    gear = -α / ω**2 * (1 - np.cos(ω * end))
+    assert run.q[-1].tolist() == pytest.approx([0.5 * α * end**2, gear], rel=1e-8)
+    assert run.tau[-1, 0] == pytest.approx(I_A * α - K * gear, rel=1e-8)
+
+
+def test_a_gear_may_turn_further_than_a_hinge_of_a_beam_may_bend() -> None:
+    soft = geared(fl.Joint(gear_stiffness=0.1, armature=1.0, viscous=1e3), initial=fl.Initial(joint_deg=(0.0,)))
+    pushed = soft.varied({"wrench.moment": (0.0, 0.0, 1.0)})
+    run = fl.simulate(pushed, step=1e-3, duration=2.0)
+    assert np.degrees(run.q[-1, 1]) > 84
+    assert not run.warnings
+
+
+LIMITS = fl.Joint(limits_deg=(-90.0, 45.0))
+
+
+def test_a_run_past_a_limit_says_so_and_is_not_stopped() -> None:
+    scene = make_scene(flexible("a", joint=LIMITS), gravity=(0.0, 9.81, 0.0), initial=fl.Initial(joint_deg=(45.0,)))
+    free = fl.simulate(scene.varied({"link.a.joint.limits_deg": None}), step=5e-5, duration=0.1)
+    run = fl.simulate(scene, step=5e-5, duration=0.1)
+    np.testing.assert_array_equal(run.q, free.q)
+    assert not free.warnings
+    assert len(run.warnings) == 1
+    assert "joint 'a' is at 45.0" in run.warnings[0]
+    assert run.warnings[0].endswith("past its limits -90° … 45°; no stop holds it")
+
+
+def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
+    chain = fl.lump(make_scene(flexible("a", joint=LIMITS), flexible("b")))
+    lower, upper = np.radians([-90.0, 45.0]).tolist()
+    urdf, mjcf = ET.fromstring(fl.to_urdf(chain)), ET.fromstring(fl.to_mjcf(chain))
+    ends = urdf.findall("joint/limit")
+    assert [float(ends[0].attrib[key]) for key in ("lower", "upper")] == [lower, upper]
+    assert {limit.attrib["lower"] for limit in ends[1:]} == {"-1e9"}
+    written = [joint.attrib.get("range") for joint in mjcf.iter("joint")]
+    assert written[0] == f"{lower!r} {upper!r}"
+    assert not any(written[1:])
+    model = mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))
+    assert model.jnt_range[0].tolist() == [lower, upper]
+    assert not model.jnt_limited.any()
+
+
+@pytest.mark.parametrize(
+    ("build", "wanted"),
+    [
+        (lambda: fl.Joint(gear_stiffness=K), r"^armature = 0\.0: gear_stiffness = 300\.0 needs the motor's inertia"),
+        (lambda: fl.Joint(gear_damping=1.0), r"^gear_damping = 1\.0: needs a gear_stiffness"),
+        (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), r"^gear_stiffness = 0\.0: expected float > 0"),
+        (lambda: fl.Joint(limits_deg=(10, 10)), r"^limits_deg = \(10\.0, 10\.0\): the lower one must be below"),
+        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), initial=fl.Initial(joint_deg=(46.0,))),
+         r"^initial\.joint_deg\[0\] = 46\.0: outside limits_deg = \[-90\.0, 45\.0\] of the joint of 'a'"),
+        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), motion=(fl.Motion(
+            link="a", times=(0, 1), angle_deg=(0, 46), rate_deg=(0, 0), acceleration_deg=(0, 0)),)),
+         r"^motion\[0\]\.angle_deg\[1\] = 46\.0: outside limits_deg"),
+        (lambda: fl.Friction(coulomb=-1.0), r"^coulomb = -1\.0: expected float >= 0"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(build, wanted) -> None:
+    with pytest.raises(fl.SceneError, match=wanted):
+        build()
+
+
+def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
+    rule = tmp_path / "nodal.toml"
+    rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
+    for joint in (GEAR, fl.Joint(gear_stiffness=K, locked=True)):
+        with pytest.raises(fl.SceneError, match=r"^link\[0\].lumping = .*with no inertia between the two"):
+            fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint)))
+        chain = fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint, hub=WHEEL)))
+        assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
+
+
+def test_friction_of_a_rigid_link_is_noted() -> None:
+    scene = make_scene(fl.Link(name="a", length=0.5, friction=fl.Friction(coulomb=1.0)), gravity=(0.0, 9.81, 0.0))
+    assert notes(scene) == ("link[0].friction.coulomb = 1.0: has no effect, 'a' is rigid",)
+
+
+def test_a_bend_and_a_gear_survive_toml(tmp_path) -> None:
+    scene, path = arm_with_gears(), tmp_path / "gears.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(path) == scene

@@ -1,0 +1,165 @@
+"""An engine in a process of its own answers as it does here; a crash, a hang or Ctrl-C there is an error here, no more.
+
+Here it is the native engine: nothing has to be installed, and the mechanism is the same.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene, random_state
+from numpy.testing import assert_array_equal
+
+from flexlink import ArgumentError, DivergenceError, Drive, EngineError, MissingDependencyError, Scene, lump
+from flexlink.engines import isolated, load
+from flexlink.engines.isolated import IsolatedEngine
+
+pytestmark = pytest.mark.slow  # every test starts a process
+
+SCENE = make_scene(flexible("arm")).varied({"run.duration": 0.02})
+
+
+def process_of(engine: IsolatedEngine) -> subprocess.Popen[bytes]:
+    return engine._process
+
+
+def test_it_answers_as_in_this_process(rng: np.random.Generator) -> None:
+    chain = lump(SCENE)
+    here, there = load("native", chain), IsolatedEngine("native", chain)
+    assert (there.name, there.version, there.n) == (here.name, here.version, here.n)
+    q, qd = random_state(chain, rng)
+    tau, wrench = rng.uniform(-9, 9, chain.n), rng.uniform(-9, 9, 6)
+    assert_array_equal(there.mass_matrix(q), here.mass_matrix(q))
+    assert_array_equal(there.bias_torque(q, qd, tip_wrench=wrench), here.bias_torque(q, qd, tip_wrench=wrench))
+    assert_array_equal(there.gravity_torque(q), here.gravity_torque(q))
+    assert_array_equal(there.elastic_torque(q), here.elastic_torque(q))
+    assert_array_equal(there.friction_torque(qd), here.friction_torque(qd))
+    assert_array_equal(there.forward_dynamics(q, qd, tau), here.forward_dynamics(q, qd, tau))
+    for mine, theirs in zip(here.integrate(SCENE), there.integrate(SCENE), strict=True):
+        assert_array_equal(theirs, mine)
+
+
+def torn() -> Scene:
+    """An arm whose drive tears it to pieces."""
+    drive = Drive(kind="table", times=(0.0, 0.02), torques=((0.0,), (1e303,)))
+    return SCENE.varied({"drive": drive, "run.unstable": "allow"})
+
+
+def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    with pytest.raises(DivergenceError) as caught:
+        engine.integrate(torn())
+    assert np.isfinite(caught.value.trajectory.q).all()
+    with pytest.raises(ArgumentError, match=r"q has shape \(1,\)"):
+        engine.mass_matrix(np.zeros(1))
+    with pytest.raises(EngineError, match="no_such_question: AttributeError: "):
+        engine._ask("no_such_question")
+    assert engine.mass_matrix(np.zeros(engine.n)).shape == (engine.n, engine.n)
+
+
+@pytest.mark.parametrize("number", [signal.SIGABRT, signal.SIGSEGV, signal.SIGKILL])
+def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(number: signal.Signals) -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    os.kill(process_of(engine).pid, number)
+    for _ in range(2):
+        told = rf"native, asked to mass matrix \(test\): its process was ended by {number.name}; its last words: none"
+        with pytest.raises(EngineError, match=told):
+            engine.mass_matrix(np.zeros(engine.n))
+
+
+def test_a_process_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(EngineError, match=r"asked to load .*exit code 1; its last words: no numba today$"):
+        IsolatedEngine("native", lump(SCENE))
+
+
+def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    monkeypatch.setattr(isolated, "SECONDS", 0.05)
+    monkeypatch.setattr(isolated, "SECONDS_PER_STEP", 0.0)
+    with pytest.raises(
+        EngineError, match=r"asked to integrate \(test\): no answer within 0\.05 s; its process was ended"
+    ):
+        engine.integrate(SCENE.varied({"run.duration": 1000.0}))
+    assert process_of(engine).returncode == -signal.SIGALRM
+
+
+def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    old = signal.signal(signal.SIGUSR1, interrupt)
+    try:
+        subprocess.Popen(["sh", "-c", f"sleep 0.3; kill -USR1 {os.getpid()}"])
+        with pytest.raises(KeyboardInterrupt):
+            engine.integrate(SCENE.varied({"run.duration": 1000.0}))
+    finally:
+        signal.signal(signal.SIGUSR1, old)
+    assert process_of(engine).returncode == -signal.SIGKILL
+    with pytest.raises(EngineError, match="SIGKILL"):
+        engine.mass_matrix(np.zeros(engine.n))
+
+
+def test_ctrl_c_that_only_the_process_heard_counts_as_ours() -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    os.kill(process_of(engine).pid, signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        engine.mass_matrix(np.zeros(engine.n))
+
+
+def test_the_process_ends_with_the_engine() -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    process = process_of(engine)
+    del engine
+    assert process.returncode == -signal.SIGKILL
+
+
+PARENT = """
+import os
+from conftest import flexible, make_scene
+from flexlink import lump
+from flexlink.engines.isolated import IsolatedEngine
+scene = make_scene(flexible("arm")).varied({"run.duration": 1000.0})
+engine = IsolatedEngine("native", lump(scene))
+print(engine._process.pid, flush=True)
+engine.integrate(scene)
+"""
+
+
+def test_the_process_ends_with_one_that_is_killed() -> None:
+    here = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True, env=here)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    time.sleep(0.3)  # it is in the middle of a run of a thousand seconds
+    assert alive(child)
+    parent.kill()
+    parent.wait()
+    end = time.monotonic() + 30
+    while alive(child) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert not alive(child)
+
+
+def alive(pid: int) -> bool:
+    status = Path(f"/proc/{pid}/status")
+    return status.exists() and not re.search(r"State:\s+Z", status.read_text())
+
+
+def test_a_missing_package_names_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "pydrake.py").write_text("raise ImportError('no Drake today')")
+    monkeypatch.syspath_prepend(tmp_path)
+    told = r"engine 'drake' cannot be imported \(.*\); install it with: .*'flexlink\[witness\]'"
+    with pytest.raises(MissingDependencyError, match=told):
+        load("drake", lump(SCENE))
