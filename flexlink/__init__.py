@@ -8,6 +8,7 @@ import flexlink.common.entry  # noqa: F401  first of all
 # isort: split
 
 from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
+from flexlink.analysis.linear import LinearModel, linearize
 from flexlink.analysis.modal import Modes, modes, natural_frequencies
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain, Coordinate
@@ -86,6 +87,7 @@ __all__ = [
     "InverseDerivatives",
     "Jacobian",
     "Joint",
+    "LinearModel",
     "Link",
     "Material",
     "MissingDependencyError",
@@ -117,6 +119,7 @@ __all__ = [
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "jacobian",
+    "linearize",
     "load_scene",
     "lump",
     "mass_matrix",

@@ -67,6 +67,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "load_scene": (fl.load_scene, {"path": MODELS[0]}),
     "to_urdf": (fl.to_urdf, {"chain": chain}),
     "to_mjcf": (fl.to_mjcf, {"chain": chain}),
+    "to_sdf": (fl.to_sdf, {"chain": chain}),
     "simulate": (fl.simulate, {"scene": scene(), "progress": None, "method": "RK4", "step": 1e-4, "duration": 0.005}),
     "simulate_many": (fl.simulate_many, {"scenes": [scene()], "threads": 1}),
     "compare": (compare, {"scene": scene(), "engines": ["native"], "samples": 1, "seed": 0}),

@@ -70,7 +70,7 @@ def test_a_stiffness_wrong_by_1e_9_in_an_engine_s_file_is_found(scene, k, engine
     pytest.importorskip(engine)
     module = importlib.import_module(f"flexlink.engines.{engine}")
     write = getattr(module, export)
-    monkeypatch.setattr(module, export, lambda chain: write(with_stiffness(chain, k, 1 + 1e-9)))
+    monkeypatch.setattr(module, export, lambda chain, **how: write(with_stiffness(chain, k, 1 + 1e-9), **how))
     path = ROOT / f"{scene}.toml"
     assert main(["compare", str(path), "--engines", engine, "--samples", "40"]) == 1
     told = capsys.readouterr().out

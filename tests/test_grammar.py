@@ -20,7 +20,7 @@ STATE = ["q", "qd", "qdd", "tau"]
 OF_A_STATE = [
     *(fl.inverse_dynamics, fl.bias_torque, fl.gravity_torque, fl.elastic_torque, fl.friction_torque, fl.mass_matrix),
     *(fl.forward_dynamics, fl.energy, fl.frames, fl.tip_position, fl.modes, fl.natural_frequencies, fl.solve_static),
-    *(fl.inverse_dynamics_derivatives, fl.forward_dynamics_derivatives, fl.jacobian),
+    *(fl.inverse_dynamics_derivatives, fl.forward_dynamics_derivatives, fl.jacobian, fl.linearize),
     *(fl.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
     *(stability.largest_frequency, rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
     *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),

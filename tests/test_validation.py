@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.describe.spec import decode
@@ -60,6 +61,26 @@ def test_every_case_is_well_formed_and_every_limit_has_a_reason(case):
     assert all(path.is_file() for path in case.scene_files)
     assert all(q.metric and (q.tolerance is None or len(q.reason) > 10) for q in case.quantity.values())
     assert any(q.tolerance is not None for q in case.quantity.values())
+
+
+def test_a_pattern_of_scenes_means_all_of_models_that_it_matches() -> None:
+    (case,) = load_cases("generated_files")
+    models = cases.MODELS
+    assert set(case.scene_files) == {*models.glob("*.toml"), *models.glob("robots/*.toml")}
+
+
+@pytest.mark.slow
+def test_generated_files_are_judged_in_every_engine_and_read_back() -> None:
+    (case,) = load_cases("generated_files")
+    kind = KINDS[case.kind]
+    settings = decode(
+        {**case.settings, "engines": {"urdf": "pinocchio", "mjcf": "mujoco"}, "samples": 2}, kind.Settings
+    )
+    rows = list(kind.run(replace(case, scenes=("t3_spatial",)), settings))
+    assert {(row.engine, row.quantity) for row in rows} == {
+        (engine, quantity) for engine in ("pinocchio", "mujoco") for quantity in case.quantity
+    }
+    assert all(row.value <= case.quantity[row.quantity].tolerance for row in rows)
 
 
 @pytest.mark.parametrize(("change", "message"), [

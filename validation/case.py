@@ -54,7 +54,7 @@ class Case(Spec, frozen=True):
     title: str
     about: str
     quantity: dict[str, Quantity]
-    scenes: tuple[str, ...] = ()  # names of files in models/ or validation/scenes/
+    scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
 
@@ -75,9 +75,13 @@ class Case(Spec, frozen=True):
 
     @property
     def scene_files(self) -> list[Path]:
-        """The scenes' files."""
+        """The scenes' files; a name with `*` means all of models/ that it matches."""
         benchmarks = {path.stem: path for path in BENCHMARKS.glob("*.toml")}
-        return [benchmarks.get(name, MODELS / f"{name}.toml") for name in self.scenes]
+        files: list[Path] = []
+        for name in self.scenes:
+            many = sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [MODELS / f"{name}.toml"]
+            files += [benchmarks[name]] if name in benchmarks else many
+        return files
 
 
 NOTHING: Facts = MappingProxyType({})

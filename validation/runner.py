@@ -28,7 +28,19 @@ from validation.timing.machine import Watch
 
 ROOT = Path(__file__).parent.parent
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
-PACKAGES = ("flexlink", "numpy", "scipy", "numba", "msgspec", "pin", "mujoco", "mpmath", "scikit-sundae")
+PACKAGES = (
+    "flexlink",
+    "numpy",
+    "scipy",
+    "numba",
+    "msgspec",
+    "pin",
+    "mujoco",
+    "mpmath",
+    "scikit-sundae",
+    "drake",
+    "exudyn",
+)
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""

@@ -228,9 +228,8 @@ class _Body:
 
     def record(self) -> tuple[object, ...]:
         turned = int(not np.array_equal(self.rotation, np.eye(3)))
-        return (
-            self.first, self.stop, turned, self.rotation, self.translation, self.mass, self.center, self.inertia
-        )  # fmt: skip
+        inertia = np.triu(self.inertia) + np.triu(self.inertia, 1).T  # R I Rᵀ is symmetric up to rounding only
+        return self.first, self.stop, turned, self.rotation, self.translation, self.mass, self.center, inertia
 
 
 class _Builder:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,3 +71,15 @@ def quaternion_from_matrix(R: Array) -> tuple[float, float, float, float]:
     q = np.array(candidates[largest], float)
     q = q / math.hypot(*q) * (1 if q[0] >= 0 else -1)
     return float(q[0]), float(q[1]), float(q[2]), float(q[3])
+
+
+def matrix_from_quaternion(q: Sequence[float]) -> Array:
+    """R of a unit quaternion (w, x, y, z)."""
+    w, x, y, z = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )

@@ -3,29 +3,78 @@
 from __future__ import annotations
 
 import argparse
+import math
+import sys
 from pathlib import Path
 
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import about, require_place, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
+from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
+from flexlink.formats.document import Array
+from flexlink.formats.features import not_held
+from flexlink.formats.small_mass import added_inertia, with_small_mass
+from flexlink.motion.start import initial_state
 
 
 def export_scenes(options: argparse.Namespace) -> int:
-    """Write the chains of scenes, all or none of them."""
+    """Write the chains of scenes, all or none of them, and say what their formats cannot hold."""
     texts: dict[Path, str] = {}
+    notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options.set)
-        for name in dict.fromkeys(options.format or FORMATS):
-            convert, ending = FORMATS[name]
-            target = options.out / (path.stem + ending)
+        with about(path):
+            chain, state = _chain_and_state(path, scene, options, notes)
+        for name in _formats(options):
+            target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
                 raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
             with about(path):
-                texts[target] = convert(lump(scene))
+                notes += _missing(target, scene, chain, name, strict=options.strict)
+                texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
     for path, text in texts.items():
         require_place(path)
         write_text(path, text)
         print(path)
+    for note in notes:
+        print(f"note: {note}", file=sys.stderr)
     return 0
+
+
+def _formats(options: argparse.Namespace) -> list[str]:
+    """Names of the formats that are asked for."""
+    return list(dict.fromkeys(options.format or FORMATS))
+
+
+def _chain_and_state(
+    path: Path, scene: Scene, options: argparse.Namespace, notes: list[str]
+) -> tuple[Chain, tuple[Array, Array] | None]:
+    """The chain, with small masses if they are asked for, and, where a format holds it, the initial state."""
+    chain = lump(scene)
+    keyframe = any(FORMATS[name].keyframe for name in _formats(options))
+    state = initial_state(scene, chain) if keyframe or options.small_mass is not None else None
+    if state is not None and options.small_mass is not None:
+        notes.append(_what_mass_does(path, chain, options.small_mass, state[0]))
+        chain = with_small_mass(chain, mass=options.small_mass)
+    return chain, state
+
+
+def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: bool) -> list[str]:
+    """A note on what a file cannot hold; an error if that is asked for."""
+    missing = not_held(scene, chain, format=format)
+    if missing and strict:
+        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; nothing is written")
+    told = "; ".join(f"{feature}: {instead}" for feature, instead in missing.items())
+    return [f"{target}: {format} cannot hold all: {told}"] if missing else []
+
+
+def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
+    """A note on how far an arm with masses where there are none moves differently."""
+    added = added_inertia(chain, q, mass=mass)
+    return (
+        f"{path}: {mass:g} kg for every link without mass: at the initial posture M grows by up to {added:.2g} of "
+        f"itself, frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} of themselves"
+    )

@@ -36,6 +36,7 @@ EXAMPLES = """examples:
   flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
+  flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
   flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
   flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
@@ -141,6 +142,11 @@ def _parser() -> argparse.ArgumentParser:
     export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
     export.add_argument("--format", choices=FORMATS, action="append", help="default: all")
     export.add_argument("--out", type=Path, default=Path(), help="folder to write to (default: here)")
+    export.add_argument("--strict", action="store_true", help="write nothing if a format cannot hold all of a scene")
+    export.add_argument(
+        "--small-mass", type=float, metavar="KG",
+        help="mass for links that have none, for programs that refuse them; what it changes is printed",
+    )  # fmt: skip
 
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
     check.add_argument("scene", type=Path, help="scene file (.toml)")

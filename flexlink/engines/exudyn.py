@@ -60,7 +60,7 @@ class ExudynEngine:
 
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Exudyn", chain)
-        self.tree = tree = read_tree(to_urdf(chain))
+        self.tree = tree = read_tree(to_urdf(chain, shapes=False))
         self.n, none = tree.n, np.zeros(tree.n)
         self._whole = _System(tree)
         self._bodies = _System(tree._replace(stiffness=none, damping=none))

@@ -47,7 +47,7 @@ class MujocoEngine:
         refuse_motion("MuJoCo", chain)
         try:
             with quiet():
-                self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain))
+                self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use the other engines") from error
         self.data, self.n = mujoco.MjData(self.model), self.model.nv

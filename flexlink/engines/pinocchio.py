@@ -46,7 +46,7 @@ class PinocchioEngine:
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
-        text = to_urdf(chain)
+        text = to_urdf(chain, shapes=False)
         robot = ET.fromstring(text)
         joints = robot.findall("joint[@type='revolute']")
         model = pin.buildModelFromXML(text)

@@ -20,6 +20,8 @@ NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold, not even escaped."""
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+WIDE = {"lower": "-1e9", "upper": "1e9"}
+"""Limits of a hinge that has none, where a format asks for some [rad]."""
 
 
 class Place(NamedTuple):

@@ -5,27 +5,39 @@ next body that has mass, with position and axis as they stand there at zero angl
 follows it, so the motion is the same.
 
 MuJoCo's own dry friction is a constraint. It is switched off; `frictionloss` only carries the Coulomb torque c, and
-the joint's `user` number the width w of c tanh(q̇/w), which whoever runs the file adds.
+the joint's first `user` number the width w of c tanh(q̇/w), which whoever runs the file adds.
+
+What MJCF cannot hold, or only rounded, stands in `user` numbers of the joints, which the text `flexlink.user` names,
+and in custom numbers: placements that turn or are merged, inertias that are not diagonal.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.analysis.stability import stable_step
-from flexlink.chain.arguments import given
-from flexlink.chain.chain import Chain
+from flexlink.chain.arguments import flag, given, sequence, vector
+from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
-from flexlink.formats.document import decimals, limits, text, valid, xml_joint_names, xml_link_names
-
-Array = NDArray[np.float64]
+from flexlink.formats.document import (
+    UPPER_TRIANGLE,
+    WIDE,
+    Array,
+    decimals,
+    limits,
+    links_text,
+    text,
+    valid,
+    xml_joint_names,
+    xml_link_names,
+)
+from flexlink.formats.shapes import Capsule, capsules, colours
 
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
 MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
@@ -36,27 +48,41 @@ COMPILER = {
 }  # fmt: skip
 # Nothing may act but gravity, springs and dampers; and a run that diverges must not restart by itself.
 DISABLED = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
+JOINT = {
+    "stiffness": "stiffness", "springref": "rest", "damping": "damping", "armature": "armature",
+    "frictionloss": "coulomb",
+}  # fmt: skip
+"""Attribute of <joint>: field of the hinge."""
+USER = sorted(
+    {*(HINGE.names or ())} - {*JOINT.values(), "lower", "upper"}, key=lambda name: (name != "coulomb_width", name)
+)
+"""Fields of the hinge that stand in `user`, the width of dry friction first; after them the coordinate."""
 
 
-def to_mjcf(chain: Chain) -> str:
+def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
     """Write a chain as MJCF.
 
     Parameters
     ----------
     chain
         The chain.
+    shapes
+        Whether to write capsules to look at, without mass and without contact.
+    initial
+        q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s]; without it there is none.
 
     Returns
     -------
     str
-        The document; joints in sequential order, named as `Chain.joint_name` does. Body and site `tip` are the tip
-        frame. Numbers read back exactly, except that rotations are quaternions, which MuJoCo normalizes.
+        The document; joints in sequential order, named as `Chain.joint_name` does, driven ones with a motor of that
+        name. Body and site `tip` are the tip frame. Numbers read back exactly, except that rotations are quaternions,
+        which MuJoCo normalizes.
 
     Raises
     ------
     ArgumentError
         The chain is longer than MuJoCo's parser can nest, its last joints move no mass, or a segment has a mass or
-        inertia that MuJoCo refuses.
+        inertia that MuJoCo refuses; `initial` has the wrong shape.
     SingularMassError
         A coordinate moves no inertia of its own.
     """
@@ -66,32 +92,78 @@ def to_mjcf(chain: Chain) -> str:
     ET.SubElement(root, "compiler", COMPILER)
     option = ET.SubElement(root, "option", integrator="RK4", gravity=decimals(chain.gravity))
     ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
-    ET.SubElement(root, "size", nuser_jnt="1")
-    joints, links = xml_joint_names(chain), xml_link_names(chain)
-    parent, frame, waiting = ET.SubElement(root, "worldbody"), _Frame(), list[_Hinge]()
-    for body in chain.bodies[:-1]:
-        place = _Frame(body["rotation"], body["translation"])
+    ET.SubElement(root, "size", nuser_jnt=str(len(USER) + len(Coordinate._fields)))
+    own = ET.SubElement(root, "custom")
+    ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
+    ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER, "coordinate"]))
+    if flag("shapes", shapes):
+        asset = ET.SubElement(root, "asset")
+        for name, rgba in colours(chain):
+            ET.SubElement(asset, "material", name=name, rgba=rgba)
+    _bodies(ET.SubElement(root, "worldbody"), chain, own, shapes)
+    joints = xml_joint_names(chain)
+    motors = ET.SubElement(root, "actuator")
+    for k in chain.active:
+        ET.SubElement(motors, "motor", name=joints[k], joint=joints[k])
+    if initial is not None:
+        _keyframe(ET.SubElement(root, "keyframe"), chain, initial)
+    option.set("timestep", decimals([_safe_step(chain)]))
+    return text(root)
+
+
+def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
+    """Bodies and tip, one in the other; `own` takes what they hold only rounded."""
+    joints, links, shown = xml_joint_names(chain), xml_link_names(chain), list(capsules(chain))
+    frame, waiting = _Frame(), list[_Hinge]()
+    for b, body in enumerate(chain.bodies[:-1]):
+        place, name = _Frame(body["rotation"], body["translation"]), links[body["stop"]]
+        heavy = bool(body["mass"] or body["inertia"].any())
+        if body["turned"] or waiting or not heavy:
+            _exact(own, f"placement.{joints[body['first']]}", *place.r, *place.R.flat)
         frame = frame.then(place)
         waiting = [hinge.seen_from(place) for hinge in waiting]
         waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
-        if body["mass"] or body["inertia"].any():
-            parent = _body(parent, links[body["stop"]], frame)
+        if heavy:
+            parent = _body(parent, name, frame)
             moments, axes = _principal(body)
             _require_loadable(chain, body, moments)
             _inertial(parent, body, moments, axes)
+            if not _is_diagonal(I := body["inertia"]):
+                _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
             for hinge in waiting:
-                hinge.write(parent, joints[hinge.k], chain.hinges[hinge.k])
+                hinge.write(parent, joints[hinge.k], chain)
+            _shape(parent, shown[b] if shapes else None)
             frame, waiting = _Frame(), []
     if waiting:
         raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
-    option.set("timestep", decimals([_safe_step(chain)]))
     end = chain.bodies[-1]
+    if end["turned"]:
+        _exact(own, "tip", *end["translation"], *end["rotation"].flat)
     tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
     _inertial(
         tip, end, np.zeros(3), np.eye(3)
     )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
     ET.SubElement(tip, "site", name=links[-1])
-    return text(root)
+
+
+def _keyframe(parent: ET.Element, chain: Chain, initial: tuple[ArrayLike, ArrayLike]) -> None:
+    state = sequence("initial", initial, "vector")
+    if len(state) != 2:
+        raise ArgumentError(f"initial has {len(state)} items: expected q and qd")
+    q, qd = (vector(f"initial[{k}]", value, chain.n) for k, value in enumerate(state))
+    ET.SubElement(parent, "key", name="initial", qpos=decimals(q), qvel=decimals(qd))
+
+
+def _exact(own: ET.Element, name: str, *values: float) -> None:
+    ET.SubElement(own, "numeric", name=f"flexlink.{name}", data=decimals(values))
+
+
+def _shape(body: ET.Element, capsule: Capsule | None) -> None:
+    if capsule is not None:
+        ET.SubElement(
+            body, "geom", type="capsule", fromto=decimals([0, 0, 0, *capsule.end]), size=decimals([capsule.radius]),
+            contype="0", conaffinity="0", mass="0", group="1", material=capsule.colour[0],
+        )  # fmt: skip
 
 
 def _safe_step(chain: Chain) -> float:
@@ -128,16 +200,13 @@ class _Hinge:
         """The same hinge in the axes of the next body."""
         return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.r))
 
-    def write(self, body: ET.Element, name: str, hinge: np.void) -> None:
-        values: dict[str, Iterable[float]] = {
-            "axis": self.axis, "pos": self.pos, "stiffness": [hinge["stiffness"]], "springref": [hinge["rest"]],
-            "damping": [hinge["damping"]], "armature": [hinge["armature"]], "frictionloss": [hinge["coulomb"]],
-            "user": [hinge["coulomb_width"]],
-        }  # fmt: skip
-        written = {key: decimals(value) for key, value in values.items()}
-        if ends := limits(hinge):
-            written |= {"range": " ".join(ends.values()), "limited": "false"}  # said, not enforced
-        ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | written)
+    def write(self, body: ET.Element, name: str, chain: Chain) -> None:
+        placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
+        numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT.items()}
+        own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER), *chain.coordinates[self.k]])}
+        if ends := limits(chain.hinges[self.k]):  # said, not enforced
+            own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
+        ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
 
 
 def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
@@ -148,10 +217,14 @@ def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
 def _principal(body: np.void) -> tuple[Array, Array]:
     """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
     I = body["inertia"]
-    if np.array_equal(I, np.diag(np.diag(I))):
+    if _is_diagonal(I):
         return np.diag(I), np.eye(3)
     moments, axes = np.linalg.eigh(I)
     return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
+
+
+def _is_diagonal(I: Array) -> bool:
+    return np.array_equal(I, np.diag(np.diag(I)))
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:

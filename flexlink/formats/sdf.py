@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import flag, given
 from flexlink.chain.chain import BODY, Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.document import (
@@ -30,6 +30,7 @@ from flexlink.formats.document import (
     text,
     valid,
 )
+from flexlink.formats.shapes import Capsule, capsules
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
@@ -38,13 +39,15 @@ NOTHING: np.void = np.zeros(1, BODY)[0]
 HELD = {*DYNAMICS.values(), "armature", "axis", "lower", "upper"}
 
 
-def to_sdf(chain: Chain) -> str:
+def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     """Write a chain as SDFormat 1.10.
 
     Parameters
     ----------
     chain
         The chain.
+    shapes
+        Whether to write capsules to look at, without mass and without contact.
 
     Returns
     -------
@@ -64,12 +67,16 @@ def to_sdf(chain: Chain) -> str:
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
     world = ET.SubElement(sdf, "world", name=name)
     _values(world, {"gravity": decimals(chain.gravity)})
-    model = ET.SubElement(world, "model", {"name": name, "flexlink:links": links_text(chain)})
+    model = ET.SubElement(
+        world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
+    )
     parent = "world"
+    shown = dict(zip(chain.bodies["stop"][:-1] - 1, capsules(chain) if flag("shapes", shapes) else (), strict=False))
     for k, translation, rotation, body in places(chain):
         link = ET.SubElement(model, "link", name=links[k])
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
         _inertial(link, NOTHING if body is None else body)
+        _shape(link, shown.get(k))
         _joint(model, chain, k, joints[k], (parent, links[k]))
         parent = links[k]
     end = chain.bodies[-1]
@@ -111,6 +118,15 @@ def _inertial(link: ET.Element, body: np.void) -> None:
     _values(inertial, {"pose": decimals([*body["center"], 0, 0, 0]), "mass": decimals([body["mass"]])})
     moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
     _values(ET.SubElement(inertial, "inertia"), moments)
+
+
+def _shape(link: ET.Element, capsule: Capsule | None) -> None:
+    if capsule is not None:
+        visual = ET.SubElement(link, "visual", name="capsule")
+        _values(visual, {"pose": decimals(capsule.pose)})
+        dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
+        _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
+        _values(ET.SubElement(visual, "material"), dict.fromkeys(("ambient", "diffuse"), capsule.colour[1]))
 
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:

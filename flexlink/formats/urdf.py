@@ -11,11 +11,12 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import flag, given
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
+    WIDE,
     Array,
     decimals,
     limits,
@@ -28,24 +29,30 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
+from flexlink.formats.shapes import Capsule, capsules, colours
 
 # A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
-WIDE = {"lower": "-1e9", "upper": "1e9", "effort": "1e9", "velocity": "1e9"}
-HELD = {"axis", "damping", "coulomb", "lower", "upper"}
+LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
+DYNAMICS = {"damping": "damping", "friction": "coulomb"}
+"""Attribute of <dynamics>: field of the hinge."""
+HELD = {*DYNAMICS.values(), "axis", "lower", "upper"}
 
 
-def to_urdf(chain: Chain) -> str:
+def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     """Write a chain as URDF.
 
     Parameters
     ----------
     chain
         The chain.
+    shapes
+        Whether to write shapes to look at, without mass and without contact: URDF's capsule is a cylinder and a sphere.
 
     Returns
     -------
     str
-        The document; joints in sequential order, named as `Chain.joint_name` does. Link `tip` is the tip frame.
+        The document; joints in sequential order, named as `Chain.joint_name` does, driven ones with a transmission
+        of that name. Link `tip` is the tip frame.
         Numbers read back exactly, except that placements turn by roll, pitch and yaw.
 
     Raises
@@ -57,41 +64,42 @@ def to_urdf(chain: Chain) -> str:
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
+    if flag("shapes", shapes):
+        for name, rgba in colours(chain):
+            ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
     ET.SubElement(robot, "link", name=links[0])
+    shown = dict(zip(chain.bodies["stop"][:-1] - 1, capsules(chain) if shapes else (), strict=False))
     for k, translation, rotation, body in places(chain):
-        joint = _joint(robot, joints[k], "revolute", links[k], links[k + 1])
+        joint = _joint(robot, joints[k], "revolute", (links[k], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
-        _origin(joint, translation, rotation, own_values(chain, k, HELD))
+        ET.SubElement(joint, "flexlink", own_values(chain, k, HELD) | own_rotation(rotation))
         link = ET.SubElement(robot, "link", name=links[k + 1])
         if body is not None:
             _inertial(link, body)
-    tip = chain.bodies[-1]
-    fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", links[-2], links[-1])
-    _origin(fixed, tip["translation"], tip["rotation"], {})
+        _shape(link, shown.get(k))
+    place = chain.bodies["translation"][-1], chain.bodies["rotation"][-1]
+    fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", (links[-2], links[-1]), place)
+    ET.SubElement(fixed, "flexlink", own_rotation(place[1]))
     ET.SubElement(robot, "link", name=links[-1])
+    for k in chain.active:
+        _motor(robot, joints[k])
     return text(robot)
 
 
-def _joint(robot: ET.Element, name: str, kind: str, parent: str, child: str) -> ET.Element:
+def _joint(robot: ET.Element, name: str, kind: str, ends: tuple[str, str], place: tuple[Array, Array]) -> ET.Element:
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
-    ET.SubElement(joint, "parent", link=parent)
-    ET.SubElement(joint, "child", link=child)
-    return joint
-
-
-def _origin(joint: ET.Element, translation: Array, rotation: Array, own: dict[str, str]) -> None:
-    """The placement, and our own element, with the rotation that roll, pitch and yaw round."""
+    for tag, link in zip(("parent", "child"), ends, strict=True):
+        ET.SubElement(joint, tag, link=link)
+    translation, rotation = place
     ET.SubElement(joint, "origin", xyz=decimals(translation), rpy=decimals(rpy_from_matrix(rotation)))
-    if own := own | own_rotation(rotation):
-        ET.SubElement(joint, "flexlink", own)
+    return joint
 
 
 def _hinge(joint: ET.Element, chain: Chain, k: int) -> None:
     hinge = chain.hinges[k]
     ET.SubElement(joint, "axis", xyz=decimals(np.eye(3)[hinge["axis"]]))
-    ET.SubElement(joint, "limit", WIDE | limits(hinge))
-    dynamics = {"damping": hinge["damping"], "friction": hinge["coulomb"]}
-    ET.SubElement(joint, "dynamics", {name: decimals([value]) for name, value in dynamics.items()})
+    ET.SubElement(joint, "limit", LIMIT | limits(hinge))
+    ET.SubElement(joint, "dynamics", {key: decimals([hinge[field]]) for key, field in DYNAMICS.items()})
 
 
 def _inertial(link: ET.Element, body: np.void) -> None:
@@ -100,3 +108,27 @@ def _inertial(link: ET.Element, body: np.void) -> None:
     ET.SubElement(inertial, "mass", value=decimals([body["mass"]]))
     moments = {name: decimals([body["inertia"][place]]) for name, place in UPPER_TRIANGLE.items()}
     ET.SubElement(inertial, "inertia", moments)
+
+
+def _shape(link: ET.Element, capsule: Capsule | None) -> None:
+    if capsule is None:
+        return
+    radius, length = decimals([capsule.radius]), decimals([capsule.length])
+    x, y, z, *rpy = capsule.pose
+    for kind, dimensions, xyz in (
+        ("cylinder", {"radius": radius, "length": length}, (x, y, z)),
+        ("sphere", {"radius": radius}, np.zeros(3)),
+    ):
+        visual = ET.SubElement(link, "visual")
+        ET.SubElement(visual, "origin", xyz=decimals(xyz), rpy=decimals(rpy))
+        ET.SubElement(ET.SubElement(visual, "geometry"), kind, dimensions)
+        ET.SubElement(visual, "material", name=capsule.colour[0])
+
+
+def _motor(robot: ET.Element, joint: str) -> None:
+    """A transmission without gear, as ROS takes it."""
+    transmission = ET.SubElement(robot, "transmission", name=joint)
+    ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
+    interface = "hardware_interface/EffortJointInterface"
+    ET.SubElement(ET.SubElement(transmission, "joint", name=joint), "hardwareInterface").text = interface
+    ET.SubElement(ET.SubElement(transmission, "actuator", name=joint), "mechanicalReduction").text = "1"

@@ -33,13 +33,16 @@ from flexlink.kernels.vec3 import add, add_scaled, combine, combine2, cross, dot
 
 
 @recursion
-def solve_on_articulated(r, x, work):
-    """Write x (n,) with M x = r, 0 at prescribed joints; `work` as `articulated` leaves it."""
+def solve_on_articulated(r, pushes, x, work):
+    """Write x (n,) with M x + Jᵀ(pushes) = r, 0 at prescribed joints; `work` as `articulated` leaves it.
+
+    `pushes` (bodies, 6): moment and force that bodies demand at their hinge points, working axes.
+    """
     layout, given, bodies, hinges = work.layout, work.given, work.bodies, work.hinges
     o = zero_of(x)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
-        n = add(n, cross(vec_of(bodies, i, R), f))
+        n, f = add(add(n, cross(vec_of(bodies, i, R), f)), vec_of(pushes, i, 0)), add(f, vec_of(pushes, i, 3))
         if layout[i, WAY] == TRIPLE or layout[i, WAY] == PAIR:
             n, f = load_group(bodies, i, hinges, layout[i, FIRST], layout[i, WAY] == TRIPLE, r, x, n, f)
         else:

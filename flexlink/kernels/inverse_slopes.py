@@ -61,12 +61,20 @@ from flexlink.kernels.vec3 import (
 )
 
 # Numbers of a hinge: e, p, v, then what a turn of it asks for: δa, η, δω, δF, δm.
-E, POINT, RATE, ΔA, ETA, ΔOMEGA, ΔFORCE, ΔMOMENT, HINGE = range(0, 27, 3)
-# Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point.
-R, MOMENT, OMEGA, FORCE, TURNING, INERTIA, BODY = 0, 3, 6, 9, 12, 15, 21
+E, POINT, RATE, TURNED_A, ETA, TURNED_OMEGA, TURNED_FORCE, TURNED_MOMENT, HINGE = range(0, 27, 3)
+# Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point,
+# and p and v of this point.
+R, MOMENT, OMEGA, FORCE, TURNING, INERTIA, PLACE, SPEED, BODY = 0, 3, 6, 9, 12, 15, 21, 24, 27
 
 
-class SlopesWork(NamedTuple):
+class MotionWork(NamedTuple):
+    """What `outward` writes, in frame 0."""
+
+    hinges: Any  # (⌈n/8⌉, HINGE, 8)
+    bodies: Any  # (bodies, BODY)
+
+
+class InverseSlopesWork(NamedTuple):
     """What `inverse_slopes` writes, ∂τ_i/∂x_j at [i, j // 8, j % 8], 0 beyond column n − 1."""
 
     by_angle: Any  # (n, ⌈n/8⌉, 8)
@@ -74,20 +82,21 @@ class SlopesWork(NamedTuple):
     by_acceleration: Any  # M
     by_angle_inner: Any  # ∂τ_j/∂x_i, j < i, before they are mirrored
     by_rate_inner: Any
-    hinges: Any  # (⌈n/8⌉, HINGE, 8)
-    bodies: Any  # (bodies, BODY)
+    motion: MotionWork
+
+
+@kernel
+def motion_workspace(chain):
+    """Scratch of `outward` for a chain."""
+    return MotionWork(np.zeros((-(-len(chain.hinges) // LANES), HINGE, LANES)), np.empty((len(chain.bodies), BODY)))
 
 
 @kernel
 def slopes_workspace(chain):
     """Scratch of `inverse_slopes` for a chain."""
     n = len(chain.hinges)
-    eights = -(-n // LANES)
-    slopes = np.empty((5, n, eights, LANES))
-    return SlopesWork(
-        slopes[0], slopes[1], slopes[2], slopes[3], slopes[4],
-        np.zeros((eights, HINGE, LANES)), np.empty((len(chain.bodies), BODY)),
-    )  # fmt: skip
+    slopes = np.empty((5, n, -(-n // LANES), LANES))
+    return InverseSlopesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
 @kernel
@@ -108,7 +117,7 @@ def all_inverse_slopes(chain, wrench, q, qd, qdd):
 @recursion
 def inverse_slopes(chain, wrench, follower, q, qd, qdd, work):
     """Write the slopes of τ = M q̈ + T_GC at q, q̇, q̈ (n,); wrench (6,) in frame 0, or, a follower, in tip axes."""
-    force, moment = outward(chain, wrench, follower, q, qd, qdd, work)
+    force, moment = outward(chain, wrench, follower, q, qd, qdd, work.motion)
     inward(chain, force, moment, work)
     mirror(work.by_angle, work.by_angle_inner)
     mirror(work.by_rate, work.by_rate_inner)
@@ -138,11 +147,11 @@ def outward(chain, wrench, follower, q, qd, qdd, work):
             put_of_hinge(work.hinges, k, E, e)
             put_of_hinge(work.hinges, k, POINT, p)
             put_of_hinge(work.hinges, k, RATE, v)
-            put_of_hinge(work.hinges, k, ΔA, cross(a, e))
+            put_of_hinge(work.hinges, k, TURNED_A, cross(a, e))
             put_of_hinge(work.hinges, k, ETA, add(cross(α, e), cross(ω, δω)))
-            put_of_hinge(work.hinges, k, ΔOMEGA, δω)
-            put_of_hinge(work.hinges, k, ΔFORCE, scale(dead, cross(force, e)))
-            put_of_hinge(work.hinges, k, ΔMOMENT, scale(dead, cross(moment, e)))
+            put_of_hinge(work.hinges, k, TURNED_OMEGA, δω)
+            put_of_hinge(work.hinges, k, TURNED_FORCE, scale(dead, cross(force, e)))
+            put_of_hinge(work.hinges, k, TURNED_MOMENT, scale(dead, cross(moment, e)))
             ω, α = add_scaled(ω, qd[k], e), add_scaled(add_scaled(α, qdd[k], e), qd[k], δω)
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)
@@ -150,6 +159,8 @@ def outward(chain, wrench, follower, q, qd, qdd, work):
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
         put_vec_of(rows, r, i, R)
+        put_vec_of(rows, p, i, PLACE)
+        put_vec_of(rows, v, i, SPEED)
         put_vec_of(rows, mc, i, MOMENT)
         put_vec_of(rows, ω, i, OMEGA)
         put_vec_of(rows, add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc)))), i, FORCE)
@@ -208,7 +219,7 @@ def own_spin(ω, I):
 @recursion
 def inward(chain, force, moment, work):
     """Composites from the tip on, and with each hinge its row of slopes."""
-    rows = work.bodies
+    rows = work.motion.bodies
     m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
     f, n, d = scale(-1.0, force), scale(-1.0, moment), ZERO
     for i in range(len(chain.bodies) - 1, -1, -1):
@@ -233,10 +244,10 @@ def inward(chain, force, moment, work):
 @recursion
 def slopes_of_hinge(i, m, s, I, P, G, f, n, d, work):
     """Rows of hinge i, whose composite this is."""
-    hinges = work.hinges
+    hinges = work.motion.hinges
     e, p, v = of_hinge(hinges, i, E), of_hinge(hinges, i, POINT), of_hinge(hinges, i, RATE)
-    δa, η, δω = of_hinge(hinges, i, ΔA), of_hinge(hinges, i, ETA), of_hinge(hinges, i, ΔOMEGA)
-    δF, δm = of_hinge(hinges, i, ΔFORCE), of_hinge(hinges, i, ΔMOMENT)
+    δa, η, δω = of_hinge(hinges, i, TURNED_A), of_hinge(hinges, i, ETA), of_hinge(hinges, i, TURNED_OMEGA)
+    δF, δm = of_hinge(hinges, i, TURNED_FORCE), of_hinge(hinges, i, TURNED_MOMENT)
     # e·δn for any δa, η, δω, δF
     by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
@@ -245,11 +256,11 @@ def slopes_of_hinge(i, m, s, I, P, G, f, n, d, work):
     f_qd = scale(2.0, add(cross(δω, s), cross(e, P)))
     n_qd = add(scale(2.0, sym_apply(I, δω)), spin(G, e))
     for b in range(i // LANES + 1):
-        e_j, δω_j = vec_of(hinges, b, E), vec_of(hinges, b, ΔOMEGA)
+        e_j, δω_j = vec_of(hinges, b, E), vec_of(hinges, b, TURNED_OMEGA)
         Δp, Δv = sub(p, vec_of(hinges, b, POINT)), sub(v, vec_of(hinges, b, RATE))
         by_η_j, by_ω_j = add(by_η, cross(Δp, by_a)), add(by_ω, scale(2.0, cross(Δv, by_a)))
-        outer = dot(by_a, vec_of(hinges, b, ΔA)) + dot(by_η_j, vec_of(hinges, b, ETA)) + dot(by_ω_j, δω_j)
-        outer -= dot(e, vec_of(hinges, b, ΔMOMENT)) + dot(by_F, vec_of(hinges, b, ΔFORCE))
+        outer = dot(by_a, vec_of(hinges, b, TURNED_A)) + dot(by_η_j, vec_of(hinges, b, ETA)) + dot(by_ω_j, δω_j)
+        outer -= dot(e, vec_of(hinges, b, TURNED_MOMENT)) + dot(by_F, vec_of(hinges, b, TURNED_FORCE))
         lever = cross(e_j, Δp)
         put_at(work.by_angle, outer, i, b)
         put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), i, b)

@@ -15,7 +15,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.compiler import kernel, recursion
-from flexlink.kernels.lanes import at, put_at, zero_of
 from flexlink.kernels.planar import INERTIA, MASS, RX, RY, SIGN, SX, SY, planar_workspace
 from flexlink.kernels.sincos import cos_sin_all
 
@@ -78,26 +77,26 @@ def factor_in_plane(factors, posture):
 
 @recursion
 def solve_in_plane(factors, r, x, posture):
-    """Write x with (M + A) x = r, 0 at prescribed joints; r and x of shape (n,), or (n, 8), eight side by side."""
+    """Write x with (M + A) x = r, 0 at prescribed joints."""
     links, given, d = posture.links, posture.given, posture.d
-    o = factors.dtype.type(0) + zero_of(x)
+    o = factors.dtype.type(0)
     fx = fy = n = o
     for k in range(len(factors) - 1, -1, -1):
         n += d[k, 0] * fx + d[k, 1] * fy
         if not given[k]:
-            τ = links[k, SIGN] * at(r, k)
+            τ = links[k, SIGN] * r[k]
             α = (τ - n) * factors[k, INVERSE]
-            put_at(x, α, k)
+            x[k] = α
             n = τ - factors[k, A] * α
             fx, fy = fx + factors[k, HX] * α, fy + factors[k, HY] * α
     ax = ay = before = o
     for k in range(len(factors)):
         if given[k]:
-            put_at(x, o, k)
+            x[k] = o
         else:
             pull = factors[k, HX] * ax + factors[k, HY] * ay
-            α = at(x, k) + factors[k, BETA] * before - factors[k, INVERSE] * pull
-            put_at(x, links[k, SIGN] * (α - before), k)
+            α = x[k] + factors[k, BETA] * before - factors[k, INVERSE] * pull
+            x[k] = links[k, SIGN] * (α - before)
             before = α
         ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -19,11 +19,15 @@ from flexlink.motion.start import initial_state
 Array = NDArray[np.float64]
 
 
+def pulse(t: ArrayLike) -> Array:
+    """4 sin³(2πt / 1.2 s) N m for 1.2 s, then 0."""
+    return np.where(np.asarray(t) < 1.2, 4 * np.sin(2 * np.pi * np.asarray(t) / 1.2) ** 3, 0.0)
+
+
 def torque_pulse(scene: Scene, knots: int = 241) -> Scene:
-    """T = 4 sin³(2πt / 1.2 s) N m for 1.2 s at the first joint; the spline errs by (5 ms)⁴/384 · max|T⁗|, 1e-7 N m."""
+    """The torque `pulse` at the first joint; the spline errs by (5 ms)⁴/384 · max|T⁗|, 1e-7 N m."""
     t = np.linspace(0, 1.2, knots)
-    torque = 4 * np.sin(2 * np.pi * t / 1.2) ** 3
-    torque[-1] = 0.0
+    torque = pulse(t)
     drive = Drive(kind="table", smooth=True, times=tuple(t.tolist()), torques=tuple((x,) for x in torque.tolist()))
     return scene.varied({"drive": drive})
 

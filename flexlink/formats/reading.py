@@ -1,0 +1,262 @@
+"""What the readers share: strict numbers, a chain from its hinges, and the proof that a file says no more than that.
+
+The readers read what our writers have written; numbers may have been edited. The chain that a file says is written
+again, and whatever differs, up to rounding, is refused by name: an unknown element, another structure, a rotation that
+differs from the exact one beside it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
+from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.safe_xml import parse
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
+
+ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
+STRETCH = 1e-13  # that a product of a hundred rotations may have
+NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
+NONNEGATIVE = ("stiffness", "damping", "coulomb")
+
+
+@dataclasses.dataclass(frozen=True)
+class Node:
+    """An element and where it stands, for messages: the file and the last two elements on the way."""
+
+    element: ET.Element
+    what: str
+    way: tuple[str, ...] = ()
+
+    def error(self, message: str) -> DataFileError:
+        """An error that says where."""
+        return DataFileError(f"{': '.join([self.what, *self.way])}: {message}")
+
+    def into(self, element: ET.Element) -> Node:
+        """A child of this element."""
+        return Node(element, self.what, (*self.way, _label(element))[-2:])
+
+    def all(self, path: str) -> list[Node]:
+        """The elements of a path, in the file's order."""
+        return [self.into(one) for one in self.element.findall(path)]
+
+    def one(self, path: str) -> Node:
+        """The first element of a path, which must be there."""
+        found = self.element.find(path)
+        if found is None:
+            raise self.error(f"has no <{path}>: not a file that flexlink has written")
+        return self.into(found)
+
+    def attribute(self, key: str) -> str:
+        """The text of an attribute, which must be there."""
+        value = self.element.get(key)
+        if value is None:
+            raise self.error(f"has no {_plain(key)}")
+        return value
+
+    def numbers(self, count: int, key: str | None = None) -> list[float]:
+        """The numbers of an attribute, or of the element's text."""
+        text = (self.element.text or "") if key is None else self.attribute(key)
+        try:
+            values = [float(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count or not np.isfinite(values).all():
+            said = f"{text[:60]!r}" if key is None else f"{_plain(key)} = {text[:60]!r}"
+            raise self.error(f"{said}: expected {count} finite number{'s' * (count > 1)}")
+        return values
+
+    def number(self, key: str | None = None) -> float:
+        """One number, as in `numbers`."""
+        return self.numbers(1, key)[0]
+
+    def rotation(self, key: str) -> Array:
+        """R, row by row, in an attribute of our own; without it the identity."""
+        return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
+
+    def rotation_matrix(self, values: Sequence[float]) -> Array:
+        """R of its nine elements, which must be one: angles alone would not tell one that is stretched."""
+        R = np.reshape(values, (3, 3))
+        if np.abs(R @ R.T - np.eye(3)).max() > STRETCH or np.linalg.det(R) < 0:
+            raise self.error(f"{list(values)}: no rotation matrix")
+        return R
+
+    def unit_axis(self, values: Sequence[float]) -> int:
+        """0, 1, 2 for X, Y, Z."""
+        for axis, unit in enumerate(np.eye(3).tolist()):
+            if list(values) == unit:
+                return axis
+        raise self.error(f"axis {values}: expected X, Y or Z")
+
+    def links(self, key: str) -> tuple[str, ...]:
+        """The names of the arm's links, as `document.links_text` writes them."""
+        try:
+            names = json.loads(self.attribute(key))
+        except (ValueError, RecursionError):
+            names = None
+        if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
+            raise self.error(f"{_plain(key)} = {self.attribute(key)[:60]!r}: expected a JSON list of names")
+        return tuple(names)
+
+
+class Hinge(NamedTuple):
+    """One hinge of a file, and what is rigid behind it."""
+
+    node: Node
+    translation: Array
+    rotation: Array
+    numbers: dict[str, float]  # the fields of HINGE
+    coordinate: Coordinate
+    body: tuple[float, Array, Array] | None  # mass, centre, inertia; None: nothing
+
+    def follows(self, before: Hinge) -> bool:
+        """Whether it turns the same body as the hinge before it."""
+        return before.body is None and before.coordinate[:2] == self.coordinate[:2]
+
+
+def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Coordinate:
+    """The three indices of a hinge."""
+    link, segment, axis = (int(number) if number == int(number) else -1 for number in numbers)
+    if not (1 <= link <= len(links) and segment >= 0 and 0 <= axis <= 3):
+        raise node.error(f"coordinate {list(numbers)}: expected link 1 … {len(links)}, segment, axis 0 … 3")
+    return Coordinate(link, segment, axis)
+
+
+def limits_of(lower: float, upper: float) -> dict[str, float]:
+    """Limits of a hinge, infinite where a format had to be given some."""
+    least, most = map(float, WIDE.values())
+    return {"lower": -np.inf if lower <= least else lower, "upper": np.inf if upper >= most else upper}
+
+
+def inertia_matrix(moments: Sequence[float]) -> Array:
+    """Symmetric, from its upper triangle in the order of `UPPER_TRIANGLE`."""
+    I = np.zeros((3, 3))
+    for (row, column), moment in zip(UPPER_TRIANGLE.values(), moments, strict=True):
+        I[row, column] = I[column, row] = moment
+    return I
+
+
+def chain_of(
+    root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
+    tip: tuple[Array, Array],
+) -> Chain:  # fmt: skip
+    """The chain of a file's hinges and of its tip's placement.
+
+    Raises
+    ------
+    DataFileError
+        There is no hinge, two have one coordinate, or a mass, moment, spring or damper is negative.
+    """
+    if not hinges:
+        raise root.error("has no joint that moves")
+    bodies, first = list[tuple[object, ...]](), 0
+    for stop in range(1, len(hinges) + 1):
+        if stop == len(hinges) or not hinges[stop].follows(hinges[stop - 1]):
+            place, body = hinges[first], hinges[stop - 1].body or NOTHING
+            bodies.append((first, stop, _turned(place.rotation), place.rotation, place.translation, *body))
+            first = stop
+    n = len(hinges)
+    bodies.append((n, n, _turned(tip[1]), tip[1], tip[0], *NOTHING))
+    for hinge in hinges:
+        _require_sound(hinge)
+    coordinates = tuple(hinge.coordinate for hinge in hinges)
+    if len(set(coordinates)) < n:
+        raise root.error("two joints have the same coordinate")
+    return Chain(
+        name=name,
+        bodies=np.array(bodies, dtype=BODY),
+        hinges=np.array([tuple(hinge.numbers[key] for key in HINGE.names or ()) for hinge in hinges], dtype=HINGE),
+        gravity=np.array(gravity),
+        coordinates=coordinates,
+        link_names=links,
+    )
+
+
+def _turned(rotation: Array) -> int:
+    return int(not np.array_equal(rotation, np.eye(3)))
+
+
+def _require_sound(hinge: Hinge) -> None:
+    """What no number of a chain may be; everything else the algorithms refuse where it matters."""
+    for key in NONNEGATIVE:
+        if hinge.numbers[key] < 0:
+            raise hinge.node.error(f"{key} = {hinge.numbers[key]!r}: must not be negative")
+    if hinge.numbers["coulomb_width"] <= 0:
+        raise hinge.node.error(f"coulomb_width = {hinge.numbers['coulomb_width']!r}: must be > 0")
+    if not hinge.numbers["lower"] <= hinge.numbers["upper"]:
+        raise hinge.node.error(f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: must not decrease")
+    if hinge.numbers["prescribed"] not in {0, 1}:
+        raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
+    if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
+        raise hinge.node.error(f"mass {hinge.body[0]!r} or a moment of inertia behind it is negative")
+
+
+def read(
+    text: str | bytes, what: str, *, tag: str, to_chain: Callable[[Node], Chain], write: Callable[..., str],
+    shown: frozenset[str], canonical: Callable[[ET.Element], None] = lambda _: None,
+) -> Chain:  # fmt: skip
+    """Parse, build the chain, write it again, compare.
+
+    `shown` are elements and attributes, as "element.attribute", that are not compared: they say nothing about the
+    motion. `canonical` takes out of both documents what has been compared elsewhere.
+    """
+    root = Node(parse(text, what), what)
+    if root.element.tag != tag:
+        raise root.error(f"<{root.element.tag[:60]}>: expected <{tag}>")
+    try:
+        chain = to_chain(root)
+        again = parse(write(chain, shapes=False), what)
+    except DataFileError:
+        raise
+    except FlexlinkError as error:  # of a chain that the writer cannot write
+        raise root.error(str(error)) from None
+    for document in (root.element, again):
+        canonical(document)
+    _require_same(root, again, shown)
+    return chain
+
+
+def _require_same(found: Node, again: ET.Element, shown: frozenset[str]) -> None:
+    """Refuse the first thing in which a file differs from the one that we would write."""
+    element = found.element
+    for key in {**again.attrib, **element.attrib}:
+        if f"{element.tag}.{key}" not in shown:
+            _require_equal(found, f"{_plain(key)} = ", element.get(key), again.get(key))
+    if not len(again):
+        _require_equal(found, "", (element.text or "").strip(), (again.text or "").strip())
+    pairs = itertools.zip_longest(*([one for one in parent if one.tag not in shown] for parent in (element, again)))
+    for one, other in pairs:
+        if one is None or other is None or one.tag != other.tag:
+            said, wanted = ("nothing more" if each is None else _label(each) for each in (one, other))
+            raise found.error(f"{said} where flexlink writes {wanted}: not a file that flexlink has written")
+        _require_same(found.into(one), other, shown)
+
+
+def _require_equal(node: Node, key: str, found: str | None, again: str | None) -> None:
+    if found == again:
+        return
+    try:
+        one, other = (np.array((text or "").split(), float) for text in (found, again))
+        if one.shape == other.shape and one.size and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
+            return
+    except ValueError:
+        pass
+    said, wanted = ("nothing" if text is None else repr(text[:60]) for text in (found, again))
+    raise node.error(f"{key}{said} where flexlink writes {wanted} for what the file says elsewhere")
+
+
+def _plain(name: str) -> str:
+    """A name without its namespace."""
+    return name.rpartition("}")[2]
+
+
+def _label(element: ET.Element) -> str:
+    name = element.get("name")
+    return f"<{_plain(element.tag)[:60]}{'' if name is None else f' name={name[:60]!r}'}>"

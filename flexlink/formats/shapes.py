@@ -1,0 +1,63 @@
+"""What a viewer shows of a chain: a capsule along every rigid segment, coloured by link, without mass or contact.
+
+A chain knows no cross-sections. A capsule is as thick as its segment's inertia about its line says,
+r = √(2 I / m), that of a solid cylinder, within sight of the arm's reach.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.chain.chain import Chain, unique
+from flexlink.formats.document import Array, decimals, valid
+
+THICKNESS = 0.004, 0.04  # thinnest and thickest radius, of the reach
+COLOURS = (
+    (0.00, 0.45, 0.70), (0.90, 0.62, 0.00), (0.00, 0.62, 0.45), (0.80, 0.47, 0.65),
+    (0.34, 0.71, 0.91), (0.84, 0.37, 0.00), (0.94, 0.89, 0.26), (0.45, 0.45, 0.45),
+)  # fmt: skip
+"""Of Okabe and Ito, told apart by the colour-blind, too; link by link, again from the first after the last."""
+
+
+class Capsule(NamedTuple):
+    """From the origin of a body to that of the next one."""
+
+    end: Array  # in the body's frame [m]
+    radius: float  # [m]
+    colour: tuple[str, str]  # its name, and red, green, blue, opacity
+
+    @property
+    def length(self) -> float:
+        """Between the centres of its two ends [m]."""
+        return float(np.linalg.norm(self.end))
+
+    @property
+    def pose(self) -> tuple[float, ...]:
+        """x, y, z, roll, pitch, yaw of its middle, the local Z along it."""
+        x, y, z = map(float, self.end)
+        return x / 2, y / 2, z / 2, 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
+
+
+def capsules(chain: Chain) -> Iterator[Capsule | None]:
+    """One for every body but the tip, None for those without length."""
+    of_link = colours(chain)
+    ends = chain.bodies["translation"][1:]
+    thinnest, thickest = (share * float(np.linalg.norm(ends, axis=1).sum()) for share in THICKNESS)
+    for body, end in zip(chain.bodies[:-1], ends, strict=True):
+        square = float(end @ end)
+        if square == 0:
+            yield None
+            continue
+        along = float(end @ body["inertia"] @ end) / square
+        radius = math.sqrt(2 * along / body["mass"]) if body["mass"] > 0 else 0.0
+        yield Capsule(end, min(max(radius, thinnest), thickest), of_link[chain.coordinates[body["first"]].link - 1])
+
+
+def colours(chain: Chain) -> list[tuple[str, str]]:
+    """A name, the link's, and red, green, blue, opacity for every link."""
+    names = unique(map(valid, chain.link_names))
+    return [(name, decimals([*COLOURS[number % len(COLOURS)], 1.0])) for number, name in enumerate(names)]

@@ -1,0 +1,90 @@
+"""Some mass for links that have none, for programs that refuse them, and what it changes.
+
+A point with several hinges has a massless link between each two of them. A body of mass m and inertia m r² takes its
+place, r = 0.1 m.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+
+from flexlink.chain.arguments import given, positive
+from flexlink.chain.chain import BODY, Chain
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.formats.document import Array, places
+
+RADIUS = 0.1  # m, of gyration
+
+
+def with_small_mass(chain: Chain, *, mass: float) -> Chain:
+    """The chain with a body at every hinge, those that weighed nothing of mass m and inertia m r².
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    mass
+        m [kg].
+
+    Returns
+    -------
+    Chain
+        Of the same coordinates; `added_inertia` says how far it moves differently.
+
+    Raises
+    ------
+    ArgumentError
+        `mass` is not a finite number > 0.
+    """
+    return _filled(given("chain", chain, Chain), positive("mass", mass), keep=True)
+
+
+def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
+    """The largest relative change of M at a posture, δ = max vᵀ ΔM v / vᵀ M v over all v.
+
+    By Rayleigh's quotient every frequency of small motion falls, relative to itself, by at most 1 − 1/√(1 + δ) < δ/2.
+
+    Parameters
+    ----------
+    chain
+        The chain before `with_small_mass`.
+    q
+        Joint angles, shape (n,) [rad].
+    mass
+        As for `with_small_mass` [kg].
+
+    Returns
+    -------
+    float
+        δ; infinite where M is singular without the mass.
+
+    Raises
+    ------
+    ArgumentError
+        `mass` is not a finite number > 0, or `q` not n finite numbers.
+    """
+    added = _filled(given("chain", chain, Chain), positive("mass", mass), keep=False)
+    try:
+        return float(scipy.linalg.eigh(mass_matrix(added, q), mass_matrix(chain, q), eigvals_only=True)[-1])
+    except np.linalg.LinAlgError:
+        return float("inf")
+
+
+def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
+    """One body a hinge, massless ones filled; without `keep` nothing else has inertia, rotors neither."""
+    bodies = np.zeros(chain.n + 1, BODY)
+    for k, translation, rotation, body in places(chain):
+        if body is None:
+            weight: tuple[float, Array, Array] = (mass, np.zeros(3), mass * RADIUS**2 * np.eye(3))
+        else:
+            weight = (body["mass"], body["center"], body["inertia"]) if keep else (0.0, np.zeros(3), np.zeros((3, 3)))
+        bodies[k] = (k, k + 1, int(not np.array_equal(rotation, np.eye(3))), rotation, translation, *weight)
+    bodies[-1] = chain.bodies[-1]
+    hinges = chain.hinges.copy()
+    if not keep:
+        hinges["armature"] = 0.0
+    return dataclasses.replace(chain, bodies=bodies, hinges=hinges)

@@ -1,0 +1,73 @@
+"""URDF → Chain: what `to_urdf` has written, back to the bit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from flexlink.chain.chain import HINGE, Chain
+from flexlink.formats.document import UPPER_TRIANGLE, Array
+from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
+from flexlink.formats.urdf import DYNAMICS, HELD, to_urdf
+
+
+def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
+    """Read a URDF that `to_urdf` has written back to its chain; any other robot is imported, not read.
+
+    Parameters
+    ----------
+    text
+        The document; its numbers may have been edited.
+    what
+        Its name, such as its path, for messages.
+
+    Returns
+    -------
+    Chain
+        All numbers and rotations exactly those of the chain that was written.
+
+    Raises
+    ------
+    DataFileError
+        The text is no URDF of ours, a number is missing, not finite or negative, or two places contradict each other.
+    """
+    return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, shown=frozenset({"visual", "material"}))
+
+
+def _chain(robot: Node) -> Chain:
+    own = robot.one("flexlink")
+    links = own.links("links")
+    bodies = {link.attribute("name"): link for link in robot.all("link")}
+    hinges = [_read_hinge(joint, bodies, links) for joint in robot.all("joint[@type='revolute']")]
+    tip = _read_place(robot.one("joint[@type='fixed']"))
+    return chain_of(robot, robot.attribute("name"), own.numbers(3, "gravity"), links, hinges, tip)
+
+
+def _read_place(joint: Node) -> tuple[Array, Array]:
+    return np.array(joint.one("origin").numbers(3, "xyz")), joint.one("flexlink").rotation("rotation")
+
+
+def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str]) -> Hinge:
+    own, dynamics, child = joint.one("flexlink"), joint.one("dynamics"), joint.one("child").attribute("link")
+    if child not in bodies:
+        raise joint.error(f"child {child[:60]!r}: no link")
+    numbers = {key: own.number(key) for key in HINGE.names or () if key not in HELD}
+    numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
+    axis, limit = joint.one("axis"), joint.one("limit")
+    numbers |= limits_of(limit.number("lower"), limit.number("upper"))
+    numbers["axis"] = axis.unit_axis(axis.numbers(3, "xyz"))
+    place = coordinate(own, own.numbers(3, "coordinate"), links)
+    return Hinge(joint, *_read_place(joint), numbers, place, _read_body(bodies[child]))
+
+
+def _read_body(link: Node) -> tuple[float, Array, Array] | None:
+    if not link.all("inertial"):
+        return None
+    inertial = link.one("inertial")
+    moments = [inertial.one("inertia").number(key) for key in UPPER_TRIANGLE]
+    return (
+        inertial.one("mass").number("value"),
+        np.array(inertial.one("origin").numbers(3, "xyz")),
+        inertia_matrix(moments),
+    )

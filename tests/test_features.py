@@ -1,0 +1,114 @@
+"""An export says what its file cannot hold, and is refused then with --strict; small masses say what they change."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ROOT, flexible, make_scene, nasty_scene
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.formats import FORMATS
+from flexlink.formats.features import FEATURES, not_held
+from flexlink.formats.small_mass import added_inertia, with_small_mass
+
+PAPER = str(ROOT / "models" / "paper_fig5.toml")
+BARE = make_scene(fl.Link(name="rod", length=1.0), tip=fl.Payload(mass=1.0, inertia=(1, 1, 1)), gravity=(0.0, 0.0, 0.0))
+COLUMNS = ("times", "angle_deg", "rate_deg", "acceleration_deg")
+EXAMPLES = {
+    "gravity": BARE.varied({"gravity": (0.0, 0.0, 9.81)}),
+    "springs": make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0)),
+    "rotor inertia": BARE.varied({"link.rod.joint.armature": 0.1}),
+    "dry friction": BARE.varied({"link.rod.joint.coulomb": 0.1}),
+    "elastic gear": BARE.varied({"link.rod.joint.gear_stiffness": 10.0, "link.rod.joint.armature": 0.1}),
+    "prescribed motion": BARE.varied({"motion": (fl.Motion(link="rod", **dict.fromkeys(COLUMNS, (0.0, 1.0))),)}),
+    "drive torques": BARE.varied({"drive": fl.Drive(kind="constant", torque=(1.0,))}),
+    "tip wrench": BARE.varied({"wrench": fl.Wrench(force=(1.0, 0.0, 0.0))}),
+    "initial state": BARE.varied({"initial.joint_deg.rod": 10.0}),
+}
+
+
+def test_formats_hold_all_of_an_arm_that_has_none_of_the_features() -> None:
+    assert all(not_held(BARE, fl.lump(BARE), format=format) == {} for format in FORMATS)
+
+
+@pytest.mark.parametrize("feature", EXAMPLES)
+def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
+    scene = EXAMPLES[feature]
+    for format in FORMATS:
+        missing = not_held(scene, fl.lump(scene), format=format)
+        implied = {"springs", "rotor inertia"} if feature == "elastic gear" else set()
+        assert set(missing) == {name for name in {feature, *implied} if format in FEATURES[name].instead}
+
+
+def test_the_table_names_known_formats_only() -> None:
+    assert all(set(feature.instead) <= set(FORMATS) for feature in FEATURES.values())
+
+
+def test_an_export_prints_what_a_format_cannot_hold(tmp_path, capsys) -> None:
+    assert main(["export", PAPER, "--format", "urdf", "--out", str(tmp_path)]) == 0
+    (note,) = capsys.readouterr().err.splitlines()
+    assert note.startswith(f"note: {tmp_path / 'paper_fig5.urdf'}: urdf cannot hold all: gravity: in a part that")
+    assert "springs: " in note
+
+
+def test_strict_writes_nothing_and_exits_2(tmp_path, capsys) -> None:
+    assert main(["export", PAPER, "--strict", "--out", str(tmp_path)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(
+        "paper_fig5.toml: --strict: urdf cannot hold gravity, springs, initial state; nothing is written"
+    )
+    assert list(tmp_path.iterdir()) == []
+    assert main(["export", PAPER, "--strict", "--format", "mjcf", "--out", str(tmp_path)]) == 0
+
+
+def test_links_without_mass_get_the_mass_that_is_asked_for(rng: np.random.Generator) -> None:
+    chain = fl.lump(nasty_scene())
+    filled = with_small_mass(chain, mass=1e-3)
+    assert filled.n == chain.n
+    assert len(filled.bodies) == chain.n + 1
+    hinged = filled.bodies[:-1]
+    heavy = np.isin(np.arange(chain.n), chain.bodies["stop"][chain.bodies["mass"] > 0] - 1)
+    assert set(hinged["mass"][~heavy]) == {1e-3}
+    assert hinged["mass"][heavy].tolist() == chain.bodies["mass"][chain.bodies["mass"] > 0].tolist()
+    q = rng.uniform(-1, 1, chain.n)
+    assert fl.tip_position(filled, q) == pytest.approx(fl.tip_position(chain, q), abs=1e-14)
+
+
+def test_the_change_of_inertia_is_what_the_mass_matrices_say_and_bounds_every_frequency(
+    rng: np.random.Generator,
+) -> None:
+    chain = fl.lump(nasty_scene())
+    q, mass = rng.uniform(-1, 1, chain.n), 1e-3
+    δ, filled = added_inertia(chain, q, mass=mass), with_small_mass(chain, mass=mass)
+    change = np.linalg.solve(fl.mass_matrix(chain, q), fl.mass_matrix(filled, q) - fl.mass_matrix(chain, q))
+    assert max(np.linalg.eigvals(change).real) == pytest.approx(δ, rel=1e-8)
+    still = fl.Scene.varied(nasty_scene(), {"gravity": (0.0, 0.0, 0.0)})
+    chain, held = fl.lump(still), fl.lump(still).active.tolist()
+    before, after = (fl.natural_frequencies(one, q, locked=held) for one in (chain, with_small_mass(chain, mass=mass)))
+    assert np.all(after <= before * (1 + 1e-12))
+    assert np.all(after >= before / np.sqrt(1 + δ) * (1 - 1e-12))
+    assert np.any(after < before * (1 - 1e-6))
+
+
+def test_a_chain_that_no_inertia_moves_is_changed_beyond_all_bounds() -> None:
+    chain = fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist")))
+    assert added_inertia(chain, np.zeros(chain.n), mass=1e-9) == np.inf
+
+
+def test_files_with_small_masses_are_read_by_mujoco_where_nothing_else_would_do_and_read_back(capsys, tmp_path) -> None:
+    pytest.importorskip("mujoco")
+    chain = with_small_mass(fl.lump(make_scene(flexible("upper"), fl.Link(name="wrist"))), mass=1e-6)
+    for format in FORMATS.values():
+        back = format.read(format.write(chain))
+        assert back.bodies["mass"].tolist() == chain.bodies["mass"].tolist()
+    fl.to_mjcf(chain)
+
+
+def test_the_command_line_says_what_a_small_mass_changes(tmp_path, capsys) -> None:
+    scene = str(ROOT / "models" / "t3_spatial.toml")
+    assert main(["export", scene, "--format", "sdf", "--small-mass", "1e-9", "--out", str(tmp_path)]) == 0
+    told = capsys.readouterr().err.splitlines()
+    assert "1e-09 kg for every link without mass: at the initial posture M grows by up to" in told[0]
+    assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
+    assert "mass = -1.0: must be a finite number > 0" in capsys.readouterr().err

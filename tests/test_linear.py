@@ -1,0 +1,94 @@
+"""The linear model is what the nonlinear equation of motion does next to a state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import MODELS, flexible, make_scene, nasty_scene
+from scipy.linalg import solve_continuous_are
+
+import flexlink as fl
+from flexlink import ArgumentError, Chain, Damping, Joint, Motion
+
+PAPER = next(path for path in MODELS if path.stem == "paper_fig5")
+
+
+def hanging(chain: Chain) -> tuple[np.ndarray, np.ndarray]:
+    """The sagging arm, joints held, and the torque that holds it."""
+    rest = fl.solve_static(chain, chain.rest, locked=chain.active.tolist())
+    return rest.q, np.where(np.isin(np.arange(chain.n), chain.active), fl.gravity_torque(chain, rest.q), 0.0)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.02])
+def test_its_eigenvalues_are_those_of_the_modes_of_the_paper_s_arm(ratio: float) -> None:
+    damping = Damping(ratio=ratio, at_hz=3.0)
+    chain = fl.lump(fl.load_scene(PAPER).varied({"link.upper.damping": damping, "link.fore.damping": damping}))
+    q, tau = hanging(chain)
+    model = fl.linearize(chain, q, 0 * q, tau)
+    λ = np.linalg.eigvals(model.A)
+    modes = fl.modes(chain, q).eigenvalues
+    assert (np.abs(λ[:, None] - modes).min(axis=0) <= 1e-10 * np.abs(modes)).all()
+    assert np.abs(model.rate).max() <= 1e-9, "an equilibrium"
+
+
+def test_next_to_a_moving_state_it_predicts_rates_and_outputs(rng: np.random.Generator) -> None:
+    chain = fl.lump(nasty_scene())
+    n, wrench = chain.n, rng.normal(size=6)
+    q, qd, tau = rng.uniform(-0.3, 0.3, n), rng.normal(size=n), np.zeros(n)
+    tau[chain.active] = 1.0
+    outputs = ("tip", "tip_rate", "joints", "joint_rates", "state")
+    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, outputs=outputs)
+    δx, δu = rng.normal(size=2 * n), rng.normal(size=len(chain.active))
+
+    def at(h: float) -> fl.LinearModel:
+        moved = tau.copy()
+        moved[chain.active] += h * δu
+        state = q + h * δx[:n], qd + h * δx[n:]
+        return fl.linearize(chain, *state, moved, tip_wrench=wrench, outputs=outputs)
+
+    h = 1e-5
+    ahead, behind = at(h), at(-h)
+    slope, told = (ahead.rate - behind.rate) / (2 * h), model.A @ δx + model.B @ δu
+    assert np.abs(slope - told).max() <= 1e-6 * np.abs(told).max()
+    slope, told = (ahead.y - behind.y) / (2 * h), model.C @ δx + model.D @ δu
+    assert np.abs(slope - told).max() <= 1e-8 * np.abs(told).max()
+    assert np.array_equal(model.rate, np.concatenate([qd, fl.forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)]))
+    assert len(model.outputs) == len(model.y) == len(model.C) and len(model.states) == 2 * n
+    assert repr(model) == f"<LinearModel: {2 * n} states, 4 inputs, {14 + 2 * n} outputs>"
+
+
+def test_scipy_finds_a_regulator_for_it_that_settles_the_arm() -> None:
+    chain = fl.lump(make_scene(flexible("arm", damping=Damping(ratio=0.01, at_hz=10.0)), gravity=(0.0, 9.81, 0.0)))
+    q, tau = hanging(chain)
+    model = fl.linearize(chain, q, 0 * q, tau)
+    P = solve_continuous_are(model.A, model.B, np.eye(2 * chain.n), np.eye(1))
+    closed = np.linalg.eigvals(model.A - model.B @ model.B.T @ P)
+    assert closed.real.max() < np.linalg.eigvals(model.A).real.max() < 1e-6
+    assert (model.inputs, model.outputs[0]) == (("tau arm [N m]",), "tip x [m]")
+    assert model.u == pytest.approx(tau[[0]]) and not model.A.flags.writeable
+
+
+def test_a_prescribed_joint_is_driven_by_its_acceleration() -> None:
+    motion = Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0))
+    chain = fl.lump(make_scene(flexible("a"), flexible("b", joint=Joint(viscous=1.0)), motion=(motion,)))
+    q = np.zeros(chain.n)
+    model = fl.linearize(chain, q, q, np.ones(chain.n), outputs=("joints",))
+    assert model.inputs == ("qdd a [rad/s²]", "tau b [N m]")
+    assert model.u.tolist() == [0.0, 1.0]
+    assert model.B[chain.n, 0] == 1.0 and not model.A[chain.n].any()
+    assert model.B[chain.n + 1 :, 0].all(), "its acceleration bends the links"
+
+
+def test_what_it_cannot_put_out_is_refused() -> None:
+    chain = fl.lump(make_scene(flexible("a")))
+    q = np.zeros(chain.n)
+    with pytest.raises(
+        ArgumentError, match="outputs = 'tipp': unknown; allowed are tip, tip_rate, joints, joint_rates"
+    ):
+        fl.linearize(chain, q, q, q, outputs=("tipp",))
+    with pytest.raises(ArgumentError, match="nothing is put out"):
+        fl.linearize(chain, q, q, q, outputs=())
+    with pytest.raises(ArgumentError, match=r"outputs = 'tip': expected a sequence"):
+        fl.linearize(chain, q, q, q, outputs="tip")
+    with pytest.raises(ArgumentError, match=r"q has shape \(1, 5\); expected \(5,\)"):
+        fl.linearize(chain, [q], q, q)

@@ -1,0 +1,66 @@
+"""The files that `flexlink export` writes, in the engines that read them, at random states; and read back by us."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import acceleration_error
+from flexlink.engines import Engine, load
+from flexlink.engines.states import State, random_states
+from flexlink.formats import FORMATS
+from validation.case import Case, Measured
+from validation.facts import Facts
+
+
+class Settings(Spec, frozen=True):
+    """The engine of every format, number of random states and their seed."""
+
+    engines: dict[str, str]  # format: engine
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Worst of each quantity, scene by scene and engine by engine, and how many numbers come back different."""
+    facts: Facts = {"states": settings.samples}
+    for scene in case.load_scenes():
+        chain = lump(scene.varied({"motion": ()}))
+        states = random_states(chain, settings.samples, seed=settings.seed)
+        native = load("native", chain)
+        for format, name in settings.engines.items():
+            yield Measured("read back", _differences(chain, format), scene.name, name, {"form": format})
+            engine = load(name, chain)
+            errors = np.array([list(_errors(chain, native, engine, state).values()) for state in states])
+            worst = np.where(np.isnan(errors), np.inf, errors).max(axis=0)
+            for quantity, error in zip(_errors(chain, native, engine, states[0]), worst, strict=True):
+                yield Measured(quantity, float(error), scene.name, name, {"form": format, **facts})
+
+
+def _errors(chain: Chain, native: Engine, engine: Engine, state: State) -> dict[str, float]:
+    """At one state; M and T_GC relative to the largest element, T_FL to each joint's, q̈ in units of its rounding."""
+    (q, qd, tau, wrench), pair = state, (native, engine)
+    M, other_M = (one.mass_matrix(q) for one in pair)
+    bias, other_bias = (one.bias_torque(q, qd, tip_wrench=wrench) for one in pair)
+    springs, other_springs = (one.elastic_torque(q) for one in pair)
+    qdd = tuple(one.forward_dynamics(q, qd, tau, tip_wrench=wrench) for one in pair)
+    return {
+        "M": float(np.abs(M - other_M).max() / np.abs(M).max()),
+        "T_GC": float(np.abs(bias - other_bias).max() / np.abs(bias).max()),
+        "T_FL": float(np.count_nonzero(springs != other_springs)),
+        "q̈": float(acceleration_error(chain, q, qd, tau, solutions=(qdd[0], qdd[1]), tip_wrench=wrench).max()),
+    }
+
+
+def _differences(chain: Chain, format: str) -> float:
+    """How many numbers of the chain that a file reads back to are not those of the chain that it was written from."""
+    back = FORMATS[format].read(FORMATS[format].write(chain))
+    different = int(back.coordinates != chain.coordinates) + int(back.link_names != chain.link_names)
+    different += int(np.count_nonzero(back.gravity != chain.gravity))
+    for array, other in ((chain.bodies, back.bodies), (chain.hinges, back.hinges)):
+        different += int(sum(np.count_nonzero(array[field] != other[field]) for field in array.dtype.names or ()))
+    return float(different)

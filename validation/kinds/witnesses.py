@@ -1,0 +1,80 @@
+"""Engines that compute springs, dampers and Runge-Kutta steps themselves: term by term, and whole motions.
+
+Motions have the same tableau and step, so that nothing but rounding is left. A witness that is not installed is left
+out, and told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import engines
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import MissingDependencyError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.engines.comparison import QUANTITIES
+from flexlink.engines.states import random_states
+from validation.benchmarks.runs import told
+from validation.case import Case, Measured
+
+Array = NDArray[np.float64]
+
+LONG = True
+RELATIVE = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
+
+
+class Settings(Spec, frozen=True):
+    """Witnesses with the methods that they share with us; the scenes that are run, and how long [s]; states, seed."""
+
+    methods: dict[str, tuple[str, ...]]
+    motions: tuple[str, ...]
+    duration: Positive
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Of each witness, scene and method the largest differences; at last how many witnesses are missing."""
+    scenes, missing = case.load_scenes(), []
+    for name, methods in settings.methods.items():
+        try:
+            engines.load(name, lump(scenes[0]))
+        except MissingDependencyError as error:
+            missing.append(f"not run: {error}")
+            continue
+        for scene in scenes:
+            yield from _terms(scene, name, settings)
+            if scene.name in settings.motions:
+                for method in methods:
+                    yield from _motion(scene.varied({"run.method": method, "run.duration": settings.duration}), name)
+    yield Measured("witnesses left out", len(missing), note="; ".join(missing))
+
+
+def _terms(scene: Scene, name: str, settings: Settings) -> Iterator[Measured]:
+    """|Δ| over the largest element at that state, of q̈ in units of what rounding explains; the worst of all states."""
+    chain, facts = lump(scene), {"states": settings.samples}
+    ours, theirs = engines.load("native", chain), engines.load(name, chain)
+    states = random_states(chain, settings.samples, seed=settings.seed)
+    for quantity in RELATIVE:
+        evaluate = QUANTITIES[quantity].evaluate
+        worst = max(_relative(evaluate(theirs, state), evaluate(ours, state)) for state in states)
+        yield Measured(quantity, worst, scene.name, name, facts)
+    evaluate, error = QUANTITIES["q̈"]
+    worst = max(float(error(chain, state, evaluate(theirs, state), evaluate(ours, state)).max()) for state in states)
+    yield Measured("q̈", worst, scene.name, name, facts)
+
+
+def _relative(theirs: Array, ours: Array) -> float:
+    largest = float(np.abs(ours).max())
+    return float(np.abs(theirs - ours).max()) / largest if largest else float(np.abs(theirs).max())
+
+
+def _motion(scene: Scene, name: str) -> Iterator[Measured]:
+    chain, facts = lump(scene), told(scene.run)
+    (_, q, qd), (_, q2, qd2) = (engines.load(each, chain).integrate(scene) for each in ("native", name))
+    yield Measured("max |Δq|", float(np.abs(q2 - q).max()), scene.name, name, facts)
+    yield Measured("max |Δq̇|", float(np.abs(qd2 - qd).max()), scene.name, name, facts)
