@@ -26,7 +26,7 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
@@ -50,8 +50,9 @@ from flexlink.dynamics.terms import (
 )
 from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
-from flexlink.motion.endings import DivergenceError, InterruptedRunError
-from flexlink.motion.result import Trajectory
+from flexlink.motion.endings import ControlError, DivergenceError, InterruptedRunError
+from flexlink.motion.result import State, Trajectory
+from flexlink.motion.simulator import Simulator
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
 from flexlink.robots.flexible import Flexible
@@ -67,10 +68,12 @@ __all__ = [
     "Arm",
     "Chain",
     "Comparison",
+    "ControlError",
     "ConvergenceError",
     "Coordinate",
     "Damping",
     "DataFileError",
+    "DenavitHartenberg",
     "DivergenceError",
     "Drive",
     "Energy",
@@ -100,7 +103,9 @@ __all__ = [
     "Scene",
     "SceneError",
     "Section",
+    "Simulator",
     "SingularMassError",
+    "State",
     "Trajectory",
     "UnstableStepError",
     "Wrench",

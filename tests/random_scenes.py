@@ -16,31 +16,10 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.motion.single import prepare
+from validation.benchmarks.random_arms import Dice
 
 WRONG = 0.05  # of the tip's motion
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.2, 0.3, 0.2, 0.3)
-
-
-class Dice:
-    """Random numbers as plain Python numbers."""
-
-    def __init__(self, seed: int) -> None:
-        self.random = np.random.default_rng(seed)
-
-    def linear(self, low: float, high: float) -> float:
-        return float(self.random.uniform(low, high))
-
-    def decades(self, low: float, high: float) -> float:
-        return 10.0 ** self.linear(low, high)
-
-    def chance(self, share: float) -> bool:
-        return bool(self.random.random() < share)
-
-    def one_of(self, *values, shares=None):
-        return values[int(self.random.choice(len(values), p=shares))]
-
-    def three(self, size: float) -> tuple[float, float, float]:
-        return self.linear(-size, size), self.linear(-size, size), self.linear(-size, size)
 
 
 def random_scene(dice: Dice) -> fl.Scene:

@@ -167,6 +167,16 @@ def test_without_up_the_section_stands_by_the_joints_axis(axis, stop, z) -> None
     assert np.linalg.det(link.beam.frame) == pytest.approx(1.0)
 
 
+@given(directions, st.floats(-5.9, 0.0))
+def test_a_section_stands_square_however_close_up_is_to_the_line(line, digits) -> None:
+    """The frame is a rotation even where `up` and the line are 1e-6 rad apart; four roundings an element."""
+    x = unit("line", line)
+    across = np.cross(x, np.eye(3)[np.argmin(np.abs(x))])
+    up = x + 10.0**digits * across / np.linalg.norm(across)
+    F = fl.Link(name="a", line=((0, 0, 0), line), up=up).beam.frame
+    np.testing.assert_allclose(F.T @ F, np.eye(3), rtol=0, atol=8 * EPS)
+
+
 def test_the_end_of_a_link_is_the_hub_of_a_locked_one_behind_it(rng) -> None:
     load, line = body(rng), ((0.0, 0.1, 0.0), (0.2, 0.3, 0.6))
     at_end = fl.lump(arm_of(fl.Link(name="a", line=line, end=load, **SLENDER)))

@@ -41,6 +41,17 @@ def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
         assert set(missing) == {name for name in {feature, *implied} if format in FEATURES[name].instead}
 
 
+def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
+    links = fl.Link(name="base", joint=fl.Joint(locked=True)), fl.Link(name="rod", length=1.0)
+    scene = make_scene(*links, gravity=(0.0, 0.0, 0.0), initial=fl.Initial(joint_deg=(30.0, 0.0)))
+    assert not_held(scene, fl.lump(scene), format="sdf") == {}
+
+
+def test_an_unknown_format_is_refused() -> None:
+    with pytest.raises(fl.ArgumentError, match="format = 'dae': unknown; allowed are urdf, mjcf, sdf"):
+        not_held(BARE, fl.lump(BARE), format="dae")
+
+
 def test_the_table_names_known_formats_only() -> None:
     assert all(set(feature.instead) <= set(FORMATS) for feature in FEATURES.values())
 

@@ -54,6 +54,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "an image": (b"\x89PNG\r\n\x1a\n" + bytes(100), "not XML"),
     "SDF": ("<sdf version='1.10'/>", "<sdf> at the top; a URDF file has <robot>"),
     "MJCF": ("<mujoco/>", "<mujoco> at the top"),
+    "our own export": (edited("</joint>", '<flexlink stiffness="9"/></joint>'), "springs and all"),
     "no link": ("<robot name='r'/>", "no link"),
     "no joint": ("<robot name='r'><link name='a'/></robot>", "no joint turns"),
     # entities, size, depth
@@ -89,6 +90,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "two numbers": (edited("<inertial>", '<inertial><origin xyz="1 2"/>'), "<origin xyz> = '1 2': expected 3"),
     "four numbers": (edited("<inertial>", '<inertial><origin rpy="1 2 3 4"/>'), "<origin rpy> = '1 2 3 4'"),
     "long number": (edited('value="1"', f'value="{"9" * 100_000}"'), "<mass value>"),
+    "far away": (edited("<inertial>", '<inertial><origin xyz="1e200 0 0"/>'), "of a robot at most 1e+09"),
     # bodies
     "negative mass": (edited('value="1"', 'value="-1"'), "<mass value> = -1.0: must not be negative"),
     "A + B < C": (edited('izz="1"', 'izz="3"'), "link 'b': inertia"),
@@ -127,11 +129,15 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "capital": (edited("continuous", "Continuous"), "did you mean 'continuous'"),
     "floating": (edited("continuous", "floating"), "no joint turns"),
     "planar": (edited("continuous", "planar"), "no joint turns"),
-    "zero axis": (edited("</joint>", '<axis xyz="0 0 0"/></joint>'), "has no direction"),
+    "zero axis": (edited("</joint>", '<axis xyz="0 0 0"/></joint>'), "<axis xyz> = (0.0, 0.0, 0.0): must not be zero"),
     "no limit": (edited("continuous", "revolute"), "<limit>: missing"),
     "limits turned round": (
         edited("continuous", "revolute", "</joint>", '<limit lower="1" upper="-1"/></joint>'),
         "lower must not exceed upper",
+    ),
+    "endless limit": (
+        edited("continuous", "revolute", "</joint>", '<limit lower="-inf" upper="1"/></joint>'),
+        "<limit lower> = '-inf'",
     ),
     "negative damping": (edited("</joint>", '<dynamics damping="-1"/></joint>'), "<dynamics damping> = -1.0"),
     "negative friction": (edited("</joint>", '<dynamics friction="-1"/></joint>'), "<dynamics friction> = -1.0"),

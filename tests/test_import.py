@@ -15,7 +15,7 @@ from flexlink.describe.directions import line_of
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.flexible import Flexible
+from flexlink.robots.flexible import Flexible, payload
 from flexlink.robots.importing import Imported, import_urdf
 from flexlink.robots.inertia import Pose, RigidBody, body_with
 from validation.benchmarks.original import Original
@@ -49,7 +49,7 @@ def test_an_imported_arm_moves_as_the_robot_does_in_pinocchio(seed: int, robot) 
     described, path, imported = robot(seed)
     chain = fl.lump(imported.scene)
     positions = {**described.posture, **described.locked}
-    positions |= {f"d{k}": -0.7 * described.posture[f"b{k}"] + 0.2 for k in range(1, 9)}
+    positions |= {f"d{k}": -0.7 * described.posture[f"b{k}"] + 0.2 for k in range(1, 10)}
     original = Original(path, list(described.free), positions, np.array(imported.scene.gravity))
     for s in random_states(chain, 5):
         M, T = original.mass_matrix(s.q), original.bias_torque(s.q, s.qd)
@@ -83,7 +83,7 @@ def test_the_tip_is_where_the_link_is(robot) -> None:
 
     original = Original(path, list(described.free), {**described.posture, **described.locked}, np.zeros(3))
     pin.framesForwardKinematics(original.model, original.data, original._posture(q))
-    tip = original.data.oMf[original.model.getFrameId("p8 link")]
+    tip = original.data.oMf[original.model.getFrameId("p9 link")]
     assert fl.tip_position(chain, q) == pytest.approx(tip.translation, abs=1e-14)
     assert fl.frames(chain, q).rotations[-1] == pytest.approx(tip.rotation, abs=1e-14)
 
@@ -141,6 +141,26 @@ def test_the_largest_mass_is_the_one_beyond_which_the_rest_is_no_body(rng) -> No
         assert np.linalg.eigvalsh(link.moments - 1.001 * largest * beam.moments)[0] < 0
 
 
+def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
+    """As CAD writes it: −5e-20 kg m² of half a kilogram, 3 cm from its frame; 32 eps of its m c² are 3e-18."""
+    center = np.array([0.0, 0.0, 0.03])
+    assert (
+        payload(RigidBody(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
+        == np.zeros((3, 3)).tolist()
+    )
+    with pytest.raises(fl.SceneError, match="no body can have it"):
+        payload(RigidBody(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
+
+
+def test_limits_of_1e16_are_none(tmp_path: Path) -> None:
+    path = tmp_path / "robot.urdf"
+    path.write_text(
+        RandomRobot(0).text().replace('lower="-3" upper="3"', 'lower="-1e16" upper="1e16"'), encoding="utf-8"
+    )
+    imported = import_urdf(path, tip="p8", locked={"j4": 0.0})
+    assert {link.joint.limits_deg for link in imported.scene.arm.links} == {None}
+
+
 def test_a_plate_has_no_room_for_what_stands_out_of_it() -> None:
     plate = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.02, 0.01, 0.0]))
     flat = body_with(1.0, np.array([0.2, 0.0, 0.0]), np.diag([0.01, 0.001, 0.0]))
@@ -178,14 +198,14 @@ def test_little_room_for_a_beam_is_told(robot) -> None:
 
 
 WRONG = {
-    "base": ({"base": "p9"}, "base = 'p9': not there; allowed are p0, "),
+    "base": ({"base": "p99"}, "base = 'p99': not there; allowed are p0, "),
     "tip": ({"tip": "P8"}, "did you mean 'p8'"),
     "turned round": ({"base": "p8", "tip": "p1"}, "does not lie beyond base = 'p8'"),
     "several arms": ({"tip": None}, "there are several arms, to "),
     "sliding": ({}, "joint 'j4', between 'p0' and 'p8', is prismatic"),
     "following": ({"tip": "c2"}, "joint 'd2', between 'p0' and 'c2', follows 'b2'"),
     "no joints": ({"base": "p1", "tip": "p2"}, "no joint between 'p1' and 'p2' turns"),
-    "unknown joint": ({"posture": {"j9": 0.0}}, "posture = 'j9': not there"),
+    "unknown joint": ({"posture": {"j99": 0.0}}, "posture = 'j99': not there"),
     "fixed": ({"posture": {"j2": 0.0}}, "posture: joint 'j2' is fixed"),
     "follower": ({"posture": {"d2": 0.0}}, "posture: joint 'd2' follows 'b2'"),
     "limits": ({"posture": {"j3": 3.1}}, "posture: 'j3' = 3.1: its limits are -3.0 and 3.0"),
@@ -193,9 +213,13 @@ WRONG = {
     "NaN": ({"posture": {"j3": float("nan")}}, "posture: 'j3' = nan: expected a finite number"),
     "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: 'b2' is not between 'p0' and 'p8'"),
     "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "armature: joint 'j4' is no free one"),
-    "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature = -1.0"),
+    "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature: 'j5' = -1.0: expected"),
     "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": Flexible(frequency_hz=1.0)}}, "is folded into 'p3'"),
     "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
+    "no line": (
+        {"locked": {"j4": 0}, "flexible": {"p3": Flexible(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
+        "flexible: link 'p3': line = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)): is 0 m long",
+    ),
     "no Flexible": ({"locked": {"j4": 0.0}, "flexible": {"p3": 12.0}}, "expected a Flexible"),
 }  # fmt: skip
 

@@ -60,7 +60,7 @@ def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
     assert np.isfinite(caught.value.trajectory.q).all()
     with pytest.raises(ArgumentError, match=r"q has shape \(1,\)"):
         engine.mass_matrix(np.zeros(1))
-    with pytest.raises(EngineError, match="no_such_question: AttributeError: "):
+    with pytest.raises(EngineError, match="native, asked to no such question: AttributeError: "):
         engine._ask("no_such_question")
     assert engine.mass_matrix(np.zeros(engine.n)).shape == (engine.n, engine.n)
 

@@ -64,3 +64,11 @@ def test_a_constant_drive_has_its_one_knot() -> None:
 def test_a_straight_line_of_torques_needs_no_landing_but_its_ends() -> None:
     assert landings(table(2.0 * TIMES, smooth=False), 1e-9)[[0, -1]].tolist() == [0.0, 1.0]
     assert len(landings(table(2.0 * TIMES, smooth=False), 1e-9)) <= 8  # 240 pieces by twos: 128 + 64 + 32 + 16
+
+
+def test_held_torques_are_landed_on_where_they_jump() -> None:
+    drive = table(np.repeat([0.0, 4.0, 1.0], [80, 80, 81]), smooth=False)
+    jumps = TIMES[[0, 80, 160]]
+    lands = landings(drive._replace(coefficients=drive.coefficients[:, :1]), 1e-3)
+    assert set(jumps) <= set(lands)
+    assert len(lands) < 40

@@ -132,7 +132,7 @@ def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
     chain = fl.lump(scene)
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
     for t in np.linspace(0, 2, 777):
-        drive_torque(drive, t, q, q, tau)
+        drive_torque(drive, t, t, q, q, tau)
         exact = 4 * np.sin(2 * np.pi * t / 1.2) ** 3 if t < 1.2 else 0.0
         assert tau[0] == pytest.approx(exact, abs=2e-6)
 

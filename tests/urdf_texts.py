@@ -43,14 +43,14 @@ class RandomRobot:
     posture: dict[str, float] = field(default_factory=dict)
     locked: dict[str, float] = field(default_factory=dict)
     base: str = "p1"
-    tip: str = "p8"
+    tip: str = "p9"
     free: tuple[str, ...] = ("j3", "j5", "j8")
 
     def text(self) -> str:
         random = np.random.default_rng(self.seed)
-        kinds = {1: "revolute", 2: "fixed", 3: "revolute", 4: "prismatic", 5: "continuous", 6: "fixed", 7: "revolute"}
+        kinds = {1: "revolute", 2: "fixed", 3: "revolute", 4: "prismatic", 5: "continuous", 6: "fixed", 9: "fixed"}
         parts = [link("p0", random)]
-        for k in range(1, 9):
+        for k in range(1, 10):
             kind = kinds.get(k, "revolute")
             dynamics = f'<dynamics damping="{0.1 * k!r}" friction="{0.05 * k!r}"/>'
             parts += [link(f"p{k}", random), joint(f"j{k}", kind, f"p{k - 1}", f"p{k}", random, dynamics)]
@@ -58,6 +58,6 @@ class RandomRobot:
             follows = f'<mimic joint="b{k}" multiplier="-0.7" offset="0.2"/>'
             parts += [link(f"c{k}", random), joint(f"d{k}", "revolute", f"a{k}", f"c{k}", random, follows)]
             self.posture[f"b{k}"] = float(random.uniform(-2, 2))
-        self.posture |= {"j1": 0.4, "j3": 0.3}
+        self.posture |= {"j1": 0.4, "j3": 0.3, "j5": 0.9, "j8": -0.5}
         self.locked |= {"j4": 0.25, "j7": -0.6}
         return f'<robot name="random">{"".join(parts)}</robot>'

@@ -39,6 +39,8 @@ WORDS: dict[str, tuple[str, str]] = {
     "turns": ("turns", "{:g} turns"),
     "damping ratio": ("damping ratio [1]", "damping ratio {:g}"),
     "law": ("damping law", "{}"),
+    "link": ("link", "{}"),
+    "asked": ("asked for [Hz]", "asked for {:g} Hz"),
 }
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
-from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy_deg, turn_to
+from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
 from flexlink.describe.rigid_body import Payload
@@ -51,6 +51,7 @@ def lump(scene: Scene) -> Chain:
     builder = _Builder()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for k, link in enumerate(arm.links):
+            _add_mount(builder, link, arm.links[k - 1] if k else None)
             _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
             _add_line(builder, arm, link, k + 1, *placed[k])
         builder.add_payload(arm.tip)
@@ -71,9 +72,22 @@ def lump(scene: Scene) -> Chain:
     )
 
 
+def _add_mount(builder: _Builder, link: Link, before: Link | None) -> None:
+    """From the end of the link before to the axes of a link at angle zero."""
+    mount, row = link.mount, link.dh
+    modified = row is not None and row.convention == "modified"
+    if modified and before is not None:
+        builder.move(-np.array(before.stop))
+    builder.move(np.array(mount.xyz), matrix_from_rpy(mount.rpy) if mount.rpy else matrix_from_rpy_deg(mount.rpy_deg))
+    if row is not None and modified:
+        builder.move(np.array([row.a, 0, 0]), about_axis_deg(0, row.alpha_deg))
+        builder.move(np.array([0, 0, row.d]))
+    if row is not None:
+        builder.turn(about_axis_deg(2, row.theta_deg))
+
+
 def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
-    """Mount, joint, gear and hub of a link."""
-    builder.move(np.array(link.mount.xyz), matrix_from_rpy_deg(link.mount.rpy_deg))
+    """Joint, gear and hub of a link."""
     joint = link.joint
     axis, turn = turn_to(joint.direction)
     builder.turn(turn)
@@ -105,6 +119,8 @@ def _add_line(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array
         _add_segments(builder, link, number, beam, arm.loss_time(link), nodes, weights)
     builder.turn(frame.T)
     builder.add_payload(link.end)
+    if link.dh is not None and link.dh.convention == "standard":
+        builder.move(np.subtract(link.dh.end, link.stop), about_axis_deg(0, link.dh.alpha_deg))
 
 
 def _add_segments(

@@ -13,14 +13,26 @@ Array = NDArray[np.float64]
 
 def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
     """R = Rz(yaw) Ry(pitch) Rx(roll), angles in degrees; multiples of 90° give exact zeros and ones."""
-    Rx, Ry, Rz = (about_axis_deg(axis, angle) for axis, angle in enumerate(rpy_deg))
+    return _composed(*map(cos_sin_deg, rpy_deg))
+
+
+def matrix_from_rpy(rpy: tuple[float, float, float]) -> Array:
+    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in radians."""
+    return _composed(*((math.cos(angle), math.sin(angle)) for angle in rpy))
+
+
+def _composed(*turns: tuple[float, float]) -> Array:
+    Rx, Ry, Rz = (_about_axis(axis, *turn) for axis, turn in enumerate(turns))
     R: Array = Rz @ Ry @ Rx
     return R
 
 
 def about_axis_deg(axis: int, angle: float) -> Array:
     """Rotation by an angle [deg] about coordinate axis 0, 1, 2 = X, Y, Z; exact at multiples of 90°."""
-    c, s = cos_sin_deg(angle)
+    return _about_axis(axis, *cos_sin_deg(angle))
+
+
+def _about_axis(axis: int, c: float, s: float) -> Array:
     R, (j, k) = np.eye(3), ((axis + 1) % 3, (axis + 2) % 3)
     R[j, j] = R[k, k] = c
     R[k, j], R[j, k] = s, -s

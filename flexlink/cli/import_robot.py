@@ -13,7 +13,7 @@ from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import Flexible
-from flexlink.robots.importing import import_robot
+from flexlink.robots.importing import import_urdf
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.urdf_reader import read_urdf
 
@@ -23,12 +23,12 @@ def import_scene(options: argparse.Namespace) -> int:
     if options.out is not None:
         require_place(options.out)
     source = Path(options.robot)
-    is_file = source.exists() or source.suffix != ""
-    known = KnownArm(file=options.robot) if is_file else known_arm(options.robot)
-    robot = read_urdf(source if is_file else known.path)
+    by_name = source.name == options.robot and not (source.suffix or source.is_file())
+    known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
+    robot = read_urdf(known.path if by_name else source)
     asked = _asked(robot, known, options)
     with about(source):
-        imported = import_robot(robot, **asked)
+        imported = import_urdf(robot, **asked)
     scene = varied(source, imported.scene, options.set)
     print(imported)
     if options.out is None:
@@ -40,7 +40,7 @@ def import_scene(options: argparse.Namespace) -> int:
 
 
 def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[str, Any]:
-    """Arguments of `import_robot`: those of a known arm, and the command's own over them."""
+    """Arguments of `import_urdf`: those of a known arm, and the command's own over them."""
     flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
     return {
         "base": options.base or known.base,

@@ -150,7 +150,9 @@ def _parser() -> argparse.ArgumentParser:
 
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
     check.add_argument("scene", type=Path, help="scene file (.toml)")
-    check.add_argument("--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco")
+    check.add_argument(
+        "--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco; also drake, exudyn"
+    )
     check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
     check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
 

@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.directions import Line, line_of
-from flexlink.describe.joint import Joint, Mount
+from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.names import link_number
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.sections import SHAPES, SectionProperties
@@ -129,6 +129,7 @@ class Link(Spec, frozen=True):
     The beam runs along local X over `length` [m], or along `line`, from one point of the link's frame to another [m].
     Its section's z points to `up`, by default to the joint's axis (`line_of` says more). The link ends where the beam
     does, with the axes of its own frame: there hang `end` and the next link's mount.
+    `dh` is a row of a table of Denavit and Hartenberg (`DenavitHartenberg` says what it places).
     `flex`: "rigid", or bending about the section's z ("z"), y and z ("yz"), with twist about the line ("xyz");
     `segments`: rigid segments, with segments − 1 hinges where `lumping`, a rule's name or file, puts them; `material`,
     `section`: names.
@@ -148,6 +149,7 @@ class Link(Spec, frozen=True):
     lumping: str = "gauss"
     joint: Joint = Joint()
     mount: Mount = Mount()
+    dh: DenavitHartenberg | None = None
     hub: Payload = Payload()  # turns with the joint: motor housing, bearing
     end: Payload = Payload()  # at the end of the beam: the next motor
     damping: Damping | None = None
@@ -166,6 +168,8 @@ class Link(Spec, frozen=True):
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
             raise SceneError(f"length = {self.length!r}: line = {short(self.line)} is given, too")
+        if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
+            raise SceneError(f"joint.axis = {short(self.joint.axis)}: with dh a joint turns about Z")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
@@ -193,9 +197,16 @@ class Link(Spec, frozen=True):
     @property
     def beam(self) -> Line:
         """Where the beam runs: start, length and axes; of a link without length a point in its joint."""
-        if self.line is None and self.length == 0:
+        if self.line is None and not any(self.stop):
             return Line(np.zeros(3), 0.0, np.eye(3))
-        return line_of(self.line or ((0.0, 0.0, 0.0), (self.length, 0.0, 0.0)), self.up, self.joint.direction)
+        return line_of(self.line or ((0.0, 0.0, 0.0), self.stop), self.up, self.joint.direction)
+
+    @property
+    def stop(self) -> Vector3:
+        """End of the beam in the link's frame [m]."""
+        if self.line is not None:
+            return self.line[1]
+        return self.dh.end if self.dh is not None and not self.length else (self.length, 0.0, 0.0)
 
 
 class Arm(Spec, frozen=True):
@@ -227,6 +238,9 @@ class Arm(Spec, frozen=True):
                     raise SceneError(
                         f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
                     )
+        conventions = {link.dh.convention for link in self.links if link.dh is not None}
+        if len(conventions) > 1:
+            raise SceneError("link.dh.convention: differs from link to link; a table has one")
         if all(link.joint.locked and not link.elastic for link in self.links):
             raise SceneError("link: every joint is locked and every link rigid; at least one must move")
 

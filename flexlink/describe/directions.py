@@ -73,9 +73,13 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
 
 
 def _across(x: Array, direction: Array) -> Array | None:
-    """The direction of what of a unit vector stands across x; None if nothing does."""
+    """The direction of what of a unit vector stands across x; None if nothing does.
+
+    Taken across twice: where the two nearly line up, the first time leaves eps / angle along x.
+    """
     if math.hypot(*np.cross(x, direction)) < PARALLEL:
         return None
-    across = direction - (direction @ x) * x
-    result: Array = across / math.hypot(*across)
-    return result
+    for _ in range(2):
+        across = direction - (direction @ x) * x
+        direction = across / math.hypot(*across)
+    return direction

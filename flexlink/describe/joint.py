@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
 
 Array = NDArray[np.float64]
 
@@ -58,9 +60,38 @@ class Joint(Spec, frozen=True):
 class Mount(Spec, frozen=True):
     """Placement of a joint frame in the end frame of the link before it (of the first link: in frame 0).
 
-    First the offset `xyz` [m], then `rpy_deg` [deg], roll, pitch, yaw about fixed axes: R = Rz(yaw) Ry(pitch) Rx(roll),
-    the convention of URDF; v_parent = R v_joint.
+    First the offset `xyz` [m], then `rpy_deg` [deg] or `rpy` [rad], roll, pitch, yaw about fixed axes:
+    R = Rz(yaw) Ry(pitch) Rx(roll), the convention of URDF; v_parent = R v_joint. Multiples of 90° are exact.
     """
 
     xyz: Vector3 = (0.0, 0.0, 0.0)  # m
     rpy_deg: Vector3 = (0.0, 0.0, 0.0)
+    rpy: Vector3 | None = None  # rad
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rpy is not None and any(self.rpy_deg):
+            raise SceneError(f"rpy = {short(self.rpy)}: rpy_deg = {short(self.rpy_deg)} is given, too")
+
+
+class DenavitHartenberg(Spec, frozen=True):
+    """A row of a table of Denavit and Hartenberg; the joint turns about Z, and its angle adds to `theta_deg`.
+
+    standard (Siciliano et al. 2009, section 2.8.2): T = Rz(θ) Tz(d) Tx(a) Rx(α) from the axes before the joint's turn
+    to the link's end frame; the beam of a link with neither `length` nor `line` runs from the joint to (a, 0, d).
+    modified (Craig 2005, section 3.4): T = Rx(α) Tx(a) Rz(θ) Tz(d) from the frame of the link before, not from its end
+    frame, to this link's; a and α are Craig's of the link before, a_{i−1}, α_{i−1}, as in the rows of his tables.
+    Either way the table alone says where axes and tip are: a beam runs beside it, and carries it at its end. The
+    link's `mount`, that of the base, comes before the row. `a`, `d` [m].
+    """
+
+    convention: Literal["standard", "modified"]
+    a: float = 0.0  # m
+    alpha_deg: float = 0.0
+    d: float = 0.0  # m
+    theta_deg: float = 0.0
+
+    @property
+    def end(self) -> Vector3:
+        """Where the row ends the link, in the link's frame [m]; a modified one ends in the frame itself."""
+        return (self.a, 0.0, self.d) if self.convention == "standard" else (0.0, 0.0, 0.0)

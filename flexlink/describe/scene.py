@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,9 +14,10 @@ from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.methods import check_method
 from flexlink.describe.rules import hinges_of
-from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied
+from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
 from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
 from flexlink.describe.vary import changed, parsed
+from flexlink.describe.writing import said, toml_of
 
 Array = NDArray[np.float64]
 
@@ -55,6 +55,10 @@ class Scene(Spec, frozen=True):
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+        if not self.run.controlled:
+            whole("initial.time", self.initial.time, "run.step", self.run.step)
+            for k, time in enumerate(self.drive.times or () if self.drive.hold else ()):
+                whole(f"drive.times[{k}]", time, "run.step", self.run.step)
         for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
             _check_limits(link, f"initial.joint_deg[{k}]", angle)
         moved: set[int] = set()
@@ -76,11 +80,12 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
             raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
-        for key, start, first in (
-            ("angle_deg", self.initial.joint_deg[number - 1], motion.angle_deg[0]),
-            ("rate_deg", self.initial.rates[number - 1], motion.rate_deg[0]),
+        initial = self.initial
+        for key, start, first, elsewhere in (
+            ("angle_deg", initial.joint_deg[number - 1], motion.angle_deg[0], initial.q),
+            ("rate_deg", initial.rates[number - 1], motion.rate_deg[0], initial.qd),
         ):
-            if start != first:
+            if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
         for k, angle in enumerate(motion.angle_deg):
             _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
@@ -130,9 +135,10 @@ class Scene(Spec, frozen=True):
         return varied
 
     def to_toml(self) -> str:
-        """This scene as a TOML document that `load_scene` reads back equal."""
-        document: bytes = msgspec.toml.encode(self._document())
-        return document.decode()
+        """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
+        document: dict[str, Any] = said(self, always=frozenset({"gravity"}))
+        document |= document.pop("arm")
+        return toml_of({key: document[key] for key in ORDER if key in document})
 
     def _document(self) -> dict[str, Any]:
         """What a TOML parser returns of this scene, with all defaults written out."""
@@ -225,5 +231,9 @@ def scene_from(raw: dict[str, Any]) -> Scene:
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 _OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
+ORDER = (
+    "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench", "run",
+)  # fmt: skip
+"""Of the tables of a file that `to_toml` writes."""
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -23,14 +23,26 @@ Accuracy = Literal["tip", "deflection"]
 
 
 class Initial(Spec, frozen=True):
-    """State at t = 0: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
+    """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
+    `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
+    `time` [s] does of t = 0: the state from which another run is continued.
     """
 
     joint_deg: tuple[float, ...]
     rate_deg: tuple[float, ...] | None = None  # default: at rest
     passive: Literal["zero", "static"] = "zero"
+    q: tuple[float, ...] | None = None  # rad
+    qd: tuple[float, ...] | None = None  # rad/s
+    time: NonNegative = 0.0  # s
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.q is not None and self.passive == "static":
+            raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
+        if self.qd is not None and self.rate_deg is not None:
+            raise SceneError(f"qd = {short(self.qd)}: rate_deg is given, too; give one of both")
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -42,7 +54,8 @@ class Drive(Spec, frozen=True):
     """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
 
     constant: T_EX = torque.  table: `torques`, one row per time, held outside, in between linear or, if `smooth`, a
-    cubic spline, which keeps the order of the integrator.
+    cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time, as a
+    sampled controller holds it.
     pd: T_EX = kp (target − q) − kd q̇.
     """
 
@@ -54,6 +67,7 @@ class Drive(Spec, frozen=True):
     kd: tuple[NonNegative, ...] | None = None
     target_deg: tuple[float, ...] | None = None
     smooth: bool = False
+    hold: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -69,6 +83,8 @@ class Drive(Spec, frozen=True):
             raise SceneError(f"times = {short(self.times)}: must increase")
         if self.smooth and len(self.times or ()) < 2:
             raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
+        if self.hold and (self.smooth or self.times is None):
+            raise SceneError(f"hold = {self.hold}: takes a table that is not smooth")
         if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
             raise SceneError(f"torques has {len(self.torques)} rows: expected one per time, {len(self.times)}")
 
@@ -165,9 +181,16 @@ class Run(Spec, frozen=True):
 
     @property
     def times(self) -> Array:
-        """Times of the stored samples [s], shape (samples,)."""
+        """Times of the stored samples [s] of a run that starts at t = 0, shape (samples,)."""
+        return self.times_from(0.0)
+
+    def times_from(self, start: float) -> Array:
+        """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
         between = self.sample if self.controlled else self.steps_per_sample * self.step
-        return np.arange(self.samples, dtype=np.float64) * between
+        first = start / between
+        if abs(first - round(first)) <= 1e-9 * max(1.0, first):
+            first = round(first)
+        return (first + np.arange(self.samples, dtype=np.float64)) * between
 
 
 def whole(name: str, value: float, unit_name: str, unit: float) -> None:

@@ -54,12 +54,13 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
         said = [
             f"{field.name}={BRIEF.repr(getattr(self, field.name))}"
             for field in msgspec.structs.fields(self)
-            if getattr(self, field.name) != _default(field)
+            if getattr(self, field.name) != default_of(field)
         ]
         return f"{type(self).__name__}({', '.join(said)})"
 
 
-def _default(field: msgspec.structs.FieldInfo) -> object:
+def default_of(field: msgspec.structs.FieldInfo) -> object:
+    """What a field holds where nothing is said; of a required one msgspec's NODEFAULT."""
     made = field.default_factory
     return field.default if made is msgspec.NODEFAULT else made()
 

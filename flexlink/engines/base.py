@@ -8,7 +8,6 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -20,7 +19,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs import drive_torque
-from flexlink.motion.actuation import drive_arrays, input_arrays
+from flexlink.motion.actuation import DriveArrays, drive_arrays, input_arrays
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.start import initial_state
@@ -29,8 +28,6 @@ from flexlink.motion.watch import judge_step
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array]
 """t (samples,), q and q̇ (samples, n)."""
-DriveTorque = Callable[[float, Array, Array], Array]
-"""T_EX(t, q, q̇), shape (n,)."""
 
 
 class Engine(Protocol):
@@ -70,19 +67,43 @@ class Engine(Protocol):
         """
 
 
+class DriveTorque:
+    """The scene's drive as a function T_EX(t, q, q̇), shape (n,).
+
+    Attributes
+    ----------
+    middle
+        Middle of the step that t belongs to [s], by which a torque that is held is sought; None: t itself.
+    """
+
+    def __init__(self, drive: DriveArrays, n: int) -> None:
+        self.middle: float | None = None
+        self._drive, self._tau = drive, np.zeros(n)
+
+    def __call__(self, t: float, q: Array, qd: Array) -> Array:
+        """T_EX; the array is overwritten by the next call."""
+        drive_torque(self._drive, t, t if self.middle is None else self.middle, q, qd, self._tau)
+        return self._tau
+
+
 def drive_function(scene: Scene) -> DriveTorque | None:
     """The scene's drive as a function, or None if it never pushes."""
     chain = lump(scene)
     drive = drive_arrays(scene, chain)
-    if len(drive.joints) == 0:
-        return None
-    tau = np.zeros(chain.n)
+    return DriveTorque(drive, chain.n) if len(drive.joints) else None
 
-    def torque(t: float, q: Array, qd: Array) -> Array:
-        drive_torque(drive, t, q, qd, tau)
-        return tau
 
-    return torque
+def refuse_held(engine: str, scene: Scene) -> None:
+    """Of an engine whose steps we do not see one by one, or that starts at t = 0.
+
+    Raises
+    ------
+    ArgumentError
+        The drive holds its torques between times, or the run starts later.
+    """
+    if scene.drive.hold or scene.initial.time:
+        what = "drive.hold = True" if scene.drive.hold else f"initial.time = {scene.initial.time!r}"
+        raise ArgumentError(f"{what}: {engine} cannot follow it; use native, pinocchio or mujoco")
 
 
 def refuse_motion(engine: str, chain: Chain) -> None:
@@ -117,7 +138,7 @@ def start(scene: Scene) -> Samples:
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = initial_state(scene, chain)
     judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
-    return run.times, q, qd
+    return run.times_from(scene.initial.time), q, qd
 
 
 def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:

@@ -24,7 +24,16 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, DriveTorque, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import (
+    Array,
+    DriveTorque,
+    Samples,
+    diverged,
+    drive_function,
+    refuse_held,
+    refuse_motion,
+    start,
+)
 from flexlink.formats import to_sdf
 
 METHODS = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}
@@ -53,7 +62,7 @@ class DrakeEngine:
 
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Drake", chain)
-        self.text = to_sdf(chain)
+        self.text = to_sdf(chain, shapes=False)
         world = ET.fromstring(self.text).findall("world")[0]
         joints = world.findall("model/joint")
         self.rest, self.coulomb = (
@@ -65,7 +74,8 @@ class DrakeEngine:
         try:
             self.plant = self._load(MultibodyPlant(time_step=0.0))
         except RuntimeError as error:
-            raise ArgumentError(f"Drake cannot load {chain.name!r}: {error}; use the other engines") from error
+            told = " ".join(str(error).split())  # in one line
+            raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
         order = [self.plant.GetJointByName(joint.attrib["name"]).velocity_start() for joint in joints]
         if order != list(range(self.plant.num_velocities())):
             raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {order}; expected those of the file")
@@ -115,6 +125,7 @@ class DrakeEngine:
         """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run = scene.run
         refuse_motion("Drake", lump(scene))
+        refuse_held("Drake", scene)
         if run.method not in METHODS:
             known = " and ".join(map(repr, METHODS))
             raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Drake has only {known}")

@@ -30,7 +30,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
-from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_held, refuse_motion, start
 from flexlink.engines.tree import Tree, read_tree
 from flexlink.formats import to_urdf
 
@@ -94,6 +94,7 @@ class ExudynEngine:
         """Exudyn's own Runge-Kutta method, sample by sample."""
         run = scene.run
         refuse_motion("Exudyn", lump(scene))
+        refuse_held("Exudyn", scene)
         if run.method not in METHODS:
             known = " and ".join(map(repr, METHODS))
             raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Exudyn has only {known}")

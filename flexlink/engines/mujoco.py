@@ -19,7 +19,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import Array, DriveTorque, Samples, diverged, drive_function, refuse_motion, start
 from flexlink.formats import to_mjcf
 
 Callback = Callable[[Any, Any], None] | None
@@ -105,10 +105,16 @@ class MujocoEngine:
         mujoco.mj_resetData(model, data)
         model.opt.timestep = run.step
         data.qpos[:], data.qvel[:], data.xfrc_applied[self.tip] = q[0], qd[0], scene.tip_wrench
-        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": _drive_callback(scene)}
+        data.time, drive = scene.initial.time, drive_function(scene)
+        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": _drive_callback(drive)}
         with _installed(hooks | QUIET):
             for row in range(1, len(t)):
-                mujoco.mj_step(model, data, run.steps_per_sample)
+                if drive is None or not scene.drive.hold:
+                    mujoco.mj_step(model, data, run.steps_per_sample)
+                else:
+                    for _ in range(run.steps_per_sample):
+                        drive.middle = data.time + run.step / 2
+                        mujoco.mj_step(model, data)
                 restarted = abs(data.time - t[row]) > run.step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
                 if restarted or data.warning.number.any() or not finite:
@@ -137,8 +143,7 @@ class MujocoEngine:
         return passive
 
 
-def _drive_callback(scene: Scene) -> Callback:
-    drive = drive_function(scene)
+def _drive_callback(drive: DriveTorque | None) -> Callback:
     if drive is None:
         return None
 

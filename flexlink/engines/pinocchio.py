@@ -93,11 +93,12 @@ class PinocchioEngine:
         """The scene's Runge-Kutta method, as a plain loop over `aba`."""
         samples = t, q, qd = start(scene)
         run, step = scene.run, self._step(scene)
+        origin = round(scene.initial.time / run.step)
         y = np.concatenate([q[0], qd[0]])
         with np.errstate(all="ignore"):  # a state that leaves the finite numbers is an error below
             for row in range(1, len(t)):
                 for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
-                    y = step(number, y)
+                    y = step(origin + number, y)
                 if not np.isfinite(y).all():
                     raise diverged(self.name, scene, samples, row)
                 q[row], qd[row] = y[: self.n], y[self.n :]
@@ -111,6 +112,8 @@ class PinocchioEngine:
         F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 
         def step(number: int, y: Array) -> Array:
+            if drive is not None:
+                drive.middle = (number + 0.5) * h
             for i in range(len(c)):
                 t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
                 follow(motion, t, x[:n], x[n:], given)

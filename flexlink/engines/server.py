@@ -22,22 +22,26 @@ from flexlink.engines import load_here
 def serve(pipe: Connection, seconds: float) -> None:
     """Answer questions (seconds, name, arguments, named) with values, or with the errors that they raise."""
     engine: Any = None
+    name = ""
     signal.setitimer(signal.ITIMER_REAL, seconds)  # from here to the first answer
     while True:
         try:
             seconds, question, arguments, named = pipe.recv()
-            signal.setitimer(signal.ITIMER_REAL, seconds)
+        except EOFError:
+            return
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
             if question == "load":
+                name = arguments[0]
                 engine = load_here(*arguments)
                 answer: object = engine.version, engine.n
             else:
                 answer = getattr(engine, question)(*arguments, **named)
-        except EOFError:
-            return
         except FlexlinkError as error:
             answer = error
         except Exception as error:
-            answer = EngineError(f"{question}: {type(error).__name__}: {next(iter(str(error).splitlines()), '')}")
+            told = " ".join(str(error).split())
+            answer = EngineError(f"{name}, asked to {question.replace('_', ' ')}: {type(error).__name__}: {told}")
         pipe.send(answer)
         signal.setitimer(signal.ITIMER_REAL, 0)
 

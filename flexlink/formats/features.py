@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
+from flexlink.chain.arguments import choice
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 
@@ -24,6 +25,13 @@ class Feature(NamedTuple):
 
 def _for_all(text: str) -> dict[str, str]:
     return dict.fromkeys(ALL, text)
+
+
+def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
+    """Whether a run starts with other angles than zero, or moving; locked joints stand in the placements."""
+    free = [chain.coordinates[k].link - 1 for k in chain.active]
+    numbers = [per_link[link] for per_link in (scene.initial.joint_deg, scene.initial.rates) for link in free]
+    return any(numbers) or scene.initial.passive != "zero"
 
 
 FEATURES = {
@@ -49,7 +57,7 @@ FEATURES = {
     "drive torques": Feature(lambda scene, _: scene.drive.kind != "none", _for_all("a motor without a torque")),
     "tip wrench": Feature(lambda scene, _: bool(scene.tip_wrench.any()), _for_all("nothing")),
     "initial state": Feature(
-        lambda scene, _: any((*scene.initial.joint_deg, *scene.initial.rates)) or scene.initial.passive != "zero",
+        _starts_elsewhere,
         {"urdf": "nothing: zero angles", "sdf": "nothing: zero angles"},
     ),
 }
@@ -69,7 +77,13 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     -------
     dict
         Feature: what its file holds instead; empty if the file says all that the scene says of the arm's motion.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such format.
     """
+    choice("format", format, dict.fromkeys(ALL))
     return {
         name: feature.instead[format]
         for name, feature in FEATURES.items()

@@ -25,6 +25,7 @@ from flexlink.chain.arguments import flag, given, sequence, vector
 from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.rigid_body import ROUNDING
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
@@ -127,8 +128,9 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             parent = _body(parent, name, frame)
             moments, axes = _principal(body)
             _require_loadable(chain, body, moments)
+            moments = np.minimum(moments, _largest_possible(moments))  # of a disc, what rounding has put on top
             _inertial(parent, body, moments, axes)
-            if not _is_diagonal(I := body["inertia"]):
+            if not np.array_equal(I := body["inertia"], np.diag(moments)):
                 _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], chain)
@@ -217,20 +219,16 @@ def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
 def _principal(body: np.void) -> tuple[Array, Array]:
     """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
     I = body["inertia"]
-    if _is_diagonal(I):
+    if np.array_equal(I, np.diag(np.diag(I))):
         return np.diag(I), np.eye(3)
     moments, axes = np.linalg.eigh(I)
     return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
 
 
-def _is_diagonal(I: Array) -> bool:
-    return np.array_equal(I, np.diag(np.diag(I)))
-
-
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
     """MuJoCo has no way to hold less, and would refuse the file: there is no other form of the same body."""
     light = body["mass"] < SMALLEST or moments.min() < SMALLEST
-    if not light and 2 * moments.max() <= moments.sum():
+    if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
     link = chain.link_names[chain.coordinate(joint).link - 1]
@@ -240,6 +238,12 @@ def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
         f"link {link!r}, or the payload, or use URDF"
     )
+
+
+def _largest_possible(moments: Array) -> float:
+    """The sum of the two smaller moments, as MuJoCo adds them."""
+    low, middle, _ = np.sort(moments)
+    return float(low + middle)
 
 
 def _inertial(parent: ET.Element, body: np.void, moments: Array, axes: Array) -> None:

@@ -134,7 +134,7 @@ def begin(t, inputs, state, tau, forward):
     for k in range(len(tau)):
         tau[k] = 0.0
     follow(inputs.motion, t, q, qd, qdd)
-    drive_torque(inputs.drive, t, q, qd, tau)
+    drive_torque(inputs.drive, t, t, q, qd, tau)
     done[1] = forward_dynamics(inputs.wrench, q, qd, tau, qdd, forward)
 
 

@@ -59,8 +59,8 @@ def embedded_step(t, h, inputs, state, accurate, work):
         L[0, k], K[0, k] = qd[k], qdd[k]
     work.clock[WORK] = done[0] + h * b[0] * done[1]
     for i in range(1, s):
-        work.clock[WORK] += h * b[i] * evaluate(t + c[i] * h, h, inputs, q, qd, A[i], i, work.Q, work)
-    work.clock[POWER] = evaluate(t + h, h, inputs, q, qd, b, s, work.new[0], work)
+        work.clock[WORK] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
+    work.clock[POWER] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
@@ -71,15 +71,16 @@ def embedded_step(t, h, inputs, state, accurate, work):
 
 
 @inlined
-def evaluate(t, h, inputs, q, qd, weights, i, angles, work):
-    """Stage i from the ones before it: angles, L_i and K_i; returns the power there."""
+def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
+    """Stage i, at a part of the step, from the ones before it: angles, L_i and K_i; returns the power there."""
+    t = start + part * h
     K, L, tau = work.K, work.L, work.tau
     for k in range(len(q)):
         angles[k], L[i, k], tau[k] = q[k], qd[k], 0.0
     for j in range(i):
         add_stage(weights[j] * h, L, K, j, angles, L[i])
     follow(inputs.motion, t, angles, L[i], K[i])
-    drive_torque(inputs.drive, t, angles, L[i], tau)
+    drive_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
     return forward_dynamics(inputs.wrench, angles, L[i], tau, K[i], work.forward)
 
 

@@ -214,16 +214,16 @@ def residuals(t, h, inputs, q, qd, work):
                 Q[k] += weight2 * qdd[j, k]
                 V[k] += weight * qdd[j, k]
         follow(inputs.motion, ti, Q, V, qdd[i])
-        work.power[i] = residual(ti, inputs, Q, V, qdd[i], work.stages[RESIDUALS, i], work)
+        work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[RESIDUALS, i], work)
 
 
 @recursion
-def residual(t, inputs, q, qd, qdd, R, work):
+def residual(t, middle, inputs, q, qd, qdd, R, work):
     """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power q̇·(T_EX − T_FR) + m·ω."""
     chain, tau = work.chain, work.vectors[TAU]
     for k in range(len(q)):
         tau[k] = 0.0
-    drive_torque(inputs.drive, t, q, qd, tau)
+    drive_torque(inputs.drive, t, middle, q, qd, tau)
     power = inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     for k in range(len(q)):
         hinge = chain.hinges[k]

@@ -1,7 +1,8 @@
 """What is given in time: drive torques and prescribed joint motions, as piecewise polynomials.
 
 On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i; before the first knot x = 0, and the last
-piece goes on for ever.
+piece goes on for ever. Torques that are held jump at their knots: the piece of a step is then that of its middle, so
+that a stage at the end of the step does not see what follows.
 """
 
 from flexlink.kernels.compiler import entry, recursion
@@ -22,9 +23,13 @@ def locate(knots, first, stop, t):
 
 
 @entry
-def drive_torque(drive, t, q, qd, tau):
-    """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere."""
-    piece = locate(drive.knots, 0, len(drive.knots), t)
+def drive_torque(drive, t, middle, q, qd, tau):
+    """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere.
+
+    `middle` of the step that t belongs to.
+    """
+    held = drive.coefficients.shape[1] == 1
+    piece = locate(drive.knots, 0, len(drive.knots), middle if held else t)
     x = max(0.0, t - drive.knots[piece])
     c = drive.coefficients[piece]
     for d in range(len(drive.joints)):

@@ -36,11 +36,12 @@ def step_workspace(tableau, q):
 
 
 @kernel
-def integrate(work, tableau, inputs, h, first, last, every, state, samples):
+def integrate(work, tableau, inputs, h, origin, first, last, every, state, samples):
     """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
 
-    Every `every`-th state since step 0 goes to its row of `samples`: q, q̇ (rows, n) and W (rows,). Returns
-    the number of the last step whose q and q̇ are finite; if that is not `last`, the state is the first that is not.
+    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state since then goes to its row
+    of `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite; if that
+    is not `last`, the state is the first that is not.
     With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
     numbers stops all.
     """
@@ -48,7 +49,7 @@ def integrate(work, tableau, inputs, h, first, last, every, state, samples):
     qs, qds, works = samples
     stages = step_workspace(tableau, q)
     for number in range(first, last):
-        step(work, tableau, inputs, h, number, state, stages)
+        step(work, tableau, inputs, h, origin + number, state, stages)
         if not (is_finite(q) and is_finite(qd)):
             return number
         if (number + 1) % every == 0:
@@ -73,12 +74,19 @@ def step(work, tableau, inputs, h, number, state, stages):
         for j in range(i):
             add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
         follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
-        drive_torque(inputs.drive, t, q_stage, q_dot, tau)
+        drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, q_dot, tau)
         power = forward_dynamics(inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
         put_at(done, at(done, 0) + b[i] * h * power, 0)
     for i in range(len(c)):
         add_stage(b[i] * h, L, K, i, q, qd)
     follow(inputs.motion, (number + 1) * h, q, qd, K[0])
+
+
+@kernel
+def stage(work, inputs, t, q, qd, tau, qdd):
+    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential."""
+    follow(inputs.motion, t, q, qd, qdd)
+    return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
 
 
 @inlined

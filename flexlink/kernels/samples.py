@@ -30,7 +30,7 @@ def drive_torques(work, inputs, ts, qs, qds, taus):
     taus[:] = 0.0
     for row in range(len(ts)):
         q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
-        drive_torque(inputs.drive, ts[row], q, qd, tau)
+        drive_torque(inputs.drive, ts[row], ts[row], q, qd, tau)
         if len(inputs.motion.joints) > 0:
             follow(inputs.motion, ts[row], q, qd, qdd)
             forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)

@@ -63,6 +63,8 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     zero = (0.0,) * len(scene.arm.links)
     times = np.array(drive.times or (0.0,))
     torques = np.array(drive.torques or (drive.torque or zero,))[:, links]
+    if drive.hold:
+        return held(chain, times, torques)
     degree = 3 if drive.smooth else 1
     coefficients = np.zeros((len(times), degree + 1, len(joints)))
     coefficients[:, 0] = torques
@@ -81,6 +83,16 @@ def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
     return DriveArrays(
         joints, times, coefficients, of_joints(drive.kp), of_joints(drive.kd), np.radians(of_joints(drive.target_deg))
     )
+
+
+def held(chain: Chain, times: Array, torques: Array) -> DriveArrays:
+    """A drive of torques (m, d) at the driven joints, each row held until the next time.
+
+    The times are rounded down by more than what a sample's time may be off by: a sample at a time sees what follows.
+    """
+    zero = np.zeros(len(chain.active))
+    knots = times * (1 - 8 * np.finfo(float).eps)
+    return DriveArrays(chain.active.copy(), knots, np.ascontiguousarray(torques[:, None]), zero, zero, zero)
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:

@@ -8,8 +8,13 @@ run, so that the imbalance E − E(0) − W is what the discretisation, or an un
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.dynamics import rounding
 
 Array = NDArray[np.float64]
 
@@ -26,3 +31,35 @@ def imbalance(energy: Array, work: Array, start: Array) -> Array:
 def turned_over(energy: Array, work: Array, start: Array) -> Array:
     """T + |ΔV_g| + |ΔV_e| + |W| [J], shape (samples,); its largest value so far is the energy exchanged."""
     return np.asarray(energy[0] + np.abs(energy[1:] - start[1:, None]).sum(axis=0) + np.abs(work))
+
+
+class Judgement(NamedTuple):
+    """Of some samples, each array of shape (samples,)."""
+
+    imbalance: Array  # [J]
+    exchanged: Array  # up to each sample [J]
+    rounded: Array  # what rounding explains of the imbalance [J]
+    garbage: NDArray[np.bool_]
+
+
+class Balance:
+    """The power balance of a run so far, from the energies (3,) that it starts with."""
+
+    def __init__(self, chain: Chain, start: Array) -> None:
+        self.chain, self.start = chain, start
+        self._exchanged = self._rounded = 0.0  # largest so far [J]
+
+    def judge(
+        self, energy: Array, work: Array, q: Array, steps: Array | int, allowed: Array | float = 0.0
+    ) -> Judgement:
+        """Energies (3, samples), work and angles (samples, n) of the next samples, after so many steps each."""
+        r = imbalance(energy, work, self.start)
+        X = _running_largest(self._exchanged, turned_over(energy, work, self.start))
+        one = _running_largest(self._rounded, rounding.of_energy_balance(self.chain, energy, work, q))
+        self._exchanged, self._rounded = float(X[-1]), float(one[-1])
+        ε = one * (1 + steps)
+        return Judgement(r, X, ε, np.abs(r) > SHARE * X + ε + allowed)
+
+
+def _running_largest(so_far: float, values: Array) -> Array:
+    return np.asarray(np.maximum.accumulate(np.maximum(so_far, values)))

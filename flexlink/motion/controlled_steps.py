@@ -79,7 +79,8 @@ class ControlledSteps:
         self.samples = record.t, record.q, record.qd, record.works
         self.work.clock[clock.PASSES] = FEW_PASSES if run.controlled else MANY_PASSES
         self.work.clock[clock.ROUNDING] = rounding.of_position(record.chain)
-        controlled.begin(0.0, record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
+        self.work.clock[clock.TIME] = record.t[0]
+        controlled.begin(float(record.t[0]), record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
         longest = longest_step(self.method, self.name, record)
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
         controlled.first_step(self.work, self.state, self.settings, run.duration)
@@ -93,7 +94,8 @@ class ControlledSteps:
             pace.end()
             if how == controlled.STUCK:
                 self.failure = self._stuck()
-            yield Reached(int(self.count[clock.ROW]), self.work.clock[clock.TIME] / duration)
+            past = self.work.clock[clock.TIME] - self.record.t[0]
+            yield Reached(int(self.count[clock.ROW]), past / duration)
 
     @property
     def steps(self) -> Steps:
@@ -173,8 +175,8 @@ def knots(run: Run, method: Method, record: Record) -> Array:
     reach = rounding.reach(record.chain)
     table = landings(record.inputs.drive, OF_A_TABLE * run.tolerance_within(reach) / reach)
     given = np.concatenate([table, record.inputs.motion.knots, samples])
-    end = float(record.t[-1])  # rounded as the last sample is
-    return np.array([*np.unique(given[(given > 0) & (given < end)]), end])
+    start, end = float(record.t[0]), float(record.t[-1])  # rounded as the last sample is
+    return np.array([*np.unique(given[(given > start) & (given < end)]), end])
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:

@@ -70,7 +70,7 @@ def evaluation_time(scene: Scene, chain: Chain) -> float:
 
     def taken(steps: int) -> float:
         started = time.thread_time()
-        integrate(*steps_of_no_length, 0, steps, NEVER, state, none)
+        integrate(*steps_of_no_length, 0, 0, steps, NEVER, state, none)
         return time.thread_time() - started
 
     taken(1)  # compiles

@@ -29,6 +29,22 @@ class DivergenceError(FlexlinkError, ArithmeticError):
         return DivergenceError, (str(self), self.trajectory, self.runs)
 
 
+class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error below with the samples
+    """A control law raised, or gave no torques."""
+
+
+class ControlError(FlexlinkError, ValueError):
+    """A control law raised, or gave no torques; `trajectory` holds every sample before."""
+
+    def __init__(self, message: str, trajectory: Trajectory) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory
+
+    def __reduce__(self) -> tuple[type[ControlError], tuple[str, Trajectory]]:
+        """As `DivergenceError`."""
+        return ControlError, (str(self), self.trajectory)
+
+
 class InterruptedRunError(KeyboardInterrupt):
     """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt for all who stop at one.
 

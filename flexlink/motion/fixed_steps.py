@@ -27,8 +27,11 @@ class FixedSteps:
         record, run = watch.record, watch.run
         self.run, self.failure = run, ""
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-        self.joint_name = record.chain.joint_name
-        self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        self.joint_name, self.origin = record.chain.joint_name, record.origin
+        if watch.control is None:
+            self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        else:
+            self._pieces = watch.control.pieces(record, run, self.state)
         self._done = next(self._pieces)  # compiles, while no signal is deferred
 
     def __iter__(self) -> Iterator[Reached]:
@@ -40,7 +43,7 @@ class FixedSteps:
             if not (np.isfinite(q).all() and np.isfinite(qd).all()):
                 joint, step = int(np.argmin(np.isfinite(q) & np.isfinite(qd))), self._done + 1
                 told = f"(step {step}, joint {self.joint_name(joint)!r})"
-                self.failure = f"no longer finite at t = {step * run.step:.6g} s {told}"
+                self.failure = f"no longer finite at t = {(self.origin + step) * run.step:.6g} s {told}"
             yield Reached(self._done // run.steps_per_sample + 1, self._done / last)
 
     @property
@@ -62,7 +65,7 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
     """
     run, record = watch.run, watch.record
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
-    fixed = scratch, method(run.method).arrays, record.inputs, run.step
+    fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
     yield int(integrate(*fixed, 0, 0, every, state, samples))
     pace = Pace()
     while first < last:

@@ -21,7 +21,8 @@ def landings(drive: DriveArrays, part: float) -> Array:
     together by twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends runs
     through all of their knots and midpoints.
     """
-    knots, c = drive.knots, drive.coefficients
+    knots, given = drive.knots, drive.coefficients
+    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # held torques have a slope, too: none
     x = np.diff(knots)[:, None]
     powers = np.arange(c.shape[1])[:, None, None]
     middles = (c[:-1].transpose(1, 0, 2) * (0.5 * x) ** powers).sum(axis=0)
@@ -29,7 +30,7 @@ def landings(drive: DriveArrays, part: float) -> Array:
     t, values = interleaved(knots, knots[:-1] + 0.5 * x[:, 0]), interleaved(c[:, 0], middles)
     allowed, lands = part * np.abs(c[:, 0]).max(axis=0, initial=0.0), np.ones(len(knots), dtype=bool)
     size = 2  # pieces of a block
-    if c.shape[1] > LINEAR:
+    if given.shape[1] > LINEAR:
         lands[1:-1:2], size = False, 4
     while size < len(knots):
         blocks = (len(knots) - 1) // size

@@ -32,7 +32,8 @@ def notes(scene: Scene) -> tuple[str, ...]:
         `scene` is no Scene.
     """
     given("scene", scene, Scene)
-    return *_stillness(scene), *_stiff_static(scene), *_idle_drive(scene), *_idle_link_keys(scene)
+    found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
+    return tuple(note for each in found for note in each(scene))
 
 
 def _stillness(scene: Scene) -> Iterator[str]:
@@ -68,6 +69,15 @@ def _idle_drive(scene: Scene) -> Iterator[str]:
             yield f"drive.{key}: has no effect on {motion.link!r}, whose motion is prescribed"
 
 
+def _centers_of_nothing(scene: Scene) -> Iterator[str]:
+    bodies = {"tip": scene.arm.tip}
+    for k, link in enumerate(scene.arm.links):
+        bodies |= {f"link[{k}].hub": link.hub, f"link[{k}].end": link.end}
+    for key, body in bodies.items():
+        if any(body.center) and not body.mass:
+            yield f"{key}.center = {body.center!r}: has no effect, the body has no mass"
+
+
 def _idle_link_keys(scene: Scene) -> Iterator[str]:
     for k, link in enumerate(scene.arm.links):
         for key, value, why in _idle(link):
@@ -81,10 +91,6 @@ def _idle(link: Link) -> Iterator[tuple[str, object, str]]:
         yield "friction.coulomb", link.friction.coulomb, f"{link.name!r} is rigid"
     if link.up is not None and link.material is None:
         yield "up", link.up, f"{link.name!r} has no section"
-    for key in ("hub", "end"):
-        payload = getattr(link, key)
-        if any(payload.center) and not payload.mass:
-            yield f"{key}.center", payload.center, "the body has no mass"
     if link.joint.locked:
         for key in ("viscous", "coulomb", "armature"):
             value = getattr(link.joint, key)

@@ -29,6 +29,11 @@ class Pace:
         self._started = time.perf_counter()
         return self.size
 
+    @property
+    def over(self) -> bool:
+        """Whether `BREATH` has passed since the start."""
+        return time.perf_counter() - self._started >= BREATH
+
     def end(self) -> None:
         """`size` steps have been taken."""
         self.size = max(1, int(self.size * min(GROW, BREATH / max(time.perf_counter() - self._started, 1e-9))))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.output import write_whole
@@ -43,6 +44,14 @@ class Steps(NamedTuple):
         again = f", {self.rejected} rejected, {self.failed} not solved" if self.rejected or self.failed else ""
         picked = f" ({self.why})" if self.why else ""
         return f"{self.method}{picked}: {self.taken} steps{again}, {self.evaluations} evaluations"
+
+
+class State(NamedTuple):
+    """Where an arm is: what a run is continued from."""
+
+    t: float  # [s]
+    q: Array  # (n,) [rad]
+    qd: Array  # (n,) [rad/s]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -84,9 +93,11 @@ class Trajectory:
     steps: Steps | None = None
 
     def __repr__(self) -> str:
-        samples, end = len(self.t), self.t[-1] if len(self.t) else 0.0
+        samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
         doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
-        return f"<Trajectory {self.chain.name!r}: {samples} samples, 0 … {end:g} s, {self.chain.n} joints{doubts}>"
+        return (
+            f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
+        )
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -102,6 +113,17 @@ class Trajectory:
         record = Record(scene.run, chain, input_arrays(scene, chain), t, q.copy(), qd.copy())
         record.derive(0, len(t))
         return record.trajectory(len(t), balanced=False)
+
+    def state(self, k: int) -> State:
+        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such sample.
+        """
+        k = integer("k", k, -len(self.t), len(self.t) - 1)
+        return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
 
     @property
     def imbalance(self) -> Array:
@@ -214,6 +236,8 @@ class Record:
     ----------
     q, qd, works
         States (samples, n) and the integrated work (samples,), without that of the tip force, which has a potential.
+    origin
+        Number of fixed steps from t = 0 to the start of the run.
     """
 
     def __init__(self, run: Run, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
@@ -221,6 +245,7 @@ class Record:
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
         self.inputs = inputs
+        self.origin = 0 if run.controlled else round(float(t[0]) / run.step)
         self.scratch = solver_for(chain, run.dynamics).workspace(chain.arrays)
 
     def derive(self, first: int, stop: int) -> None:

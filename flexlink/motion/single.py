@@ -6,7 +6,7 @@ import signal
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
@@ -17,8 +17,9 @@ from flexlink.describe.methods import check_method, method
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Accuracy, Dynamics, Unstable
 from flexlink.motion.actuation import input_arrays
+from flexlink.motion.control import Law, control_of
 from flexlink.motion.controlled_steps import ControlledSteps
-from flexlink.motion.endings import InterruptedRunError
+from flexlink.motion.endings import ControlError, InterruptedRunError, LawFailure
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.result import Record, Trajectory
 from flexlink.motion.start import initial_state
@@ -40,6 +41,11 @@ def simulate(
     tolerance: float | None = None,
     relative_tolerance: float | None = None,
     accuracy: Accuracy | None = None,
+    q0: ArrayLike | None = None,
+    qd0: ArrayLike | None = None,
+    t0: float | None = None,
+    control: Law | None = None,
+    rate: float | None = None,
 ) -> Trajectory:
     """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
 
@@ -56,11 +62,21 @@ def simulate(
     method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy
         In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
         place of a fixed step, and a step that of a tolerance.
+    q0, qd0, t0
+        State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` gives
+        them; None: as `scene.initial` says. A run with fixed steps that is continued from one of its samples gives
+        the same numbers to the bit.
+    control
+        Control law tau(t, q, qd) in place of the scene's drive: torques of the driven joints (`chain.active`) [N m],
+        shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,).
+    rate
+        How often the law is asked [Hz], its torques held in between, as a real controller's are; None: at every stage
+        of every step.
 
     Returns
     -------
     Trajectory
-        Samples at t = 0, sample, 2 · sample, … duration.
+        Samples at t = t0, t0 + sample, t0 + 2 · sample, … t0 + duration.
 
     Raises
     ------
@@ -75,6 +91,8 @@ def simulate(
     DivergenceError
         The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged;
         the error's `trajectory` holds the good samples.
+    ControlError
+        The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
     InterruptedRunError
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
@@ -84,10 +102,22 @@ def simulate(
         "dynamics": dynamics, "unstable": unstable,
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
     }  # fmt: skip
-    said = {f"run.{name}": value for name, value in settings.items() if value is not None}
-    run = SingleRun(given("scene", scene, Scene).varied(said) if said else scene)
+    said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    said |= starting_from(q0, qd0, t0)
+    scene = given("scene", scene, Scene).varied(said) if said else given("scene", scene, Scene)
+    run = SingleRun(scene, prepare(scene, lump(scene), control, rate))
     with deferred() as stop:
         return run.finish(stop, progress)
+
+
+def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> dict[str, object]:
+    """Changes by path of a scene, that starts from this state; what is None stays as it is."""
+    changes: dict[str, object] = {} if t0 is None else {"initial.time": t0}
+    if q0 is not None:
+        changes |= {"initial.passive": None, "initial.q": q0}
+    if qd0 is not None:
+        changes |= {"initial.rate_deg": None, "initial.qd": qd0}
+    return changes
 
 
 class SingleRun:
@@ -107,6 +137,8 @@ class SingleRun:
                 told(reached.part)
                 if stop.asked:
                     break
+        except LawFailure as failure:
+            raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
             stop.signal = signal.SIGINT
         if watch.fault or steps.failure:
@@ -124,7 +156,7 @@ def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
     return ControlledSteps(watch)
 
 
-def prepare(scene: Scene, chain: Chain) -> Watch:
+def prepare(scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None) -> Watch:
     """Room for the samples of a run, of which the first is filled, and its step judged.
 
     Raises
@@ -136,13 +168,21 @@ def prepare(scene: Scene, chain: Chain) -> Watch:
     """
     run, inputs = scene.run, input_arrays(scene, chain)
     check_method(run)
+    control = control_of(scene, chain, law, rate)
+    if control is not None:
+        inputs = inputs._replace(drive=control.drive)
     try:
-        record = Record(run, chain, inputs, run.times, *np.empty((2, run.samples, chain.n)))
+        record = Record(run, chain, inputs, run.times_from(scene.initial.time), *np.empty((2, run.samples, chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     record.q[0], record.qd[0] = start = initial_state(scene, chain)
-    watch = Watch(run, record, judge_step(scene, chain, *start, inputs))
+    watch = Watch(run, record, judge_step(scene, chain, *start, inputs), control)
+    if control is not None:
+        try:
+            control.note(0, scene.initial.time, *start)
+        except LawFailure as failure:
+            raise ControlError(f"{scene.name}: {failure}", watch.trajectory()) from failure.__cause__
     watch.look(1)
     return watch

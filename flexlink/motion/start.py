@@ -1,4 +1,4 @@
-"""Where a run starts: the initial angles and rates of a scene, in the order of its chain."""
+"""Where a run starts: the initial state of a scene, in the order of its chain."""
 
 from __future__ import annotations
 
@@ -8,9 +8,17 @@ from numpy.typing import NDArray
 from flexlink.analysis.equilibrium import solve_static
 from flexlink.chain.arguments import given
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
 from flexlink.describe.scene import Scene
+from flexlink.describe.spec import short
+from flexlink.kernels.inputs import follow
+from flexlink.motion.actuation import motion_arrays
 
 Array = NDArray[np.float64]
+
+APART = 1e-9
+"""How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
+that was written with ten digits leaves."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
@@ -32,14 +40,19 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     ------
     ArgumentError
         `scene` is no Scene, or `chain` no Chain.
+    SceneError
+        `initial.q` or `initial.qd` does not have n numbers, or is not where a prescribed motion is at `initial.time`.
     ConvergenceError
         passive = "static", and the arm finds no equilibrium.
     """
     initial = given("scene", scene, Scene).initial
-    q = np.radians(spread(given("chain", chain, Chain), initial.joint_deg))
+    given("chain", chain, Chain)
+    q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
+    qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
         q = solve_static(chain, q, tip_wrench=scene.tip_wrench, locked=chain.active.tolist()).q
-    return q, np.radians(spread(chain, initial.rates))
+    _check_followed(scene, chain, q, qd)
+    return q, qd
 
 
 def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
@@ -48,3 +61,26 @@ def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
     for k in chain.active:
         out[k] = per_link[chain.coordinate(int(k)).link - 1]
     return out
+
+
+def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Array:
+    if numbers is None:
+        return otherwise
+    if len(numbers) != len(otherwise):
+        raise SceneError(f"initial.{name} = {short(numbers)}: expected one number per joint, {len(otherwise)}")
+    return np.array(numbers)
+
+
+def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
+    """The prescribed joints are where their motion is at the start."""
+    motion = motion_arrays(scene, chain)
+    there = q.copy(), qd.copy()
+    follow(motion, scene.initial.time, *there, np.zeros(chain.n))
+    for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):
+        for k in motion.joints:
+            if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
+                joint = chain.joint_name(int(k))
+                raise SceneError(
+                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
+                    f" {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
+                )

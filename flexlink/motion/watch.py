@@ -18,6 +18,7 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.samples import tip_errors
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
+from flexlink.motion.control import Control
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Steps, Trajectory
 
@@ -89,15 +90,16 @@ class Watch:
         What is worth knowing of the good ones.
     """
 
-    def __init__(self, run: Run, record: Record, warnings: tuple[str, ...] = ()) -> None:
+    def __init__(
+        self, run: Run, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None
+    ) -> None:
         chain = record.chain
-        self.record, self.run = record, run
+        self.record, self.run, self.control = record, run, control
         self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
         self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
         self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
-        self._exchanged = self._rounded = 0.0  # largest so far [J]
         self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
         self.explicit = not run.controlled and method(run.method).explicit
         self.steps = Steps(run.method, 0, 0)
@@ -135,14 +137,13 @@ class Watch:
     def _judge_energy(self, rows: slice) -> None:
         """Samples are finite, their kinetic energy is positive, and their energy balances."""
         record = self.record
-        energy, start, work = record.energy[:, rows], record.energy[:, 0], record.work(rows)
-        r = balance.imbalance(energy, work, start)
-        X = _running_largest(self._exchanged, balance.turned_over(energy, work, start))
-        one = _running_largest(self._rounded, rounding.of_energy_balance(record.chain, energy, work, record.q[rows]))
-        ε = one * (1 + self._steps_up_to(rows))
-        self._exchanged, self._rounded = float(X[-1]), float(one[-1])
+        energy, work = record.energy[:, rows], record.work(rows)
+        if rows.start == 0:
+            self._balance = balance.Balance(record.chain, record.energy[:, 0])
+        r, X, ε, garbage = self._balance.judge(
+            energy, work, record.q[rows], self._steps_up_to(rows), self._allowed(energy[0])
+        )
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
-        garbage = np.abs(r) > balance.SHARE * X + ε + self._allowed(energy[0])
         share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
         self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
         if garbage.any():
@@ -217,7 +218,7 @@ class Watch:
         errors = np.empty(len(probed))
         tip_errors(
             record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
-            probed * per_sample, record.q[probed], record.qd[probed], errors,
+            record.origin + probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < rounding.of_position(record.chain)] = 0.0
         self._tip_error += float(errors.sum()) * every * per_sample
@@ -247,7 +248,3 @@ class Watch:
         if key not in self._told:
             self._told.add(key)
             self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")
-
-
-def _running_largest(so_far: float, values: Array) -> Array:
-    return np.asarray(np.maximum.accumulate(np.maximum(so_far, values)))

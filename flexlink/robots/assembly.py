@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe.arm import Arm, Link, Material, Section
+from flexlink.describe.arm import Arm, Link
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Initial, Run
 from flexlink.describe.spec import Vector3, short, short_list
-from flexlink.robots.flexible import Flexible, bent, payload
+from flexlink.robots.flexible import Flexible, Made, bent, payload
 from flexlink.robots.inertia import Array, Pose
 from flexlink.robots.serial import Part, SerialPath
 
@@ -45,31 +45,43 @@ def assembled(
     SceneError, ArgumentError
         As in `bent`; or a negative armature.
     """
-    links: list[Link] = []
-    materials: dict[str, Material] = {}
-    sections: dict[str, Section] = {}
-    remarks: list[str] = []
-    at = np.zeros(3)  # where the link before ends, in the frame of its part
-    for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
-        link, at = _rigid(part, at, armature.get(part.joint.name, 0.0)), np.zeros(3)
-        if part.link in flexible:
-            made = bent(part, link, flexible[part.link], beyond)
-            link, materials[part.link], sections[part.link] = made.link, made.material, made.section
-            remarks.append(made.remark)
-            at = np.array(made.link.line[1]) if made.link.line else at
-        links.append(link)
-    _check_last(links[-1])
-    links += _tip(way, at)
+    made = list(_made(way, flexible, armature))
+    _check_last(made[-1].link)
+    links = [one.link for one in made]
+    links += _tip(way, _stop(links[-1]))
     starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
     scene = Scene(
         name=name,
         about=f"{name} from {way.base} to {way.tip}, imported from URDF",
-        arm=Arm(links=tuple(links), materials=materials, sections=sections),
+        arm=Arm(
+            links=tuple(links),
+            materials={one.link.name: one.material for one in made if one.material is not None},
+            sections={one.link.name: one.section for one in made if one.section is not None},
+        ),
         gravity=gravity,
         initial=Initial(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
         run=Run(relative_tolerance=ACCURACY),
     )
-    return scene, remarks
+    return scene, [one.remark for one in made if one.remark]
+
+
+def _made(way: SerialPath, flexible: Mapping[str, Flexible], armature: Mapping[str, float]) -> Iterator[Made]:
+    """Link by link."""
+    at = np.zeros(3)  # where the link before ends, in the frame of its part
+    for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
+        made = Made(_rigid(part, at, armature.get(part.joint.name, 0.0)))
+        if part.link in flexible:
+            try:
+                made = bent(part, made.link, flexible[part.link], beyond)
+            except SceneError as error:
+                raise SceneError(f"flexible: link {short(part.link)}: {error}") from None
+        at = _stop(made.link)
+        yield made
+
+
+def _stop(link: Link) -> Array:
+    """Where a link ends, in its frame [m]."""
+    return np.array(link.line[1] if link.line else (0.0, 0.0, 0.0))
 
 
 def _rigid(part: Part, before: Array, armature: float) -> Link:
@@ -80,6 +92,7 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
         folded = f" with {short_list(part.folded)}" if part.folded else ""
         raise DataFileError(f"link {short(part.link)}{folded}: {error}") from None
     x, y, z = joint.axis.tolist()
+    lower, upper = map(math.degrees, joint.limits or (0.0, 0.0))
     return Link(
         name=part.link,
         mount=_mount(part.origin, before),
@@ -88,6 +101,7 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
             viscous=joint.damping,
             coulomb=joint.friction,
             armature=armature,
+            limits_deg=(lower, upper) if lower < upper else None,  # many files say 0 and 0 for none
         ),
         hub=hub,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib.metadata
 from pathlib import Path
 
@@ -37,16 +38,30 @@ class KnownArm(Spec, frozen=True):
         MissingDependencyError
             example-robot-data is not installed, or has no such file.
         """
-        try:
-            files = importlib.metadata.files(PACKAGE) or []
-        except importlib.metadata.PackageNotFoundError:
-            raise MissingDependencyError(
-                f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'"
-            ) from None
-        for file in files:
-            if file.as_posix().endswith(f"/robots/{self.file}"):
-                return Path(str(file.locate()))
-        raise MissingDependencyError(f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}")
+        path = folder() / self.file
+        if not path.exists():
+            raise MissingDependencyError(f"{PACKAGE} {importlib.metadata.version(PACKAGE)} has no robots/{self.file}")
+        return path
+
+
+@functools.cache
+def folder() -> Path:
+    """Where the robots of example-robot-data are installed: its files lie below a prefix of their own.
+
+    Raises
+    ------
+    MissingDependencyError
+        It is not installed.
+    """
+    try:
+        files = importlib.metadata.files(PACKAGE) or []
+    except importlib.metadata.PackageNotFoundError:
+        files = []
+    for file in files:
+        parent, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
+        if inside:
+            return Path(str(file.locate())[: -len(file.as_posix())]) / f"{parent}{inside}"
+    raise MissingDependencyError(f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'")
 
 
 def known_arms() -> dict[str, KnownArm]:

@@ -11,10 +11,10 @@ import numpy as np
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
-from flexlink.describe.rigid_body import Payload
+from flexlink.describe.rigid_body import ROUNDING, Payload
 from flexlink.describe.spec import Positive, Spec, Vector3, short
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.inertia import Array, Pose, RigidBody
+from flexlink.robots.inertia import Array, Pose, RigidBody, body_with
 from flexlink.robots.serial import Part
 
 SLENDER, WALL = 10, 20
@@ -54,13 +54,13 @@ class Flexible(Spec, frozen=True):
             raise SceneError("section: missing; a beam needs a section, or frequency_hz")
 
 
-class Bent(NamedTuple):
-    """A link that bends, its hub and end what is left of the rigid one, its material and section, and a remark."""
+class Made(NamedTuple):
+    """A link of a scene; of one that bends, its own material and section, and what is to be said of them."""
 
     link: Link
-    material: Material
-    section: Section
-    remark: str
+    material: Material | None = None
+    section: Section | None = None
+    remark: str = ""
 
 
 def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
@@ -75,11 +75,11 @@ def slender_mass(part: Part, next_origin: Array) -> float:
     if ends[0] == ends[1]:
         return 0.0
     line = line_of(ends, None, part.joint.axis)
-    thin = np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12
-    return largest_mass(part.body, _placed(RigidBody(1.0, np.array([line.length / 2, 0, 0]), thin), line))
+    thin = RigidBody(1.0, np.array([line.length / 2, 0, 0]), np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12)
+    return largest_mass(part.body, thin.moved(_pose(line)))
 
 
-def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Bent:
+def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Made:
     """Make a rigid link flexible.
 
     Parameters
@@ -103,22 +103,15 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Ben
     ends = flexible.line or joint_to_joint(next_origin)
     line = line_of(ends, flexible.up, part.joint.axis)
     section = flexible.section or _tube(line.length)
-    unit = _prism(section, 1.0, line)
-    largest = largest_mass(part.body, unit)
+    largest = largest_mass(part.body, _prism(section, 1.0, line))
     volume = section.properties.area * line.length
-    if flexible.section is not None and flexible.mass is None:
-        mass = flexible.material.density * volume
-    else:
-        mass = flexible.mass or SHARE * largest
+    mass = _mass(flexible, volume, largest)
     if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
         raise ArgumentError(
             f"flexible: link {short(part.link)}: a beam of {mass:.4g} kg does not fit into its {part.body.mass:.4g} kg "
             f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or another line"
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
-    stop = line.start + line.frame[:, 0] * line.length
-    end = end.moved(Pose(np.eye(3), -stop))
-    material = msgspec.structs.replace(flexible.material, density=mass / volume)
     link = msgspec.structs.replace(
         rigid,
         line=ends,
@@ -130,9 +123,16 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Ben
         material=part.link,
         section=part.link,
         hub=payload(root),
-        end=payload(end),
+        end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
-    return Bent(link, material, section, _remark(part, mass, largest, line))
+    material = msgspec.structs.replace(flexible.material, density=mass / volume)
+    return Made(link, material, section, _remark(part, mass, largest, line))
+
+
+def _mass(flexible: Flexible, volume: float, largest: float) -> float:
+    if flexible.mass is None and flexible.section is not None:
+        return flexible.material.density * volume
+    return flexible.mass or SHARE * largest
 
 
 def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
@@ -144,7 +144,24 @@ def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
 
 
 def payload(body: RigidBody) -> Payload:
-    """A body in the words of a scene; three moments where there are no products."""
+    """A body in the words of a scene; where only rounding makes it one that cannot be, the nearest that can.
+
+    Raises
+    ------
+    SceneError
+        No body can have this inertia; what is below the rounding of its second moment about the origin is forgiven.
+    """
+    try:
+        return _said(body)
+    except SceneError:
+        λ, V = np.linalg.eigh(body.covariance)
+        if λ[0] < -ROUNDING * (λ[-1] + body.mass * body.center @ body.center):
+            raise
+        return _said(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
+
+
+def _said(body: RigidBody) -> Payload:
+    """Three moments where there are no products."""
     inertia = (body.inertia + body.inertia.T) / 2
     xx, yy, zz, xy, xz, yz = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     products = (xy, xz, yz) if xy or xz or yz else ()
@@ -170,11 +187,7 @@ def _prism(section: Section, mass: float, line: Line) -> RigidBody:
     area, i_y, i_z, _ = section.properties
     L = line.length
     inertia = mass * np.diag([(i_y + i_z) / area, i_y / area + L**2 / 12, i_z / area + L**2 / 12])
-    return _placed(RigidBody(mass, np.array([L / 2, 0, 0]), inertia), line)
-
-
-def _placed(body: RigidBody, line: Line) -> RigidBody:
-    return body.moved(_pose(line))
+    return RigidBody(mass, np.array([L / 2, 0, 0]), inertia).moved(_pose(line))
 
 
 def _pose(line: Line) -> Pose:

@@ -12,7 +12,7 @@ from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.serial import SerialPath, serial
+from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 from flexlink.robots.urdf_reader import read_urdf
 
@@ -50,7 +50,7 @@ class Imported:
 
 
 def import_urdf(
-    path: str | Path,
+    path: str | Path | Robot,
     *,
     base: str | None = None,
     tip: str | None = None,
@@ -68,7 +68,7 @@ def import_urdf(
     Parameters
     ----------
     path
-        The file; it alone is read.
+        The file; it alone is read. Or what `read_urdf` has made of it.
     base, tip
         Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
     posture
@@ -98,30 +98,7 @@ def import_urdf(
     SceneError
         A value of `flexible` or `armature` that cannot be.
     """
-    return import_robot(
-        read_urdf(path),
-        base=base,
-        tip=tip,
-        posture=posture,
-        locked=locked,
-        flexible=flexible,
-        armature=armature,
-        gravity=gravity,
-    )
-
-
-def import_robot(
-    robot: Robot,
-    *,
-    base: str | None = None,
-    tip: str | None = None,
-    posture: Mapping[str, float] = NO_NUMBERS,
-    locked: Mapping[str, float] = NO_NUMBERS,
-    flexible: Mapping[str, Flexible] = NO_BEAMS,
-    armature: Mapping[str, float] = NO_NUMBERS,
-    gravity: Vector3 = DOWN,
-) -> Imported:
-    """As `import_urdf`, of a robot that was read."""
+    robot = path if isinstance(path, Robot) else read_urdf(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
@@ -151,11 +128,13 @@ def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
 
 def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
     free = [part.joint.name for part in way.parts]
-    for joint in armature:
+    for joint, value in armature.items():
         if joint not in free:
             raise ArgumentError(
                 f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
             )
+        if (number := finite(value)) is None or number < 0:
+            raise ArgumentError(f"armature: {short(joint)} = {short(value)}: expected a number of at least 0 [kg m²]")
 
 
 def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
@@ -165,14 +144,16 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     for part in way.parts:
         if part.folded:
             notes.append(f"{part.link}: rigid with {short_list(part.folded)}")
-        start = way.positions[part.joint.name]
+        start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
             notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of limits that exclude 0")
+        if limits is not None and limits[0] == limits[1]:
+            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} leave no room, and are left out")
     if way.held:
         said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
         notes.append(f"stay where they are [rad, m]: {short_list(said)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append("left out: " + ", ".join(["limits, largest efforts and rates", *left_out]))
+    notes.append("left out: " + ", ".join(["largest efforts and rates", *left_out]))
     return notes
 
 

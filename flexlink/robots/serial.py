@@ -7,12 +7,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, short, short_list
+from flexlink.describe.spec import meant, plain, short, short_list
 from flexlink.robots.inertia import HERE, Pose, RigidBody
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
-
-SLACK = 1e-9
-"""rad or m by which a stated position may be outside of its limits: what is typed in degrees has ten digits."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,14 +183,23 @@ def _known(key: str, name: object, names: Mapping[str, object]) -> str:
     return name
 
 
+def finite(value: object) -> float | None:
+    """A number, NumPy's or Python's, that is finite; None for anything else."""
+    number = plain(value)
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        return None
+    return float(number) if math.isfinite(number) else None
+
+
 def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
     joint = robot.joints[_known(key, name, robot.joints)]
     if joint.kind in {"fixed", "floating", "planar"}:
         raise ArgumentError(f"{key}: joint {short(name)} is {joint.kind}; only hinges and slides have a position")
     if joint.mimic is not None and key == "posture":
         raise ArgumentError(f"{key}: joint {short(name)} follows {short(joint.mimic.leader)}; state where that is")
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    number = finite(value)
+    if number is None:
         raise ArgumentError(f"{key}: {short(name)} = {short(value)}: expected a finite number [rad, or m of a slide]")
     lower, upper = joint.limits or (-math.inf, math.inf)
-    if not lower - SLACK <= value <= upper + SLACK and lower < upper:
+    if not lower <= number <= upper and lower < upper:
         raise ArgumentError(f"{key}: {short(name)} = {value!r}: its limits are {lower!r} and {upper!r}")

@@ -6,11 +6,11 @@ what the format requires must be there, nothing is given twice. The file alone i
 
 from __future__ import annotations
 
-import math
 import re
+import sys
 from collections import Counter
 from pathlib import Path
-from typing import get_args
+from typing import cast, get_args
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
-from flexlink.common.errors import DataFileError
+from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.reading import read_regular
 from flexlink.describe.catalogue import given_path
+from flexlink.describe.directions import unit
 from flexlink.describe.spec import meant, short
 from flexlink.robots.inertia import NOTHING, Pose, RigidBody
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
@@ -30,6 +31,7 @@ Array = NDArray[np.float64]
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 MOST_LINKS = 5_000  # a humanoid with hands has 130
+LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64
 KINDS: tuple[str, ...] = get_args(JointKind)
 READ = {
     "robot": {"link", "joint"},
@@ -72,6 +74,8 @@ def read_urdf(path: str | Path) -> Robot:
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
         raise DataFileError(f"<{short(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
+    if root.find(".//flexlink") is not None:
+        raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
             raise DataFileError(f"<xacro:{element.tag.partition('}')[2]}>: a macro")
@@ -125,23 +129,25 @@ def _text(element: ET.Element, key: str, about: str) -> str:
     return found
 
 
-def _numbers(text: str, about: str, count: int = 1) -> list[float]:
+def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
     parts = text.split()
-    wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
     if len(parts) != count or not all(NUMBER.fullmatch(part) for part in parts):
+        wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
         raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
     values = [float(part) for part in parts]
-    if not all(map(math.isfinite, values)):
-        raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
+    if max(map(abs, values)) > largest:
+        raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
     return values
 
 
-def _number(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
+def _number(
+    element: ET.Element | None, key: str, about: str, default: float | None = None, largest: float = LARGEST
+) -> float:
     """An attribute that is a number; one without default must be there."""
     text = None if element is None else element.get(key)
     if element is None or (text is None and default is not None):
         return default or 0.0
-    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>")[0]
+    return _numbers(_text(element, key, about), f"{about}: <{element.tag} {key}>", largest=largest)[0]
 
 
 def _not_negative(element: ET.Element | None, key: str, about: str, default: float | None = None) -> float:
@@ -197,28 +203,27 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
 
 def _kind(element: ET.Element, about: str) -> JointKind:
     given = _text(element, "type", about)
-    for kind in get_args(JointKind):
-        if given == kind:
-            return kind  # type: ignore[no-any-return]
-    raise DataFileError(f"{about}: type = {short(given)}: allowed are {', '.join(KINDS)}{meant(given, KINDS)}")
+    if given not in KINDS:
+        raise DataFileError(f"{about}: type = {short(given)}: allowed are {', '.join(KINDS)}{meant(given, KINDS)}")
+    return cast(JointKind, given)
 
 
 def _axis(element: ET.Element, about: str) -> Array:
-    axis = _vector(_one(element, "axis", about), "xyz", about, (1.0, 0.0, 0.0))
-    length = float(np.linalg.norm(axis / (np.abs(axis).max() or 1.0)) * np.abs(axis).max())
-    if not 0 < length < math.inf:
-        raise DataFileError(f"{about}: <axis xyz> = {axis.tolist()}: has no direction")
-    return axis / length
+    x, y, z = _vector(_one(element, "axis", about), "xyz", about, (1.0, 0.0, 0.0)).tolist()
+    try:
+        return unit(f"{about}: <axis xyz>", (x, y, z))
+    except SceneError as error:
+        raise DataFileError(str(error)) from None
 
 
 def _limits(element: ET.Element, kind: JointKind, about: str) -> tuple[float, float] | None:
     if kind not in {"revolute", "prismatic"}:
         return None
     limit = _needed(element, "limit", about)
-    lower, upper = _number(limit, "lower", about, 0.0), _number(limit, "upper", about, 0.0)
+    lower, upper = (_number(limit, key, about, 0.0, sys.float_info.max) for key in ("lower", "upper"))
     if lower > upper:
         raise DataFileError(f"{about}: <limit> from {lower!r} to {upper!r}: lower must not exceed upper")
-    return lower, upper
+    return (lower, upper) if max(abs(lower), abs(upper)) <= LARGEST else None  # 1e16 is said for none
 
 
 def _mimic(element: ET.Element, about: str) -> Mimic:

@@ -33,7 +33,7 @@ def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
     chain, h = lump(scene), scene.run.step
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
     start = initial_state(scene, chain)
     samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
 
@@ -49,7 +49,7 @@ def native_batch(members: Sequence[Scene]) -> Work:
     scene = members[0]
     chain, h = lump(scene), scene.run.step
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
     starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))

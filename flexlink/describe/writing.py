@@ -1,0 +1,98 @@
+"""A description as TOML that a person would write: defaults left out, one line a key, what a link holds inline."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
+from typing import Any
+
+from flexlink.describe.spec import Spec, default_of, fields_of
+
+BARE = re.compile(r"[A-Za-z0-9_-]+")
+WIDTH = 120
+"""Characters of a line; a longer list has one item a line."""
+
+
+def said(value: Any, always: frozenset[str] = frozenset()) -> Any:
+    """What a description says that is not so by default, as dicts, lists, texts and numbers.
+
+    Parameters
+    ----------
+    value
+        A `Spec`, or what stands in one.
+    always
+        Names of its fields that are said even where they are as by default.
+    """
+    if isinstance(value, Spec):
+        fields = [(field, getattr(value, field.name)) for field in fields_of(type(value))]
+        return {
+            field.encode_name: said(item)
+            for field, item in fields
+            if item is not None and (field.name in always or item != default_of(field))
+        }
+    if isinstance(value, Mapping):
+        return {key: said(item) for key, item in value.items()}
+    return [said(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+def toml_of(document: Mapping[str, Any]) -> str:
+    """The TOML text of a document whose tables hold values, or, one level deep, named tables or a list of tables."""
+    return "\n\n".join("\n".join(block) for block in _blocks(document)) + "\n"
+
+
+def _blocks(document: Mapping[str, Any]) -> Iterator[list[str]]:
+    """First what stands in no table, then table by table."""
+    tables = {key: value for key, value in document.items() if _is_table(value) or _are_tables(value)}
+    yield _lines({key: value for key, value in document.items() if key not in tables})
+    for key, value in tables.items():
+        if _are_tables(value):
+            yield from ([f"[[{key}]]", *_lines(item)] for item in value)
+        elif _are_tables(list(value.values())):
+            yield from ([f"[{key}.{_key(name)}]", *_lines(item)] for name, item in value.items())
+        else:
+            yield [f"[{key}]", *_lines(value)]
+
+
+def _is_table(value: object) -> bool:
+    return isinstance(value, Mapping)
+
+
+def _are_tables(value: object) -> bool:
+    return isinstance(value, list) and bool(value) and all(map(_is_table, value))
+
+
+def _lines(table: Mapping[str, Any]) -> list[str]:
+    """One line a key, the signs = below each other; a list that is too long for a line goes over several."""
+    width = max((len(_key(key)) for key in table), default=0)
+    lines = []
+    for key, value in table.items():
+        line = f"{_key(key):<{width}} = {_value(value)}"
+        if len(line) > WIDTH and isinstance(value, list):
+            line = "\n".join([f"{_key(key):<{width}} = [", *(f"    {_value(item)}," for item in value), "]"])
+        lines.append(line)
+    return lines
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{_key(key)} = {_value(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_value, value))}]"
+    if isinstance(value, float):
+        return _number(value)
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # texts, true, false, and integers
+
+
+def _key(name: str) -> str:
+    return name if BARE.fullmatch(name) else _value(name)
+
+
+def _number(value: float) -> str:
+    """The shortest decimals that read back to the same float64, with an exponent where that is shorter by far."""
+    plain = repr(value)
+    mantissa, _, exponent = f"{Decimal(plain):e}".partition("e")
+    digits = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    scientific = f"{digits}e{int(exponent)}"
+    return scientific if len(scientific) + 2 < len(plain) else plain

@@ -1,0 +1,110 @@
+"""A run goes on from any of its samples, or from any state, as if it had never stopped."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.engines import load
+
+TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}
+DRIVES: dict[str, dict[str, Any]] = {
+    "none": {"kind": "none"},
+    "constant": {"kind": "constant", "torque": [2.0, -1.0]},
+    "pd": {"kind": "pd", "kp": [40.0, 20.0], "kd": [1.0, 0.5], "target_deg": [-80.0, -10.0]},
+    "linear": TABLE,
+    "smooth": {**TABLE, "smooth": True},
+    "hold": {**TABLE, "hold": True},
+}
+
+
+def arm(drive: str, **changes: object) -> fl.Scene:
+    friction = fl.Joint(viscous=0.1, coulomb=0.3, coulomb_width=0.05, armature=0.01)
+    links = flexible("upper", segments=3, joint=friction), flexible("fore", segments=3)
+    scene = make_scene(*links, tip=fl.Payload(mass=0.5), initial=fl.Initial(joint_deg=(-80.0, -10.0)))
+    run = {"run.duration": 0.08, "run.sample": 0.01, "run.step": 1e-4}
+    return scene.varied({"drive": DRIVES[drive], "wrench.force": [1.0, -2.0, 0.0], **run, **changes})
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
+def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(drive: str, method: str) -> None:
+    scene = arm(drive, **{"run.method": method, "run.step": 5e-5 if method == "RK2" else 1e-4, "run.unstable": "allow"})
+    whole = fl.simulate(scene)
+    for k in (3, 5):
+        t, q, qd = whole.state(k)
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01)
+        for name in ("t", "q", "qd", "tau", "tip"):
+            np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[k:], err_msg=name)
+
+
+def test_a_prescribed_motion_goes_on_where_it_was() -> None:
+    motion = fl.Motion(
+        link="upper", times=(0.0, 0.1), angle_deg=(-80.0, -60.0), rate_deg=(0.0, 50.0), acceleration_deg=(0.0, 0.0)
+    )
+    scene = arm("linear", motion=(motion,))
+    whole = fl.simulate(scene)
+    t, q, qd = whole.state(-4)
+    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.03)
+    np.testing.assert_array_equal(rest.q, whole.q[-4:])
+    np.testing.assert_array_equal(rest.tau, whole.tau[-4:])
+    with pytest.raises(fl.SceneError, match=r"initial\.q\[0\] = .*'upper' follows its motion, .* at t = 0.05 s"):
+        fl.simulate(scene, q0=q + 0.01, qd0=qd, t0=t, duration=0.03)
+
+
+def test_a_run_with_a_tolerance_goes_on_within_it() -> None:
+    scene = arm("smooth").varied({"run.tolerance": 1e-5})
+    whole = fl.simulate(scene)
+    t, q, qd = whole.state(4)
+    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.04)
+    np.testing.assert_array_equal(rest.t, whole.t[4:])
+    assert np.linalg.norm(rest.tip - whole.tip[4:], axis=1).max() < 2e-5  # either is within its tolerance
+
+
+def test_torque_that_is_held_jumps_between_two_steps() -> None:
+    """Until the jump the run is that of the first torque alone, to the bit, and at it the next one acts."""
+    before = fl.simulate(arm("constant", **{"drive.torque": [1.0, 0.0]}))
+    run = fl.simulate(arm("hold"))
+    np.testing.assert_array_equal(run.q[:3], before.q[:3])
+    active = run.chain.active
+    assert run.tau[:, active].tolist() == [[1.0, 0.0]] * 2 + [[-3.0, 1.0]] * 4 + [[2.0, 0.5]] * 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"initial.q": [0.0]}, r"initial\.q = .*expected one number per joint, 6"),
+        ({"initial.q": [float("nan")] * 6}, r"initial\.q"),
+        ({"initial.q": [0.0] * 6, "initial.passive": "static"}, "give one of both"),
+        ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "give one of both"),
+        ({"initial.time": 0.00005}, r"initial\.time = 5e-05: must be a multiple of run\.step"),
+        ({"initial.time": -1.0}, r"initial\.time"),
+        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: takes a table that is not smooth"),
+        ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, r"drive\.times\[2\] = 0.06005: must"),
+    ],
+)  # fmt: skip
+def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(fl.SceneError, match=message):
+        fl.simulate(arm("none").varied(changes))
+
+
+def test_a_sample_that_is_not_there_has_no_state() -> None:
+    with pytest.raises(fl.ArgumentError, match=r"k = 9: must be -9 … 8"):
+        fl.simulate(arm("none")).state(9)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_engines_hold_torques_and_start_later_too(engine: str) -> None:
+    """800 steps of one tableau, each rounded once or so: 1e-11 rad."""
+    pytest.importorskip({"pinocchio": "pinocchio", "mujoco": "mujoco"}[engine])
+    scene = arm("hold")
+    t, q, qd = fl.simulate(scene).state(2)
+    later = scene.varied({"initial.q": q, "initial.qd": qd, "initial.time": t, "run.duration": 0.06})
+    for each in (scene, later):
+        ours, (times, angles, _) = fl.simulate(each), load(engine, fl.lump(each)).integrate(each)
+        np.testing.assert_array_equal(times, ours.t)
+        np.testing.assert_allclose(angles, ours.q, rtol=0, atol=1e-11)

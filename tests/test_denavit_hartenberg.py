@@ -1,0 +1,130 @@
+"""Tables of Denavit and Hartenberg, and mounts in radians, against the matrices that the textbooks print."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, SQUARE, make_scene
+
+import flexlink as fl
+
+EPS = np.finfo(float).eps
+HUB = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))
+UR5 = [  # a, α, d: the maker's table, standard
+    (0.0, 90.0, 0.089159), (-0.425, 0.0, 0.0), (-0.39225, 0.0, 0.0), (0.0, 90.0, 0.10915), (0.0, -90.0, 0.09465),
+    (0.0, 0.0, 0.0823),
+]  # fmt: skip
+PUMA = [  # a_{i−1}, α_{i−1}, d: Craig, figure 3.21, modified
+    (0.0, 0.0, 0.0), (0.0, -90.0, 0.0), (0.4318, 0.0, 0.1244), (-0.0203, -90.0, 0.4318), (0.0, 90.0, 0.0),
+    (0.0, -90.0, 0.0),
+]  # fmt: skip
+
+
+def siciliano(a: float, α: float, d: float, θ: float) -> np.ndarray:
+    """A_i^{i−1}, equation (2.52): from the axes before the joint's turn to those at the link's end."""
+    c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
+    return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
+
+
+def craig(a: float, α: float, d: float, θ: float) -> np.ndarray:
+    """{}^{i−1}T_i, equation (3.6), of a_{i−1} and α_{i−1}."""
+    c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
+    return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
+
+
+BOOKS = {"standard": siciliano, "modified": craig}
+
+
+def links_of(table: list[tuple[float, float, float]], convention: str, offsets, **fields) -> list[fl.Link]:
+    return [
+        fl.Link(
+            name=f"l{k}", hub=HUB, **fields,
+            dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=offset),
+        )
+        for k, ((a, α, d), offset) in enumerate(zip(table, offsets, strict=True))
+    ]  # fmt: skip
+
+
+def tip_of(chain: fl.Chain, q: np.ndarray) -> np.ndarray:
+    placed = fl.frames(chain, q)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = placed.rotations[-1], placed.points[-1]
+    return T
+
+
+@pytest.mark.parametrize(("table", "convention"), [(UR5, "standard"), (PUMA, "modified")], ids=["UR5", "PUMA"])
+def test_a_whole_table_is_the_product_of_the_books_matrices(table, convention, rng) -> None:
+    q, offsets = rng.uniform(-np.pi, np.pi, 6), rng.uniform(-180, 180, 6)
+    wanted = np.eye(4)
+    for (a, α, d), angle, offset in zip(table, q, offsets, strict=True):
+        wanted = wanted @ BOOKS[convention](a, math.radians(α), d, angle + math.radians(offset))
+    got = tip_of(fl.lump(make_scene(*links_of(table, convention, offsets))), q)
+    np.testing.assert_allclose(got, wanted, rtol=0, atol=20 * EPS)
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_a_row_may_turn_and_shift_anyhow(convention, rng) -> None:
+    for _ in range(20):
+        table = [tuple(row) for row in rng.uniform((-0.5, -180, -0.5), (0.5, 180, 0.5), (3, 3))]
+        q, wanted = rng.uniform(-3, 3, 3), np.eye(4)
+        for (a, α, d), angle in zip(table, q, strict=True):
+            wanted = wanted @ BOOKS[convention](a, math.radians(α), d, angle)
+        got = tip_of(fl.lump(make_scene(*links_of(table, convention, (0, 0, 0)))), q)
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=20 * EPS)
+
+
+@pytest.mark.parametrize("convention", ["standard", "modified"])
+def test_beams_run_beside_the_table_and_change_nothing_of_it(convention, rng) -> None:
+    """A straight arm whose links have beams on lines of their own has its axes where the table says."""
+    beam = {"material": "aluminium", "section": "square", "flex": "yz", "segments": 3}
+    table = UR5 if convention == "standard" else PUMA
+    bare = fl.lump(make_scene(*links_of(table, convention, np.zeros(6))))
+    for place in ({"length": 0.3}, {"line": ((0.1, 0.0, 0.0), (0.2, 0.3, -0.1))}):
+        links = links_of(table, convention, np.zeros(6), **beam, **place)
+        last = {"standard": {}, "modified": {"line": ((0, 0, 0), (0, 0, 1))}}[convention]
+        bent = fl.lump(make_scene(*links[:-1], fl.Link(name="last", hub=HUB, dh=links[-1].dh, **last)))
+        q = rng.uniform(-1, 1, 6)
+        full = np.zeros(bent.n)
+        full[bent.active] = q
+        got = tip_of(bent, full)
+        if convention == "modified":  # the tip stands at the end of the last line, 1 m along its z
+            got[:3, 3] -= got[:3, 2]
+        np.testing.assert_allclose(got, tip_of(bare, q), rtol=0, atol=40 * EPS)
+
+
+def test_a_standard_row_carries_a_beam_from_the_joint_to_its_end() -> None:
+    row = fl.DenavitHartenberg(convention="standard", a=-0.3, d=0.4, alpha_deg=90)
+    link = fl.Link(name="a", dh=row, material="aluminium", section="square")
+    assert link.stop == (-0.3, 0.0, 0.4)
+    assert link.beam.length == 0.5
+    mass = ALUMINIUM.density * SQUARE.properties.area * 0.5
+    body = fl.lump(make_scene(link)).bodies[0]
+    assert body["mass"] == pytest.approx(mass, rel=1e-14)
+    assert body["center"].tolist() == pytest.approx([-0.15, 0.0, 0.2], abs=EPS)
+
+
+def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
+    angles = tuple(rng.uniform(-3, 3, 3))
+    one, other = (
+        tip_of(fl.lump(make_scene(fl.Link(name="a", length=1.0, hub=HUB, mount=mount))), np.zeros(1))
+        for mount in (fl.Mount(rpy=angles), fl.Mount(rpy_deg=tuple(map(math.degrees, angles))))
+    )
+    np.testing.assert_allclose(one, other, rtol=0, atol=8 * EPS)
+
+
+@pytest.mark.parametrize(
+    ("build", "wanted"),
+    [
+        (lambda: fl.Mount(rpy=(1, 0, 0), rpy_deg=(1, 0, 0)), r"^rpy = \(1\.0, 0\.0, 0\.0\): rpy_deg = .* is given"),
+        (lambda: fl.DenavitHartenberg(convention="craig"), r"^convention = 'craig': allowed are 'standard', 'mod"),
+        (lambda: fl.Link(name="a", joint=fl.Joint(axis=(0, 1, 0)), dh=fl.DenavitHartenberg(convention="modified")),
+         r"^joint\.axis = \(0\.0, 1\.0, 0\.0\): with dh a joint turns about Z"),
+        (lambda: make_scene(*(fl.Link(name=name, dh=fl.DenavitHartenberg(convention=name)) for name in BOOKS)),
+         r"^link\.dh\.convention: differs from link to link"),
+    ],
+)  # fmt: skip
+def test_what_no_table_says_is_refused(build, wanted) -> None:
+    with pytest.raises(fl.SceneError, match=wanted):
+        build()

@@ -1,0 +1,146 @@
+"""The arms of models/robots: what the import makes of their robots' files, and the commands that lead there."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+from urdf_texts import RandomRobot
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.errors import MissingDependencyError
+from flexlink.robots.collection import PACKAGE, folder, import_known, known_arms
+from validation.case import load_case
+
+SCENES = sorted((ROOT / "models" / "robots").glob("*.toml"))
+BENDING = [path for path in SCENES if path.stem.endswith("_flexible")]
+ARMS = list(known_arms())
+
+
+def installed() -> bool:
+    try:
+        return bool(importlib.metadata.version(PACKAGE))
+    except importlib.metadata.PackageNotFoundError:
+        return False
+
+
+with_files = pytest.mark.skipif(not installed(), reason=f"needs {PACKAGE}, extra robots")
+
+
+def flat(value: object, path: str = "") -> dict[str, object]:
+    """Every number and text of a document by its path."""
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else None
+    if items is None:
+        return {path: value}
+    return {key: leaf for name, item in items for key, leaf in flat(item, f"{path}.{name}").items()}
+
+
+def test_every_arm_of_the_table_has_its_scene_and_is_judged() -> None:
+    assert sorted(ARMS) == [path.stem for path in SCENES]
+    assert len([name for name in ARMS if not name.endswith("_flexible")]) >= 25
+    case = load_case(ROOT / "validation" / "cases" / "robots_all.toml")
+    assert sorted(case.scenes) == [f"robots/{path.stem}" for path in SCENES]
+
+
+@with_files
+@pytest.mark.parametrize("name", ARMS)
+def test_a_stored_scene_is_what_the_import_makes(name: str) -> None:
+    """Up to the rounding of other machines: a modulus follows from an eigenvalue."""
+    stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml")._document())
+    made = flat(import_known(name).scene._document())
+    assert stored.keys() == made.keys()
+    for key, value in stored.items():
+        assert made[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), key
+
+
+@pytest.mark.parametrize("path", SCENES, ids=[path.stem for path in SCENES])
+def test_every_stored_arm_can_move(path: Path) -> None:
+    scene = fl.load_scene(path)
+    chain = fl.lump(scene)
+    q, qd = fl.initial_state(scene, chain)
+    assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] > 0
+    assert np.isfinite(fl.forward_dynamics(chain, q, qd, np.zeros(chain.n))).all()
+
+
+@pytest.mark.parametrize("path", BENDING, ids=[path.stem for path in BENDING])
+def test_an_arm_that_bends_is_the_rigid_one_where_its_springs_are_slack(path: Path, rng) -> None:
+    bent, rigid = (fl.lump(fl.load_scene(path.with_stem(stem))) for stem in (path.stem, path.stem[: -len("_flexible")]))
+    q, qd = np.zeros((2, bent.n))
+    q[bent.active], qd[bent.active] = rng.uniform(-3, 3, (2, rigid.n))
+    M, T = fl.mass_matrix(rigid, q[bent.active]), fl.bias_torque(rigid, q[bent.active], qd[bent.active])
+    block = np.ix_(bent.active, bent.active)
+    assert fl.mass_matrix(bent, q)[block] == pytest.approx(M, abs=1e-13 * np.abs(M).max())
+    assert fl.bias_torque(bent, q, qd)[bent.active] == pytest.approx(T, abs=1e-13 * np.abs(T).max())
+    assert len({bent.coordinate(k).link for k in range(bent.n) if bent.coordinate(k).axis}) == 2
+
+
+def test_the_import_on_the_command_line_takes_degrees_metres_and_beams(tmp_path: Path, capsys) -> None:
+    urdf, out = tmp_path / "robot.urdf", tmp_path / "arm.toml"
+    urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
+    beam = "p3={ frequency_hz = 12, line = [[0, 0, 0], [0.1, 0.1, 0.2]], segments = 7 }"
+    words = ["import", str(urdf), "--base", "p1", "--tip", "p8", "--posture", "j3=90", "--locked", "j4=0.2", "--locked"]
+    words += ["j7=-30", "--armature", "j5=0.1", "--flexible", beam, "--set", "run.duration=2.0", "-o", str(out)]
+    assert main(words) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == str(out)
+    scene = fl.load_scene(out)
+    p3, p5 = scene.arm.links[0], scene.arm.links[1]
+    assert (p3.segments, p5.joint.armature, scene.run.duration) == (7, 0.1, 2.0)
+    assert scene.initial.joint_deg[0] == 90.0
+    flexible = {"p3": fl.Flexible(frequency_hz=12.0, line=((0, 0, 0), (0.1, 0.1, 0.2)), segments=7)}
+    same = fl.import_urdf(
+        urdf,
+        base="p1",
+        tip="p8",
+        posture={"j3": np.pi / 2},
+        locked={"j4": 0.2, "j7": np.radians(-30.0)},
+        armature={"j5": 0.1},
+        flexible=flexible,
+    )
+    assert scene == same.scene.varied({"run.duration": 2.0})
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--posture", "j3"], "--posture j3: expected NAME=VALUE, such as elbow=90"),
+        (["--posture", "j3=left"], "posture: 'j3' = 'left': expected a finite number"),
+        (["--locked", "j4=[1"], "--locked j4=[1: the value is not TOML"),
+        (["--flexible", "p3=12"], "flexible.p3 = 12: "),
+        (["--flexible", "p3={ frequency = 12 }"], "flexible.p3.frequency = 12: unknown key"),
+        (["--flexible", "p3={ segments = 5 }"], "flexible.p3.section: missing"),
+        (["--armature", "j3=much"], "armature: 'j3' = 'much': expected a number"),
+        (["-o", "/no/where.toml"], "the folder '/no' does not exist"),
+    ],
+)
+def test_wrong_options_are_refused_in_one_line(words: list[str], message: str, tmp_path: Path, capsys) -> None:
+    urdf = tmp_path / "robot.urdf"
+    urdf.write_text(RandomRobot(0).text(), encoding="utf-8")
+    assert main(["import", str(urdf), "--tip", "p8", "--locked", "j4=0", *words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert message in line
+
+
+@with_files
+def test_robots_are_listed_with_joints_mass_and_file(tmp_path: Path, capsys) -> None:
+    assert main(["robots", "--out", str(tmp_path)]) == 0
+    head, *lines = capsys.readouterr().out.splitlines()
+    assert head.split() == ["name", "joints", "mass", "[kg]", "file"]
+    name, joints, mass, file = lines[ARMS.index("ur5")].split(maxsplit=3)
+    assert (name, joints, mass, Path(file).name) == ("ur5", "6", "16.99", "ur5_robot.urdf")
+    assert sorted(path.stem for path in tmp_path.iterdir()) == sorted(ARMS)
+
+
+def test_robots_that_are_not_installed_are_told_in_one_line(monkeypatch, capsys) -> None:
+    def missing(name: str) -> None:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(importlib.metadata, "files", missing)
+    folder.cache_clear()
+    assert main(["import", "ur5"]) == 2
+    assert "is not installed: python -m pip install 'flexlink[robots]'" in capsys.readouterr().err
+    with pytest.raises(MissingDependencyError):
+        import_known("panda")

@@ -1,0 +1,63 @@
+"""Random serial arms, which use every key of a link, in other engines: term by term, none left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.spec import Spec
+from flexlink.engines import Engine, load
+from flexlink.engines.comparison import QUANTITIES, compare_engines
+from flexlink.engines.states import State, mixed_states
+from validation.benchmarks.random_arms import random_arm
+from validation.case import Case, Measured
+from validation.facts import Facts
+
+SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
+"""Quantities that are told as a share, too: of the largest element of another over an arm's states. The torque of an
+arm in balance is nothing but rounding; with a load at its tip it is not."""
+
+
+class Settings(Spec, frozen=True):
+    """Engines, number of arms, of states of each, and the first arm's seed."""
+
+    engines: tuple[str, ...]
+    arms: int
+    samples: int
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """The largest error of each quantity over all arms, and how many arms an engine has not taken."""
+    worst: dict[tuple[str, str], tuple[float, int]] = {}
+    refused: dict[str, list[str]] = {name: [] for name in settings.engines}
+    for seed in range(settings.seed, settings.seed + settings.arms):
+        chain = lump(random_arm(seed))
+        native, states = load("native", chain), mixed_states(chain, settings.samples, seed=seed)
+        for name in settings.engines:
+            try:
+                engine = load(name, chain)
+            except FlexlinkError as reason:
+                refused[name].append(f"arm {seed}: {reason}")
+                continue
+            for quantity, error in _errors(chain, native, engine, states):
+                worst[name, quantity] = max(worst.get((name, quantity), (-1.0, seed)), (error, seed))
+    facts: Facts = {"arms": settings.arms, "states": settings.samples}
+    for (name, quantity), (error, seed) in worst.items():
+        yield Measured(quantity, error, "random arms", name, facts, note=f"Largest for arm {seed}." if error else "")
+    for name, reasons in refused.items():
+        yield Measured("arms refused", len(reasons), "random arms", name, facts, note="; ".join(reasons[:3]))
+
+
+def _errors(chain: Chain, native: Engine, engine: Engine, states: Sequence[State]) -> Iterator[tuple[str, float]]:
+    """Of each quantity the largest error, in units of what rounding explains, and of `SHARES` as a share."""
+    for row in compare_engines(chain, native, [engine], states):
+        yield row.quantity, row.error
+    for name, whole in SHARES.items():
+        got, wanted = (np.array([QUANTITIES[name].evaluate(e, s) for s in states]) for e in (engine, native))
+        largest = max(np.abs(QUANTITIES[whole].evaluate(native, s)).max() for s in states)
+        yield f"{name}, share", float(np.abs(got - wanted).max() / largest)

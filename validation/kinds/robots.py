@@ -1,0 +1,114 @@
+"""Imported arms against their robots' own URDF in Pinocchio; arms that bend against the same arms, rigid.
+
+The files of robots come with an optional package; an arm whose file is not installed is left out, and told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.common.errors import MissingDependencyError
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import acceleration_error
+from flexlink.engines.states import random_states
+from flexlink.robots.collection import import_known, known_arm
+from flexlink.robots.tuning import tuned
+from validation.benchmarks.original import Original
+from validation.case import MODELS, Case, Measured
+from validation.facts import Facts
+
+Array = NDArray[np.float64]
+
+BENDING = "_flexible"
+"""End of the names of arms that bend; without it, they are those of the same arms, rigid."""
+
+
+class Settings(Spec, frozen=True):
+    """Number of random states, and frequencies [Hz] that links of arms that bend are to get."""
+
+    samples: int
+    hertz: tuple[float, ...] = ()
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest errors at random states; frequencies that were asked for, and what `modes` finds."""
+    left_out = []
+    for scene in case.load_scenes():
+        if scene.name.endswith(BENDING):
+            yield from _against_rigid(scene, settings)
+            yield from _frequencies(scene, settings)
+            continue
+        try:
+            original = _original(scene)
+        except MissingDependencyError as error:
+            left_out.append(str(error))
+            continue
+        yield from _against_original(scene, original, settings)
+    yield Measured("arms left out", float(len(left_out)), note=left_out[0] if left_out else "")
+
+
+def _original(scene: fl.Scene) -> Original:
+    arm = known_arm(scene.name)
+    path = import_known(scene.name).path
+    joints = [part.joint.name for part in path.parts]
+    return Original(arm.path, joints, path.positions, np.array(scene.gravity))
+
+
+def _against_original(scene: fl.Scene, original: Original, settings: Settings) -> Iterator[Measured]:
+    """M and T_GC over their largest element, q̈ in units of what rounding explains."""
+    chain, facts = fl.lump(scene), _facts(settings)
+    largest = np.zeros(3)
+    for s in random_states(chain, settings.samples):
+        M, T = original.mass_matrix(s.q), original.bias_torque(s.q, s.qd)
+        theirs = original.acceleration(s.q, s.qd, s.tau - fl.friction_torque(chain, s.qd))
+        pair = fl.forward_dynamics(chain, s.q, s.qd, s.tau), theirs
+        found = (
+            _apart(fl.mass_matrix(chain, s.q), M),
+            _apart(fl.bias_torque(chain, s.q, s.qd), T),
+            acceleration_error(chain, s.q, s.qd, s.tau, solutions=pair).max(),
+        )
+        largest = np.maximum(largest, found)
+    for quantity, value in zip(("M", "T_GC", "q̈"), largest, strict=True):
+        yield Measured(quantity, float(value), scene.name, "pinocchio", facts)
+
+
+def _against_rigid(scene: fl.Scene, settings: Settings) -> Iterator[Measured]:
+    """The driven joints' block of M, and their T_GC, with springs slack."""
+    chain, rigid = (
+        fl.lump(scene),
+        fl.lump(fl.load_scene(MODELS / "robots" / f"{scene.name.removesuffix(BENDING)}.toml")),
+    )
+    block, largest = np.ix_(chain.active, chain.active), np.zeros(2)
+    for s in random_states(rigid, settings.samples):
+        q, qd = np.zeros((2, chain.n))
+        q[chain.active], qd[chain.active] = s.q, s.qd
+        M, T = fl.mass_matrix(chain, q)[block], fl.bias_torque(chain, q, qd)[chain.active]
+        pairs = (fl.mass_matrix(rigid, s.q), M), (fl.bias_torque(rigid, s.q, s.qd), T)
+        largest = np.maximum(largest, [_apart(one, other) for one, other in pairs])
+    for quantity, value in zip(("M, rigid block", "T_GC, rigid block"), largest, strict=True):
+        yield Measured(quantity, float(value), scene.name, "native", _facts(settings))
+
+
+def _frequencies(scene: fl.Scene, settings: Settings) -> Iterator[Measured]:
+    """First mode of each flexible link with all other joints and hinges held, without gravity, at the start."""
+    for hertz in settings.hertz:
+        for link in [link.name for link in scene.arm.links if link.flex != "rigid"]:
+            asked = tuned(scene, link, hertz).varied({"gravity": (0.0, 0.0, 0.0)})
+            chain = fl.lump(asked)
+            q, _ = fl.initial_state(asked, chain)
+            held = [name for name in chain.joint_names if not name.startswith(f"{link}.")]
+            error = float(fl.modes(chain, q, locked=held).hertz[0] / hertz - 1)
+            yield Measured("frequency", abs(error), scene.name, varied={"link": link, "asked": hertz})
+
+
+def _facts(settings: Settings) -> Facts:
+    return {"states": settings.samples}
+
+
+def _apart(one: Array, other: Array) -> float:
+    """Largest difference of two arrays over their largest element."""
+    return float(np.abs(one - other).max() / np.abs(other).max())
