@@ -86,7 +86,7 @@ FITS = {
     ("solve_static", "tolerance", "number"),
     ("simulate", "method", "nothing"), ("simulate", "step", "nothing"), ("simulate", "duration", "nothing"),
     ("simulate", "step", "number"), ("simulate", "progress", "nothing"),
-    ("simulate", "progress", "class"), ("simulate", "duration", "number"),
+    ("simulate", "progress", "class"), ("simulate", "duration", "number"), ("compare", "engines", "nothing"),
 }  # fmt: skip
 
 

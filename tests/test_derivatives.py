@@ -260,6 +260,10 @@ def test_a_derivative_that_is_not_there_is_an_error() -> None:
         fl.inverse_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
     with pytest.raises(ArgumentError, match="leaves float64"):
         fl.forward_dynamics_derivatives(chain, q, np.full(chain.n, 1e200), q)
+    for name in ("q", "qd", "tau"):
+        state = {"q": q, "qd": q, "tau": q, name: np.full(chain.n, np.inf)}
+        with pytest.raises(ArgumentError, match=rf"{name}\[0\] = inf is not finite"):
+            fl.forward_dynamics_derivatives(chain, **state)
     with pytest.raises(ArgumentError, match="body = 3: must be -3 … 2"):
         fl.jacobian(chain, q, body=3)
     massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=Payload(mass=1.0)))

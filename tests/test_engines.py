@@ -34,7 +34,7 @@ from flexlink import (
 )
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
-from flexlink.engines.comparison import QUANTITIES
+from flexlink.engines.quantities import QUANTITIES
 from flexlink.engines.states import mixed_states
 
 STATES = 20
@@ -326,7 +326,9 @@ def test_an_unknown_engine_is_refused_with_the_known_ones() -> None:
 
 @pytest.mark.parametrize("name", [name for name, adapter in ENGINES.items() if adapter.extra])
 def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, PACKAGE.get(name, name), None)
+    package = PACKAGE.get(name, name)
+    for module in [package, *(known for known in sys.modules if known.startswith(f"{package}."))]:
+        monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delitem(sys.modules, f"flexlink.engines.{name}", raising=False)
     with pytest.raises(MissingDependencyError, match=rf"pip install 'flexlink\[{ENGINES[name].extra}\]'"):
         load_here(name, lump(make_scene(flexible("arm"))))

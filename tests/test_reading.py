@@ -14,6 +14,7 @@ from conftest import flexible, make_scene, nasty_scene
 import flexlink as fl
 from flexlink.common.safe_xml import parse
 from flexlink.formats import FORMATS
+from validation.benchmarks.random_arms import random_arm
 
 EVERY = pytest.mark.parametrize("format", FORMATS.values(), ids=FORMATS)
 
@@ -53,6 +54,14 @@ def same(one: fl.Chain, other: fl.Chain) -> bool:
 def test_every_file_reads_back_to_the_same_chain(format, chain: fl.Chain) -> None:
     assert_same(format.read(format.write(chain)), chain)
     assert_same(format.read(format.write(chain, shapes=False).encode()), chain)
+
+
+@pytest.mark.slow
+@EVERY
+def test_random_arms_of_every_kind_read_back_to_the_same_chain(format) -> None:
+    for seed in range(20):
+        chain = fl.lump(random_arm(seed))
+        assert_same(format.read(format.write(chain)), chain)
 
 
 @EVERY

@@ -124,6 +124,7 @@ def test_wrong_options_are_refused_in_one_line(words: list[str], message: str, t
     assert message in line
 
 
+@pytest.mark.slow
 @with_files
 def test_robots_are_listed_with_joints_mass_and_file(tmp_path: Path, capsys) -> None:
     assert main(["robots", "--out", str(tmp_path)]) == 0
@@ -138,7 +139,7 @@ def test_robots_that_are_not_installed_are_told_in_one_line(monkeypatch, capsys)
     def missing(name: str) -> None:
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "files", missing)
+    monkeypatch.setattr(importlib.metadata, "distribution", missing)
     folder.cache_clear()
     assert main(["import", "ur5"]) == 2
     assert "is not installed: python -m pip install 'flexlink[robots]'" in capsys.readouterr().err

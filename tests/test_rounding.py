@@ -13,7 +13,7 @@ from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import EPS
 from flexlink.engines import load
-from flexlink.engines.comparison import QUANTITIES, Difference, compare_engines
+from flexlink.engines.quantities import QUANTITIES, Difference, compare_engines
 from flexlink.engines.states import mixed_states
 
 M, L, G = 3.0, 2.0, 9.81

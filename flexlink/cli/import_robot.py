@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,8 @@ def import_scene(options: argparse.Namespace) -> int:
         imported = import_urdf(robot, **asked)
     scene = varied(source, imported.scene, options.set)
     print(imported)
+    for warning in imported.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
     if options.out is None:
         print("nothing written: -o FILE.toml takes the scene")
     else:

@@ -38,7 +38,9 @@ EXAMPLES = """examples:
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+  flexlink compare models/t3_spatial.toml --file theirs.xml
   flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+  flexlink robots --out models/robots
   flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 
@@ -151,8 +153,9 @@ def _parser() -> argparse.ArgumentParser:
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
     check.add_argument("scene", type=Path, help="scene file (.toml)")
     check.add_argument(
-        "--engines", nargs="+", default=["pinocchio", "mujoco"], help="default: pinocchio mujoco; also drake, exudyn"
+        "--engines", nargs="+", help="default: pinocchio mujoco, of a file the one for its format; also drake, exudyn"
     )
+    check.add_argument("--file", type=Path, help="MJCF, URDF or SDF of the same arm: what is wrong in it, if anything")
     check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
     check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
 

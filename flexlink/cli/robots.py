@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from flexlink.cli.shared import require_place
+from flexlink.cli.shared import require_place, varied
 from flexlink.common.output import write_text
 from flexlink.robots.collection import import_known, known_arms
 
@@ -19,5 +20,5 @@ def list_robots(options: argparse.Namespace) -> int:
         if options.out is not None:
             target = options.out / f"{name}.toml"
             require_place(target)
-            write_text(target, imported.scene.to_toml())
+            write_text(target, varied(Path(name), imported.scene, options.set).to_toml())
     return 0

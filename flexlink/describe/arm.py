@@ -138,22 +138,22 @@ class Link(Spec, frozen=True):
     """
 
     name: str
+    mount: Mount = Mount()
+    dh: DenavitHartenberg | None = None
+    joint: Joint = Joint()
+    hub: Payload = Payload()  # turns with the joint: motor housing, bearing
     length: NonNegative = 0.0  # m
     line: tuple[Vector3, Vector3] | None = None  # m
     up: Vector3 | None = None
     flex: Literal["rigid", "z", "yz", "xyz"] = "rigid"
+    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
+    lumping: str = "gauss"
     material: str | None = None
     section: str | None = None
     section_tip: str | None = None
-    segments: Annotated[int, msgspec.Meta(ge=1, le=100_001)] = 1  # lumped in seconds
-    lumping: str = "gauss"
-    joint: Joint = Joint()
-    mount: Mount = Mount()
-    dh: DenavitHartenberg | None = None
-    hub: Payload = Payload()  # turns with the joint: motor housing, bearing
-    end: Payload = Payload()  # at the end of the beam: the next motor
     damping: Damping | None = None
     friction: Friction | None = None
+    end: Payload = Payload()  # at the end of the beam: the next motor
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -77,7 +77,7 @@ def inverse_dynamics_derivatives(
     found: Array = all_inverse_slopes(chain.arrays, wrench, q, qd, qdd)
     if not is_finite(found.reshape(-1)):
         raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
-    return InverseDerivatives(found[0], found[1], found[2])
+    return InverseDerivatives(*found)
 
 
 def forward_dynamics_derivatives(
@@ -116,13 +116,16 @@ def forward_dynamics_derivatives(
     if is_batch(q, qd, tau):
         return each(forward_dynamics_derivatives, chain, {"q": q, "qd": qd, "tau": tau}, tip_wrench=tip_wrench)
     n = given("chain", chain, Chain).n
-    q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
+    q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
+    tau = vector("tau", tau, n, many=True, finite=False)
     wrench = wrench_vector(tip_wrench)
     found, kernel = np.empty((3, n, n)), all_planar_slopes if chain.is_planar else all_forward_slopes
     if not kernel(chain.arrays, wrench, q, qd, tau, found):
-        forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench)  # raises, with the reason, where there is no q̈
+        forward_dynamics(
+            chain, q, qd, tau, tip_wrench=tip_wrench
+        )  # raises where a number is not finite, or there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
-    return ForwardDerivatives(found[0], found[1], found[2])
+    return ForwardDerivatives(*found)
 
 
 def _of(what: str, chain: Chain) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
-from flexlink.engines.base import Engine
+from flexlink.engines.base import Engine, File
 from flexlink.engines.isolated import IsolatedEngine
 
 
@@ -56,9 +56,8 @@ def load(name: str, chain: Chain) -> Engine:
     return load_here(name, chain)
 
 
-def load_here(name: str, chain: Chain) -> Engine:
-    """As `load`, but in this process, whatever the engine does to it."""
-    given("chain", chain, Chain)
+def load_here(name: str, source: Chain | File) -> Engine:
+    """As `load`, also of a file of somebody else's, in this process, whatever the engine does to it."""
     adapter = choice("engine", name, ENGINES)
     try:
         module = importlib.import_module(f"flexlink.engines.{name}")
@@ -67,5 +66,6 @@ def load_here(name: str, chain: Chain) -> Engine:
             f"engine {name!r} cannot be imported ({error}); "
             f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    engine: Engine = getattr(module, adapter.factory)(chain)
+    kind = getattr(module, adapter.factory)
+    engine: Engine = kind.from_file(source) if isinstance(source, File) else kind(given("chain", source, Chain))
     return engine

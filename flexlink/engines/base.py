@@ -8,7 +8,8 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
-from typing import Protocol
+from pathlib import Path
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
+from flexlink.engines.read_back import ReadBack
 from flexlink.kernels.inputs import drive_torque
 from flexlink.motion.actuation import DriveArrays, drive_arrays, input_arrays
 from flexlink.motion.endings import DivergenceError
@@ -65,6 +67,21 @@ class Engine(Protocol):
         ArgumentError
             The engine does not have the scene's method or its prescribed motions, or the step is not stable.
         """
+
+
+class File(NamedTuple):
+    """A file that somebody else wrote."""
+
+    path: Path
+    form: str  # "mjcf", "urdf", "sdf"
+
+
+@runtime_checkable
+class Reader(Protocol):
+    """An engine that tells what it has read of a file; those that read none have nothing to tell."""
+
+    def read_back(self) -> ReadBack:
+        """What the engine has read."""
 
 
 class DriveTorque:

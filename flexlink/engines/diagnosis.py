@@ -1,75 +1,161 @@
-"""What a difference between an engine and the native dynamics looks like, and what may have caused it."""
+"""Why an engine does not agree: what it has read beside what it should have, and whether that explains all of it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
+from flexlink.engines.base import Array, Engine, Reader
+from flexlink.engines.differences import Finding, differences
+from flexlink.engines.matching import Match
+from flexlink.engines.mistakes import FIELDS
+from flexlink.engines.native import NativeEngine
+from flexlink.engines.quantities import QUANTITIES, Difference, compare_engines
+from flexlink.engines.read_back import ReadBack, of_chain, to_chain
+from flexlink.engines.reordered import Reordered
 from flexlink.engines.states import State
+from flexlink.engines.theirs import Loaded
 
-Array = NDArray[np.float64]
-
-CAUSES = {
-    "M": "masses, centres, inertias, placements or armature",
-    "T_G": "gravity, masses or placements",
-    "T_GC": "terms in q̇: inertias or axes",
-    "T_GC with tip wrench": "the tip frame or the wrench's point or axes",
-    "T_FL": "stiffness or rest angle",
-    "T_FR": "damping or Coulomb friction",
-    "q̈": "the solver, or a term left out of forward dynamics",
-}
+FORMS = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
+"""What engines read of our own."""
+WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
+LOOKED_AT = 20  # states at which causes are tried
+AGAIN = 10.0
+"""Units of rounding that a chain may differ by after its record was turned into frame 0 and back."""
 
 
-def diagnosis(chain: Chain, name: str, k: int, states: Sequence[State], got: Array, expected: Array) -> str:
-    """In words, what the difference at joint `k` looks like over all states; values (states, n) or (states, n, n)."""
-    where = f"at joint {chain.joint_name(k)!r}"
-    if not np.isfinite(got).all():
-        return f"{where} the engine returns numbers that are not finite"
-    if name == "M":
-        return _mass_hint(where, k, got, expected)
-    fits = {"T_FL": _elastic_shapes, "T_FR": _friction_shapes}
-    y = got[:, k] - expected[:, k]
-    if name in fits:
-        shapes = fits[name](chain, k, states)
-        basis = np.stack(list(shapes.values()), axis=1)
-        amounts, *_ = np.linalg.lstsq(basis, y, rcond=None)
-        if np.abs(basis @ amounts - y).max() <= 1e-6 * np.abs(y).max():
-            shares = np.abs(basis * amounts).max(axis=0)
-            found = [
-                f"{label} {amount:+.6g}"
-                for label, amount, share in zip(shapes, amounts, shares, strict=True)
-                if share > 1e-6 * shares.max()
-            ]
-            return f"{where} by {' and '.join(found)}{_factor(got[:, k], expected[:, k])}"
-    return f"{where}{_factor(got[:, k], expected[:, k])}; look at {CAUSES[name]}"
+@dataclasses.dataclass(frozen=True)
+class Diagnosis:
+    """Of one engine what agrees, what differs, and why.
+
+    Attributes
+    ----------
+    engine
+        Its name.
+    rows
+        Its quantities, compared.
+    findings
+        What was read otherwise than it should have been; nothing is looked for where all agrees, but in files.
+    explained
+        Whether the native dynamics of what was read are those of the engine; None if that was not asked.
+    notes
+        What else is to be known.
+    """
+
+    engine: str
+    rows: tuple[Difference, ...]
+    findings: tuple[Finding, ...] = ()
+    explained: bool | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def passed(self) -> bool:
+        """No difference that counts."""
+        return all(row.passed for row in self.rows) and not any(finding.counts for finding in self.findings)
+
+    def __str__(self) -> str:
+        bad, good = ([row.quantity for row in self.rows if row.passed is passed] for passed in (False, True))
+        if not bad:
+            agree = f"all {len(good)} quantities agree" if good else "nothing can be compared"
+        else:
+            agree = f"{_verb(good or ['nothing'], 'agree')}, {_verb(bad, 'differ')}"
+        numbered = (f"  {k}. {finding}" for k, finding in enumerate(self.findings, 1))
+        return "\n".join([f"{self.engine}: {agree}", *numbered, *(f"  {line}" for line in (*self._why(), *self.notes))])
+
+    def _why(self) -> list[str]:
+        bad = [row for row in self.rows if not row.passed]
+        if any(math.isnan(row.error) for row in bad):
+            row = next(row for row in bad if math.isnan(row.error))
+            return [f"of {row.quantity} the engine returns numbers that are not finite, first at joint {row.joint!r}"]
+        if not bad or self.explained is None:
+            return []
+        if self.explained:
+            return ["with that put right, they agree: what was read explains all that differs"]
+        worst = max(bad, key=lambda row: row.error)
+        cause = (
+            "something acts beside it" if self.findings else "the engine computes it otherwise, or something else acts"
+        )
+        return [f"what was read does not explain all of it, most at joint {worst.joint!r} in {worst.quantity}: {cause}"]
 
 
-def _elastic_shapes(chain: Chain, k: int, states: Sequence[State]) -> dict[str, Array]:
-    return {"stiffness k": np.array([s.q[k] for s in states]), "offset −k·rest": np.ones(len(states))}
+def _verb(names: Sequence[str], verb: str) -> str:
+    return f"{', '.join(names)} {verb}{'s' if len(names) == 1 else ''}"
 
 
-def _friction_shapes(chain: Chain, k: int, states: Sequence[State]) -> dict[str, Array]:
-    rates = np.array([s.qd[k] for s in states])
-    return {"damping d": rates, "Coulomb torque c": np.tanh(rates / chain.hinges[k]["coulomb_width"])}
+def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: Sequence[State]) -> Diagnosis:
+    """Of an engine with our own file: looked into where it does not agree, as far as it can tell what it has read."""
+    if all(row.passed for row in rows) or not isinstance(engine, Reader):
+        return Diagnosis(engine.name, tuple(rows))
+    read = engine.read_back()
+    match, findings = differences(of_chain(chain), read, FORMS.get(engine.name, engine.name))
+    return _looked_into(chain, engine, rows, findings, match, states)
 
 
-def _mass_hint(where: str, k: int, got: Array, expected: Array) -> str:
-    delta = got - expected
-    others = np.delete(delta[:, k], k, axis=1)
-    diagonal = delta[:, k, k]
-    scale = np.abs(expected).max()
-    if np.ptp(diagonal) <= 1e-12 * scale and np.abs(others).max(initial=0.0) <= 1e-12 * scale:
-        return f"{where} by a constant {diagonal[0]:+.6g} kg m² on the diagonal: armature"
-    return f"{where}{_factor(got.ravel(), expected.ravel())}; look at {CAUSES['M']}"
+def diagnose_file(
+    chain: Chain, loaded: Loaded, states: Sequence[State], progress: Callable[[float], None] | None = None
+) -> Diagnosis:
+    """Of an engine with a file of somebody else's: its quantities, and what it has read, all agreeing or not."""
+    form, engine, complaints = loaded
+    ours, read = of_chain(chain), _with_step(chain, engine.read_back())
+    said = tuple(f"{engine.name} complains: {text}" for text in complaints)
+    match, findings = differences(ours, read, form)
+    if match is None:
+        return Diagnosis(engine.name, (), tuple(findings), notes=said)
+    engine.adopt(_missing(ours, read, match))
+    matched = Reordered(engine, match.order)
+    rows = compare_engines(chain, NativeEngine(chain), [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
+    engine.put_right()  # whether settings, too, explain what differs
+    found = _looked_into(chain, matched, rows, findings, match, states)
+    return dataclasses.replace(found, notes=(*_notes(match, read), *said))
 
 
-def _factor(got: Array, expected: Array) -> str:
-    """Words for one constant factor that explains the difference, or none."""
-    square = float(expected @ expected)
-    factor = float(got @ expected) / square if square else 0.0
-    if square == 0 or np.abs(got - factor * expected).max() > 1e-3 * np.abs(got - expected).max():
-        return ""
-    return f" (factor {factor:.6g})" if abs(factor - 1) > 1e-3 else f" (factor 1 {factor - 1:+.3g})"
+def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
+    """Whether the file's step is beyond the largest stable one, about a slightly bent arm, as a setting."""
+    if read.step is None:
+        return read
+    largest = stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4")
+    told = {"step": f"{read.step:g} s, of RK4 {largest:.3g} s"} if read.step > largest else {}
+    return dataclasses.replace(read, settings=dict(read.settings) | told)
+
+
+def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
+    """What the file does not say, from ours, in the engine's order."""
+    fields = {field: getattr(ours, field) for field in FIELDS if field in read.unsaid}
+    return {f: values if f == "gravity" else values[np.argsort(match.order)] for f, values in fields.items()}
+
+
+def _notes(match: Match, read: ReadBack) -> list[str]:
+    notes = [] if match.by_name else ["joints are matched by their order: their names differ"]
+    unsaid = [FIELDS[field].label for field in FIELDS if field in read.unsaid]
+    if unsaid:
+        notes.append(f"not in the file, and taken from the scene: {', '.join(unsaid)}")
+    return notes
+
+
+def _looked_into(
+    chain: Chain,
+    engine: Engine,
+    rows: Sequence[Difference],
+    findings: Sequence[Finding],
+    match: Match | None,
+    states: Sequence[State],
+) -> Diagnosis:
+    names, some = [row.quantity for row in rows], states[:LOOKED_AT]
+
+    def differ(one: ReadBack, other: Engine) -> tuple[str, ...]:
+        exact = to_chain(one, chain)
+        compared = compare_engines(exact, NativeEngine(exact), [other], some, quantities=names)
+        return tuple(row.quantity for row in compared if not row.error <= AGAIN)
+
+    right = NativeEngine(to_chain(of_chain(chain), chain))
+    each = [f if f.made is None else dataclasses.replace(f, alone=differ(f.made, right)) for f in findings]
+    explained, serial = None, match.serial if match is not None else None
+    if serial is not None and not all(row.passed for row in rows):
+        theirs, joints = serial
+        explained = not differ(theirs, Reordered(engine, joints))
+    return Diagnosis(engine.name, tuple(rows), tuple(each), explained)

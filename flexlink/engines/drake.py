@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -20,13 +21,16 @@ from pydrake.multibody.tree import JacobianWrtVariable, MultibodyForces
 from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
+from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
+from flexlink.engines import drake_reader
 from flexlink.engines.base import (
     Array,
     DriveTorque,
+    File,
     Samples,
     diverged,
     drive_function,
@@ -34,7 +38,8 @@ from flexlink.engines.base import (
     refuse_motion,
     start,
 )
-from flexlink.formats import to_sdf
+from flexlink.engines.read_back import ReadBack
+from flexlink.formats.sdf import sdf_names, to_sdf
 
 METHODS = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}
 """The methods of ours that Drake has, too, and what it calls them."""
@@ -55,6 +60,8 @@ class DrakeEngine:
         Drake's own.
     rest, coulomb, coulomb_width
         As read back from the file, shape (n,).
+    unsaid
+        What the file does not say, by the fields of `ReadBack`.
     """
 
     name = "drake"
@@ -62,25 +69,64 @@ class DrakeEngine:
 
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Drake", chain)
-        self.text = to_sdf(chain, shapes=False)
-        world = ET.fromstring(self.text).findall("world")[0]
-        joints = world.findall("model/joint")
-        self.rest, self.coulomb = (
-            np.array([float(joint.findtext(f"axis/dynamics/{key}", "nan")) for joint in joints])
-            for key in ("spring_reference", "friction")
-        )
-        self.coulomb_width = np.array([float(joint.attrib[f"{OWN}coulomb_width"]) for joint in joints])
-        self.gravity = np.array(world.findtext("gravity", "").split(), float)
         try:
-            self.plant = self._load(MultibodyPlant(time_step=0.0))
+            names = self._take(to_sdf(chain, shapes=False))
         except RuntimeError as error:
             told = " ".join(str(error).split())  # in one line
             raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
-        order = [self.plant.GetJointByName(joint.attrib["name"]).velocity_start() for joint in joints]
-        if order != list(range(self.plant.num_velocities())):
-            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {order}; expected those of the file")
+        if names != sdf_names(chain)[1 : chain.n + 1]:
+            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected those of the file")
+
+    @classmethod
+    def from_file(cls, file: File) -> Self:
+        """An SDF that somebody else wrote.
+
+        Raises
+        ------
+        ArgumentError
+            Drake refuses the file, or it holds joints other than hinges.
+        """
+        engine = cls.__new__(cls)
+        try:
+            engine._take(file.path.read_text(encoding="utf-8"))
+        except (RuntimeError, ValueError) as error:
+            raise ArgumentError(f"Drake cannot load it: {error}") from error
+        return engine
+
+    def _take(self, text: str) -> list[str]:
+        """Load a document; the names of its joints in Drake's order."""
+        self.text, root = text, ET.fromstring(text)
+        gravity = root.findtext("world/gravity")
+        self.gravity = None if gravity is None else vector("gravity", [float(x) for x in gravity.split()], 3)
+        self.plant = self._load(MultibodyPlant(time_step=0.0))
+        joints = drake_reader.hinges(self.plant)
+        own = {joint.get("name"): joint for joint in root.iter("joint")}
+        elements = [own[joint.name()] for joint in joints]
+        self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
+        self.coulomb_width = np.array([float(element.get(f"{OWN}coulomb_width", "1")) for element in elements])
+        said = {"coulomb_width": f"{OWN}coulomb_width" in elements[0].attrib, "gravity": gravity is not None}
+        self.unsaid = frozenset(name for name, given in said.items() if not given)
         self.n, self.context = len(joints), self.plant.CreateDefaultContext()
-        self.tip = self.plant.GetFrameByName(world.findall("model/frame")[-1].attrib["name"])
+        self.rest = self.read_back().rest
+        frames = root.findall(".//model/frame")
+        self.tip = self.plant.GetFrameByName(frames[-1].attrib["name"]) if frames else joints[-1].frame_on_child()
+        return [joint.name() for joint in joints]
+
+    def read_back(self) -> ReadBack:
+        """What Drake has read."""
+        own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
+        return drake_reader.read(self.plant, self.context, own, self.unsaid)
+
+    def adopt(self, fields: Mapping[str, Array]) -> None:
+        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+        self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
+        if "gravity" in fields:
+            self.gravity = fields["gravity"]
+            self.plant = self._load(MultibodyPlant(time_step=0.0))
+            self.context = self.plant.CreateDefaultContext()
+
+    def put_right(self) -> None:
+        """Nothing to do: at given states nothing acts beside what Drake has read."""
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`CalcMassMatrix`)."""
@@ -151,7 +197,8 @@ class DrakeEngine:
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
         Parser(plant).AddModelsFromString(self.text, "sdf")
-        plant.mutable_gravity_field().set_gravity_vector(self.gravity)
+        if self.gravity is not None:
+            plant.mutable_gravity_field().set_gravity_vector(self.gravity)
         plant.Finalize()
         return plant
 

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import tempfile
 import weakref
+from collections.abc import Mapping
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import IO, Any
@@ -19,9 +20,10 @@ from typing import IO, Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.common.errors import EngineError
+from flexlink.common.errors import ArgumentError, EngineError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, Samples
+from flexlink.engines.base import Array, File, Samples
+from flexlink.engines.read_back import ReadBack
 
 SECONDS = 300.0
 """For an answer, which takes milliseconds; but a first run may have to compile our kernels, which takes minutes."""
@@ -30,7 +32,7 @@ SECONDS_PER_STEP = 0.01
 
 
 class IsolatedEngine:
-    """The engine `name` with a chain, as the protocol `Engine` has it; every question is asked in the other process.
+    """The engine `name` with a chain or a file, as the protocol `Engine`; every question is asked in the other process.
 
     Raises
     ------
@@ -40,8 +42,8 @@ class IsolatedEngine:
         The engine failed in another way: its process crashed, or gave no answer in time.
     """
 
-    def __init__(self, name: str, chain: Chain) -> None:
-        self.name, self._chain = name, chain.name
+    def __init__(self, name: str, source: Chain | File) -> None:
+        self.name, self._about = name, source.name if isinstance(source, Chain) else str(source.path)
         self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process that writes into it
         self._pipe, theirs = Pipe()
         self._process = subprocess.Popen(
@@ -51,7 +53,10 @@ class IsolatedEngine:
         )  # fmt: skip
         theirs.close()
         self._finalizer = weakref.finalize(self, _end, self._process, self._pipe, self._words)
-        self.version, self.n = self._ask("load", name, chain)
+        try:
+            self.version, self.n = self._ask("load", name, source)
+        except ArgumentError as error:
+            raise ArgumentError("; ".join([str(error), *self.complaints])) from None
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q)."""
@@ -83,6 +88,25 @@ class IsolatedEngine:
         t, q, qd = self._ask("integrate", scene, more=SECONDS_PER_STEP * steps)
         return t, q, qd
 
+    def read_back(self) -> ReadBack:
+        """What the engine has read."""
+        read: ReadBack = self._ask("read_back")
+        return read
+
+    def adopt(self, fields: Mapping[str, Array]) -> None:
+        """Of a file: take what it does not say from elsewhere."""
+        self._ask("adopt", fields)
+
+    def put_right(self) -> None:
+        """Of a file: leave nothing that acts beside gravity, springs and dampers."""
+        self._ask("put_right")
+
+    @property
+    def complaints(self) -> list[str]:
+        """What the engine has printed as errors so far."""
+        errors = (line.partition("Error:")[2].strip() for line in self._lines() if line.startswith("Error:"))
+        return list(dict.fromkeys(errors))
+
     def _ask(self, question: str, *arguments: object, more: float = 0.0, **named: object) -> Any:
         seconds = SECONDS + more
         try:
@@ -102,18 +126,20 @@ class IsolatedEngine:
         code = self._process.wait()
         if code == -signal.SIGINT:
             return KeyboardInterrupt()  # which was sent to both
-        about = f"{self.name}, asked to {question.replace('_', ' ')} ({self._chain})"
+        about = f"{self.name}, asked to {question.replace('_', ' ')} ({self._about})"
         if code == -signal.SIGALRM:
             return EngineError(f"{about}: no answer within {seconds:g} s; its process was ended")
         how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
         return EngineError(f"{about}: its process {how}; its last words: {self._last_words()}")
 
     def _last_words(self) -> str:
+        return next((line for line in reversed(self._lines()) if line), "none")
+
+    def _lines(self) -> list[str]:
         if self._words.closed:
-            return "none"
+            return []
         self._words.seek(0)
-        lines = self._words.read().decode(errors="replace").split("\n")
-        return next((line.strip() for line in reversed(lines) if line.strip()), "none")
+        return [line.strip() for line in self._words.read().decode(errors="replace").split("\n")]
 
 
 def _end(process: subprocess.Popen[bytes], pipe: Any, words: IO[bytes]) -> None:

@@ -8,9 +8,11 @@ the drive, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an e
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import threading
-from collections.abc import Callable, Iterator
-from typing import Any
+import warnings
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Self
 
 import mujoco
 import numpy as np
@@ -19,11 +21,18 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, DriveTorque, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines import mujoco_reader
+from flexlink.engines.base import Array, DriveTorque, File, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 
 Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)
+RK4 = mujoco.mjtIntegrator.mjINT_RK4
+BESIDE = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+NOT_IN_URDF = frozenset(
+    {"gravity", "stiffness", "rest", "armature", "coulomb_width", "integrator", "autoreset", "step"}
+)
 PROCESS = threading.Lock()  # MuJoCo's callbacks belong to the process
 
 
@@ -38,6 +47,8 @@ class MujocoEngine:
         Number of the tip's body.
     coulomb, coulomb_width
         As read back from the file, shape (n,).
+    record
+        What MuJoCo has read.
     """
 
     name = "mujoco"
@@ -47,12 +58,57 @@ class MujocoEngine:
         refuse_motion("MuJoCo", chain)
         try:
             with quiet():
-                self.model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
+                model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
         except ValueError as error:
             raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use the other engines") from error
-        self.data, self.n = mujoco.MjData(self.model), self.model.nv
-        self.tip = self.model.nbody - 1
-        self.coulomb, self.coulomb_width = self.model.dof_frictionloss.copy(), self.model.jnt_user[:, 0].copy()
+        self._take(model, mujoco_reader.read(model))
+
+    @classmethod
+    def from_file(cls, file: File) -> Self:
+        """A file that somebody else wrote, MJCF or URDF, with what it includes.
+
+        Raises
+        ------
+        ArgumentError
+            MuJoCo refuses the file, or it holds joints other than hinges.
+        """
+        try:
+            with quiet(), warnings.catch_warnings(action="ignore"):  # of attributes that are going out of use
+                spec = mujoco.MjSpec.from_file(str(file.path))
+                model = spec.compile()
+        except (ValueError, RuntimeError, mujoco.FatalError) as error:
+            raise ArgumentError(f"MuJoCo cannot load it: {error}") from error
+        mujoco_reader.require_hinges(model)
+        engine = cls.__new__(cls)
+        record = mujoco_reader.read(model, spec.compiler)
+        engine._take(model, dataclasses.replace(record, unsaid=NOT_IN_URDF) if file.form == "urdf" else record)
+        return engine
+
+    def _take(self, model: Any, record: ReadBack) -> None:
+        self.model, self.record, self.data, self.n = model, record, mujoco.MjData(model), model.nv
+        self.tip = model.nbody - 1
+        self.coulomb, self.coulomb_width = record.coulomb.copy(), record.coulomb_width.copy()
+
+    def read_back(self) -> ReadBack:
+        """What MuJoCo has read."""
+        return self.record
+
+    def adopt(self, fields: Mapping[str, Array]) -> None:
+        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+        model = self.model
+        places = {
+            "gravity": model.opt.gravity, "stiffness": model.jnt_stiffness, "rest": model.qpos_spring,
+            "armature": model.dof_armature, "coulomb_width": self.coulomb_width,
+        }  # fmt: skip
+        for field, values in fields.items():
+            places[field][:] = values
+
+    def put_right(self) -> None:
+        """Leave nothing that acts beside gravity, springs and dampers; steps by RK4."""
+        self.model.opt.integrator, self.model.opt.disableflags = RK4, self.model.opt.disableflags | BESIDE
+        self.model.opt.density = self.model.opt.viscosity = 0
+        for values in (self.model.body_gravcomp, self.model.tendon_stiffness, self.model.tendon_damping):
+            values[:] = 0
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`mj_makeM`, `mj_fullM`)."""

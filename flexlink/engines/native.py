@@ -7,6 +7,7 @@ from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
 from flexlink.engines.base import Array, Samples
+from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.motion.single import simulate
 
 
@@ -43,6 +44,10 @@ class NativeEngine:
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the default method of `flexlink.forward_dynamics`."""
         return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
+
+    def read_back(self) -> ReadBack:
+        """The chain itself."""
+        return of_chain(self.chain)
 
     def integrate(self, scene: Scene) -> Samples:
         """`flexlink.simulate`."""

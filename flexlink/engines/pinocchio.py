@@ -10,21 +10,28 @@ Joints whose motion is prescribed, p, leave the rows of the others, f, to be sol
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from typing import Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
+from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import Array, Samples, diverged, drive_function, start
-from flexlink.formats import to_urdf
+from flexlink.engines import pinocchio_reader
+from flexlink.engines.base import Array, File, Samples, diverged, drive_function, start
+from flexlink.engines.read_back import ReadBack
+from flexlink.formats.document import xml_joint_names
+from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
+
+OWN = ("stiffness", "rest", "coulomb_width", "armature")
 
 
 class PinocchioEngine:
@@ -38,6 +45,8 @@ class PinocchioEngine:
         Number of the tip's frame.
     stiffness, rest, damping, coulomb, coulomb_width
         As read back from the file, shape (n,).
+    unsaid
+        What the file does not say, by the fields of `ReadBack`.
     prescribed
         Joints whose q̈ is given, which no file says.
     """
@@ -46,21 +55,68 @@ class PinocchioEngine:
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
-        text = to_urdf(chain, shapes=False)
-        robot = ET.fromstring(text)
-        joints = robot.findall("joint[@type='revolute']")
-        model = pin.buildModelFromXML(text)
-        order = [model.getJointId(joint.attrib["name"]) for joint in joints]
-        if order != list(range(1, model.njoints)):
+        self._take(to_urdf(chain, shapes=False))
+        if list(self.model.names[1:]) != xml_joint_names(chain):
+            order = ", ".join(self.model.names[1:])
             raise ArgumentError(f"Pinocchio orders the joints of {chain.name!r} as {order}; expected those of the file")
-        self.stiffness, self.rest = _own(robot, "stiffness"), _own(robot, "rest")
-        self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
-        self.coulomb_width = _own(robot, "coulomb_width")
-        model.armature = _own(robot, "armature")
-        model.gravity.linear = np.array(robot.findall("flexlink")[0].attrib["gravity"].split(), float)
-        self.model, self.data, self.n = model, pin.Data(model), model.nv  # createData copies it, n³ numbers
-        self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
+
+    @classmethod
+    def from_file(cls, file: File) -> Self:
+        """A URDF that somebody else wrote; joints that turn endlessly are taken as joints with wide limits.
+
+        Raises
+        ------
+        ArgumentError
+            Pinocchio refuses the file, or it holds joints other than hinges.
+        """
+        robot = ET.parse(file.path).getroot()
+        for joint in robot.findall("joint[@type='continuous']"):
+            joint.set("type", "revolute")
+            ET.SubElement(joint, "limit", LIMIT)
+        engine = cls.__new__(cls)
+        try:
+            engine._take(ET.tostring(robot, encoding="unicode"))
+        except (ValueError, RuntimeError) as error:
+            raise ArgumentError(f"Pinocchio cannot load it: {error}") from error
+        engine.prescribed = np.zeros(0, dtype=np.intp)
+        return engine
+
+    def _take(self, text: str) -> None:
+        robot = ET.fromstring(text)
+        self.model = model = pin.buildModelFromXML(text)
+        pinocchio_reader.require_hinges(model)
+        self.data, self.n = pin.Data(model), model.nv  # createData copies it, n³ numbers
+        own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
+        elements = [own.get(name) for name in model.names[1:]]
+        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in OWN)
+        self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
+        gravity = robot.find("flexlink")
+        self.unsaid = frozenset() if any(e is not None for e in elements) else frozenset(OWN)
+        if gravity is None:
+            self.unsaid |= {"gravity"}
+        else:
+            model.gravity.linear = vector("gravity", [float(x) for x in gravity.get("gravity", "").split()], 3)
+        model.armature = armature
+        self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
+
+    def read_back(self) -> ReadBack:
+        """What Pinocchio has read, and the springs of our own elements."""
+        own = {"stiffness": self.stiffness, "rest": self.rest, "coulomb_width": self.coulomb_width}
+        return pinocchio_reader.read(self.model, own, self.unsaid)
+
+    def adopt(self, fields: Mapping[str, Array]) -> None:
+        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+        for field, values in fields.items():
+            if field == "gravity":
+                self.model.gravity.linear = values
+            elif field == "armature":
+                self.model.armature = values
+            else:
+                setattr(self, field, np.array(values))
+
+    def put_right(self) -> None:
+        """Nothing to do: Pinocchio has no settings."""
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`crba`)."""
@@ -145,6 +201,6 @@ class PinocchioEngine:
         return np.array(pin.computeFrameJacobian(self.model, self.data, q, self.tip, frame).T @ wrench)
 
 
-def _own(robot: ET.Element, key: str) -> Array:
-    """One number of our own per revolute joint."""
-    return np.array([float(element.attrib[key]) for element in robot.findall("joint[@type='revolute']/flexlink")])
+def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
+    """One number of our own per joint, 0 where it has none."""
+    return np.array([0.0 if element is None else float(element.get(key, 0)) for element in elements])

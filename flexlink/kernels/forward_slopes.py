@@ -83,7 +83,7 @@ def all_forward_slopes(chain, wrench, q, qd, tau, found):
             solve_on_articulated(work.r, work.pushes, work.x, factors)
             keep_columns(work.x, first, found[part])
     keep_given(chain.hinges, found)
-    return is_finite(qdd) and is_finite(found.reshape(-1))
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
 
 
 @recursion

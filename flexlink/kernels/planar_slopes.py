@@ -66,7 +66,7 @@ def all_planar_slopes(chain, wrench, q, qd, tau, found):
             solve(part, first, work)
             keep_columns(work.x, first, found[part])
     keep_given(chain.hinges, found)
-    return is_finite(qdd) and is_finite(found.reshape(-1))
+    return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
 
 
 @recursion

@@ -35,8 +35,8 @@ def assembled(
     flexible: Mapping[str, Flexible],
     armature: Mapping[str, float],
     gravity: Vector3,
-) -> tuple[Scene, list[str]]:
-    """The scene, and remarks on its flexible links; their Young's modulus is still that of their material.
+) -> tuple[Scene, list[Made]]:
+    """The scene, and the links that it is made of; their Young's modulus is still that of their material.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def assembled(
         initial=Initial(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
         run=Run(relative_tolerance=ACCURACY),
     )
-    return scene, [one.remark for one in made if one.remark]
+    return scene, made
 
 
 def _made(way: SerialPath, flexible: Mapping[str, Flexible], armature: Mapping[str, float]) -> Iterator[Made]:

@@ -55,12 +55,13 @@ class Flexible(Spec, frozen=True):
 
 
 class Made(NamedTuple):
-    """A link of a scene; of one that bends, its own material and section, and what is to be said of them."""
+    """A link of a scene; of one that bends, its own material and section, what is to be said, and what is in doubt."""
 
     link: Link
     material: Material | None = None
     section: Section | None = None
     remark: str = ""
+    warning: str = ""
 
 
 def joint_to_joint(next_origin: Array) -> tuple[Vector3, Vector3]:
@@ -126,7 +127,8 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Mad
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    return Made(link, material, section, _remark(part, mass, largest, line))
+    said = f"a beam of {mass:.4g} kg and {line.length:.4g} m, of the link's {part.body.mass:.4g} kg"
+    return Made(link, material, section, f"{part.link}: {said}", _warning(part, largest))
 
 
 def _mass(flexible: Flexible, volume: float, largest: float) -> float:
@@ -135,12 +137,11 @@ def _mass(flexible: Flexible, volume: float, largest: float) -> float:
     return flexible.mass or SHARE * largest
 
 
-def _remark(part: Part, mass: float, largest: float, line: Line) -> str:
-    said = f"{part.link}: a beam of {mass:.4g} kg and {line.length:.4g} m, of the link's {part.body.mass:.4g} kg"
+def _warning(part: Part, largest: float) -> str:
     share = largest / part.body.mass
     if share >= LITTLE:
-        return said
-    return f"warning: {said}; only {share:.1%} of that fit along this line: does the link's tube run elsewhere?"
+        return ""
+    return f"{part.link}: only {share:.1%} of its mass fit along this line: does its tube run elsewhere?"
 
 
 def payload(body: RigidBody) -> Payload:

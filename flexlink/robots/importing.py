@@ -24,7 +24,7 @@ LEAST = 0.01
 """Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Imported:
     """What became of a robot.
 
@@ -38,12 +38,18 @@ class Imported:
         By link, the most mass [kg] that a thin beam from joint to joint can have; 0 where they have no distance.
     notes
         What was folded, held, left out, and what a flexible link is made of: a line each.
+    warnings
+        Doubts: a beam beside the mass of its link, a joint that follows one that moves, and stays.
     """
 
     scene: Scene
     path: SerialPath
     largest_beams: Mapping[str, float]
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Imported {self.scene.name!r}: {len(self.path.parts)} joints from {self.path.base} to {self.path.tip}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
@@ -102,7 +108,7 @@ def import_urdf(
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
-    scene, remarks = assembled(robot.name, way, flexible, armature, gravity)
+    scene, made = assembled(robot.name, way, flexible, armature, gravity)
     for part in way.parts:
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
@@ -111,7 +117,9 @@ def import_urdf(
         part.link: slender_mass(part, beyond) for part, beyond in zip(way.parts, origins_beyond(way), strict=True)
     }
     stated = {*posture, *locked}
-    return Imported(scene, way, largest, (*_notes(robot, way, stated), *remarks, *_beams(way, largest)))
+    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in made)), *_beams(way, largest)]
+    warnings = [*filter(None, (one.warning for one in made)), *_left_behind(robot, way)]
+    return Imported(scene, way, largest, tuple(notes), tuple(warnings))
 
 
 def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
@@ -155,6 +163,14 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
     notes.append("left out: " + ", ".join(["largest efforts and rates", *left_out]))
     return notes
+
+
+def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
+    """Followers of joints that move."""
+    free = [part.joint.name for part in way.parts]
+    leaders = {name: robot.leader(robot.joints[name]).name for name in way.held}
+    moving = {name: leader for name, leader in leaders.items() if leader in free}
+    return [f"{name}: follows {leader}, which moves, and stays all the same" for name, leader in moving.items()]
 
 
 def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:

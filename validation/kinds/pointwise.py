@@ -21,7 +21,9 @@ class Settings(Spec, frozen=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Largest error of each quantity, engine and scene; where it is too large, what differs."""
     for scene in case.load_scenes():
-        for row in compare(scene, engines=settings.engines, samples=settings.samples, seed=settings.seed).rows:
-            note = row.hint if row.hint else f"Largest at joint {row.joint!r}."
+        comparison = compare(scene, engines=settings.engines, samples=settings.samples, seed=settings.seed)
+        why = {diagnosis.engine: str(diagnosis) for diagnosis in comparison.diagnoses}
+        for row in comparison.rows:
+            note = f"Largest at joint {row.joint!r}." if row.passed else why[row.engine]
             facts: Facts = {"states": settings.samples}
             yield Measured(row.quantity, row.error, scene.name, row.engine, facts, note=note)

@@ -11,7 +11,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.spec import Spec
 from flexlink.engines import Engine, load
-from flexlink.engines.comparison import QUANTITIES, compare_engines
+from flexlink.engines.quantities import QUANTITIES, compare_engines
 from flexlink.engines.states import State, mixed_states
 from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured

@@ -1,0 +1,98 @@
+"""What Drake has read: a finalized plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
+
+from flexlink.common.errors import ArgumentError
+from flexlink.engines.read_back import Array, Indices, ReadBack, merged
+
+
+def hinges(plant: Any) -> list[Any]:
+    """The joints that move, in Drake's order.
+
+    Raises
+    ------
+    ArgumentError
+        One of them is no hinge, such as the free base of a model that no joint holds.
+    """
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
+    for joint in moving:
+        if not isinstance(joint, RevoluteJoint):
+            raise ArgumentError(
+                f"joint {joint.name()!r} is of type {joint.type_name()}: only arms of hinges are compared"
+            )
+    if not moving:
+        raise ArgumentError("no joint moves: nothing to compare")
+    return moving
+
+
+def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[str]) -> ReadBack:
+    """The record of a plant of hinges, with what the adapter keeps beside it: coulomb, coulomb_width."""
+    joints = hinges(plant)
+    n = len(joints)
+    plant.SetPositions(context, np.zeros(n))
+    frames = [joint.frame_on_child().CalcPoseInWorld(context) for joint in joints]
+    points = np.array([frame.translation() for frame in frames])
+    axes = np.array([X.rotation().matrix() @ joint.revolute_axis() for X, joint in zip(frames, joints, strict=True)])
+    behind = _behind(plant, joints)
+    springs = {spring.joint().name(): spring for spring in _springs(plant)}
+    rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
+    values: dict[str, Any] = {
+        "stiffness": [springs[j.name()].default_stiffness() if j.name() in springs else 0.0 for j in joints],
+        "rest": [springs[j.name()].default_nominal_angle() if j.name() in springs else 0.0 for j in joints],
+        "damping": [joint.default_damping() for joint in joints],
+        "armature": [rotors.get(joint.name(), 0.0) for joint in joints],
+    }
+    fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()} | dict(own)
+    before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
+    fields |= _bodies(plant, context, behind, points)
+    return ReadBack(
+        tuple(joint.name() for joint in joints), before, axes, points, **fields,
+        gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unsaid=unsaid,
+    )  # fmt: skip
+
+
+def _behind(plant: Any, joints: list[Any]) -> Indices:
+    """The hinge that moves each body, −1 for those that are fixed."""
+    carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
+    every = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
+    behind = np.full(plant.num_bodies(), -1, dtype=np.intp)
+    for body in range(plant.num_bodies()):
+        at = body
+        while at not in carrier and at in parent:
+            at = parent[at]
+        behind[body] = carrier.get(at, -1)
+    return behind
+
+
+def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[str, Any]:
+    bodies = [plant.get_body(BodyIndex(k)) for k in range(plant.num_bodies())]
+    masses, centers, inertias = np.zeros(len(bodies)), np.zeros((len(bodies), 3)), np.zeros((len(bodies), 3, 3))
+    for k, body in enumerate(bodies[1:], 1):  # the first is the world
+        X, M = plant.EvalBodyPoseInWorld(context, body), body.default_spatial_inertia()
+        R, c = X.rotation().matrix(), M.get_com()
+        masses[k], centers[k] = M.get_mass(), X.translation() + R @ c
+        inertias[k] = R @ M.Shift(c).CalcRotationalInertia().CopyToFullMatrix3() @ R.T
+    return merged(behind, masses, centers, inertias, points)
+
+
+def _springs(plant: Any) -> list[Any]:
+    elements = [plant.get_force_element(ForceElementIndex(k)) for k in range(plant.num_force_elements())]
+    return [element for element in elements if isinstance(element, RevoluteSpring)]
+
+
+def _actuators(plant: Any) -> list[Any]:
+    return [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+
+
+def _tip(plant: Any, context: Any) -> Array | None:
+    if not plant.HasFrameNamed("tip"):
+        return None
+    return np.array(plant.GetFrameByName("tip").CalcPoseInWorld(context).translation())

@@ -1,0 +1,147 @@
+"""What MuJoCo has read: its compiled model, and the settings that act in it or have changed numbers on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from flexlink.common.errors import ArgumentError
+from flexlink.engines.read_back import Array, Indices, ReadBack, merged
+
+DISABLE, INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
+WIDE = 1e6
+"""Limits beyond it [rad] are none: URDF must have some."""
+IMPLICIT = {INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICIT, INTEGRATOR.mjINT_IMPLICITFAST}
+
+
+def require_hinges(model: Any) -> None:
+    """Refuse what is no arm of hinges.
+
+    Raises
+    ------
+    ArgumentError
+        The message names the first joint that is none.
+    """
+    for k, kind in enumerate(model.jnt_type):
+        if kind != mujoco.mjtJoint.mjJNT_HINGE:
+            name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
+            raise ArgumentError(f"joint {_joint(model, k)!r} is of type {name}: only arms of hinges are compared")
+    if model.njnt == 0:
+        raise ArgumentError("no joint moves: nothing to compare")
+
+
+def read(model: Any, compiler: Any = None) -> ReadBack:
+    """The record of a model of hinges; `compiler` of its MjSpec, if there is one, is evidence of changed numbers."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    behind, R = _behind(model), data.ximat.reshape(-1, 3, 3)
+    inertias = R @ (model.body_inertia[:, :, None] * R.mT)
+    bodies = merged(behind, model.body_mass, data.xipos, inertias, data.xanchor)
+    on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
+    widths = model.jnt_user[:, 0].copy() if model.nuser_jnt else np.ones(model.njnt)
+    return ReadBack(
+        tuple(_joint(model, k) for k in range(model.njnt)), _before(model, behind),
+        data.xaxis.copy(), data.xanchor.copy(), **bodies,
+        stiffness=on["spring"] * _first(model.jnt_stiffness), rest=model.qpos_spring.copy(),
+        damping=on["damper"] * _first(model.dof_damping), coulomb=model.dof_frictionloss.copy(), coulomb_width=widths,
+        armature=model.dof_armature.copy(), gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
+        tip=_tip(model, data), unsaid=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
+        settings=dict(_acting(model)) | dict(_changing(model, compiler)), step=float(model.opt.timestep),
+    )  # fmt: skip
+
+
+def _first(values: Array) -> Array:
+    """Constant part of a coefficient that may be a polynomial."""
+    return np.array(values.reshape(len(values), -1)[:, 0])
+
+
+def _on(model: Any, flag: str) -> bool:
+    return not model.opt.disableflags & getattr(DISABLE, f"mjDSBL_{flag}")
+
+
+def _joint(model: Any, k: int) -> str:
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) or f"joint {k}"
+
+
+def _behind(model: Any) -> Indices:
+    """The joint that moves each body: the last of its own, or of the nearest body below it that has any."""
+    last = np.full(model.nbody, -1, dtype=np.intp)
+    for b in range(1, model.nbody):
+        own = model.body_dofnum[b]
+        last[b] = model.body_dofadr[b] + own - 1 if own else last[model.body_parentid[b]]
+    return last
+
+
+def _before(model: Any, behind: Indices) -> Indices:
+    first = model.body_dofadr[model.jnt_bodyid]
+    parents = behind[model.body_parentid[model.jnt_bodyid]]
+    k = np.arange(model.njnt)
+    return np.where(k == first, parents, k - 1)
+
+
+def _tip(model: Any, data: Any) -> Array | None:
+    for kind, places in ((mujoco.mjtObj.mjOBJ_BODY, data.xpos), (mujoco.mjtObj.mjOBJ_SITE, data.site_xpos)):
+        number = mujoco.mj_name2id(model, kind, "tip")
+        if number >= 0:
+            return np.array(places[number])
+    return None
+
+
+def _acting(model: Any) -> Iterator[tuple[str, str]]:
+    """Settings that act when the model runs."""
+    opt = model.opt
+    integrator = INTEGRATOR(opt.integrator)
+    if integrator != INTEGRATOR.mjINT_RK4:
+        implicit = integrator in IMPLICIT and (integrator != INTEGRATOR.mjINT_EULER or _on(model, "EULERDAMP"))
+        name = integrator.name.removeprefix("mjINT_").capitalize()
+        yield "integrator", name + (", which damps implicitly" if implicit and model.dof_damping.any() else "")
+    if _on(model, "CONSTRAINT"):
+        yield from _constraints(model)
+    if model.body_gravcomp.any():
+        yield "gravcomp", f"{int((model.body_gravcomp != 0).sum())} bodies"
+    if opt.density or opt.viscosity:
+        yield "fluid", f"density {opt.density:g}, viscosity {opt.viscosity:g}"
+    if model.nu and _on(model, "ACTUATION") and model.actuator_biasprm.any():
+        yield "actuators", f"{int(model.actuator_biasprm.any(axis=1).sum())} of {model.nu}"
+    if model.ntendon and (model.tendon_stiffness.any() or model.tendon_damping.any()):
+        yield "tendons", f"{model.ntendon}"
+    if _on(model, "AUTORESET"):
+        yield "autoreset", ""
+
+
+def _constraints(model: Any) -> Iterator[tuple[str, str]]:
+    colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
+    if _on(model, "CONTACT") and colliding > 1:
+        yield "contacts", f"{colliding} geoms"
+    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < WIDE)).sum())
+    if _on(model, "LIMIT") and limited:
+        yield "limits", f"{limited} joints"
+    dry = int((model.dof_frictionloss != 0).sum())
+    if _on(model, "FRICTIONLOSS") and dry:
+        yield "frictionloss", f"{dry} joints"
+    if _on(model, "EQUALITY") and model.neq:
+        yield "equality", f"{model.neq}"
+
+
+def _changing(model: Any, compiler: Any) -> Iterator[tuple[str, str]]:
+    """Settings that change numbers between file and model, by the names of `mistakes.MISTAKES`."""
+    if not _on(model, "SPRING"):
+        yield "no springs", ""
+    if not _on(model, "DAMPER"):
+        yield "no dampers", ""
+    if model.qpos0.any():
+        yield "ref", ""
+    if compiler is None:
+        return
+    yes = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    told = {
+        "degree": compiler.degree, "inertiafromgeom": compiler.inertiafromgeom == yes,
+        "boundmass": compiler.boundmass > 0, "boundinertia": compiler.boundinertia > 0,
+        "balanceinertia": compiler.balanceinertia, "settotalmass": compiler.settotalmass > 0,
+    }  # fmt: skip
+    yield from ((name, "") for name, value in told.items() if value)

@@ -1,0 +1,58 @@
+"""What Pinocchio has read; springs and what else URDF cannot say, from our own elements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from flexlink.common.errors import ArgumentError
+from flexlink.engines.read_back import Array, ReadBack, merged
+
+
+def require_hinges(model: Any) -> None:
+    """Refuse what is no arm of hinges.
+
+    Raises
+    ------
+    ArgumentError
+        The message names the first joint that is none.
+    """
+    for k in range(1, model.njoints):
+        kind = model.joints[k].shortname()
+        if not kind.startswith(("JointModelR", "JointModelRevolute")) or model.joints[k].nq != 1:
+            raise ArgumentError(f"joint {model.names[k]!r} is a {kind}: only arms of hinges are compared")
+    if model.njoints == 1:
+        raise ArgumentError("no joint moves: nothing to compare")
+
+
+def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack:
+    """The record of a model of hinges, with what the adapter keeps beside it: stiffness, rest, coulomb_width."""
+    data = pin.Data(model)
+    pin.computeJointJacobians(model, data, np.zeros(model.nq))
+    n = model.nv
+    order = [model.joints[k].idx_v for k in range(1, n + 1)]
+    if order != list(range(n)):
+        raise ArgumentError(f"Pinocchio numbers the joints {order}; expected 0 … {n - 1}")
+    axes = np.array(data.J.reshape(6, n)[3:].T)
+    places, links = list(data.oMi)[1:], list(model.inertias)[1:]
+    points, R = (np.array([getattr(place, part) for place in places]) for part in ("translation", "rotation"))
+    masses, levers, inertias = (
+        np.array([getattr(link, part) for link in links]) for part in ("mass", "lever", "inertia")
+    )
+    centers = points + np.einsum("bij,bj->bi", R, levers)
+    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points)
+    return ReadBack(
+        tuple(model.names[1:]), np.array(model.parents.tolist()[1:]) - 1, axes, points, **bodies, **own,
+        damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
+        gravity=np.array(model.gravity.linear), tip=_tip(model, data), unsaid=unsaid,
+    )  # fmt: skip
+
+
+def _tip(model: Any, data: Any) -> Array | None:
+    if not model.existFrame("tip", pin.FrameType.BODY):
+        return None
+    frame = model.frames[model.getFrameId("tip", pin.FrameType.BODY)]
+    return np.array((data.oMi[frame.parentJoint] * frame.placement).translation)

@@ -1,0 +1,315 @@
+"""Mistakes that people make in files of robots, planted into our own: what is edited, and the words that name it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+from collections.abc import Callable
+from typing import NamedTuple
+from xml.etree import ElementTree as ET
+
+import numpy as np
+
+Edit = Callable[[ET.Element], object]
+
+
+class Planted(NamedTuple):
+    """A mistake in a file of this format; a finding, the first or second, must contain `named`."""
+
+    form: str
+    mistake: str
+    edit: Edit
+    named: str
+
+
+def each(path: str, **attributes: str | None) -> Edit:
+    """Set attributes of all elements, or take them away (None)."""
+
+    def edit(root: ET.Element) -> None:
+        for element in root.iterfind(path):
+            for name, value in attributes.items():
+                if value is None:
+                    element.attrib.pop(name, None)
+                else:
+                    element.set(name, value)
+
+    return edit
+
+
+def scaled(path: str, attribute: str, factor: float, only: int | None = None) -> Edit:
+    """Multiply the numbers of an attribute, of one element or of all that have it."""
+
+    def edit(root: ET.Element) -> None:
+        having = [element for element in root.iterfind(path) if attribute in element.attrib]
+        for element in having if only is None else [having[only]]:
+            element.set(attribute, numbers(factor * vector(element, attribute)))
+
+    return edit
+
+
+def said(path: str, value: str | None, only: int | None = None) -> Edit:
+    """Another text of elements, of all or of one; None takes the elements away."""
+
+    def edit(root: ET.Element) -> None:
+        parents = {child: parent for parent in root.iter() for child in parent}
+        found = root.findall(path)
+        for element in found if only is None else [found[only]]:
+            if value is None:
+                parents[element].remove(element)
+            else:
+                element.text = value
+
+    return edit
+
+
+def said_times(path: str, *factors: float, only: int | None = None) -> Edit:
+    """The numbers that elements say, multiplied one by one."""
+
+    def edit(root: ET.Element) -> None:
+        found = root.findall(path)
+        for element in found if only is None else [found[only]]:
+            element.text = numbers(np.array((element.text or "").split(), float) * factors)
+
+    return edit
+
+
+def both(*edits: Edit) -> Edit:
+    """One after another."""
+    return lambda root: [edit(root) for edit in edits]
+
+
+def vector(element: ET.Element, attribute: str) -> np.ndarray:
+    return np.array(element.attrib[attribute].split(), float)
+
+
+def numbers(values: object) -> str:
+    return " ".join(repr(float(x)) for x in np.atleast_1d(values))
+
+
+def written_with(digits: str) -> Edit:
+    """Every number of the file in another format."""
+
+    def shortened(text: str) -> str:
+        return re.sub(r"-?\d+\.\d+(e-?\d+)?", lambda m: format(float(m[0]), digits), text)
+
+    def edit(root: ET.Element) -> None:
+        for element in root.iter():
+            for name, value in element.attrib.items():
+                element.set(name, value if name == "version" else shortened(value))
+            element.text = shortened(element.text or "")
+
+    return edit
+
+
+def flag(*names: str) -> Edit:
+    """Take flags that disable something away."""
+    return each("option/flag", **dict.fromkeys(names))
+
+
+def attribute_moved(path: str, name: str) -> Edit:
+    """Two neighbours' values exchanged, where they differ."""
+
+    def edit(root: ET.Element) -> None:
+        having = [element for element in root.iterfind(path) if name in element.attrib]
+        one, other = next((a, b) for a, b in itertools.pairwise(having) if vector(a, name) != vector(b, name))
+        one.attrib[name], other.attrib[name] = other.attrib[name], one.attrib[name]
+
+    return edit
+
+
+def hinges_reversed(root: ET.Element) -> None:
+    for body in root.iter("body"):
+        joints = body.findall("joint")
+        for joint in joints:
+            body.remove(joint)
+        for joint in reversed(joints):
+            body.insert(0 if joint is joints[-1] else 1, joint)
+        body[:] = sorted(body, key=lambda e: e.tag != "joint")
+
+
+def without_motors(root: ET.Element) -> None:
+    """Nor keyframes: both name joints, or count them."""
+    for part in (*root.findall("actuator"), *root.findall("keyframe")):
+        root.remove(part)
+
+
+def unnamed(root: ET.Element) -> None:
+    without_motors(root)
+    for k, joint in enumerate(root.iter("joint")):
+        joint.set("name", f"dof{k}")
+
+
+def frame_quaternion(root: ET.Element) -> None:
+    """x y z w for w x y z, of the first body that is turned."""
+    body = next(b for b in root.iter("body") if abs(vector(b, "quat")[0]) < 1)
+    w, x, y, z = vector(body, "quat")
+    body.set("quat", numbers([x, y, z, w]))
+
+
+def frame_moved(path: str, attribute: str, k: int, by: tuple[float, ...]) -> Edit:
+    def edit(root: ET.Element) -> None:
+        element = root.findall(path)[k]
+        element.set(attribute, numbers(vector(element, attribute) + by))
+
+    return edit
+
+
+def about_joint(root: ET.Element) -> None:
+    for e in root.iter("inertial"):
+        c, m = vector(e, "pos"), float(e.attrib["mass"])
+        e.set("diaginertia", numbers(vector(e, "diaginertia") + m * (c @ c - c**2)))
+
+
+def urdf_about_joint(root: ET.Element) -> None:
+    for e in root.iter("inertial"):
+        c, m = vector(e.find("origin"), "xyz"), float(e.find("mass").attrib["value"])
+        more, I = m * (c @ c * np.eye(3) - np.outer(c, c)), e.find("inertia")
+        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1)}.items():
+            I.set(name, numbers(float(I.attrib[name]) + more[i, j]))
+
+
+def with_geoms(**attributes: str) -> Edit:
+    def edit(root: ET.Element) -> None:
+        for body in root.iter("body"):
+            ET.SubElement(body, "geom", {"type": "capsule", "fromto": "0 0 0 0.2 0 0", "size": "0.01"} | attributes)
+
+    return edit
+
+
+def first_joint_gone(root: ET.Element) -> None:
+    without_motors(root)
+    body = next(root.iter("body"))
+    body.remove(body.find("joint"))
+
+
+def added(path: str, tag: str, **attributes: str) -> Edit:
+    return lambda root: ET.SubElement(root.find(path), tag, attributes)
+
+
+def servo(root: ET.Element) -> None:
+    ET.SubElement(ET.SubElement(root, "actuator"), "position", joint="upper", kp="100")
+
+
+def slender(root: ET.Element) -> None:
+    """Moments that the triangle inequality forbids, which the compiler then makes equal."""
+    next(root.iter("inertial")).set("diaginertia", "0.001 0.001 0.01")
+
+
+def sdf_about_joint(root: ET.Element) -> None:
+    for e in root.iter("inertial"):
+        c, m = np.array(e.findtext("pose").split()[:3], float), float(e.findtext("mass"))
+        more = m * (c @ c * np.eye(3) - np.outer(c, c))
+        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1)}.items():
+            element = e.find(f"inertia/{name}")
+            element.text = numbers(float(element.text) + more[i, j])
+
+
+def effort_0(root: ET.Element) -> None:
+    """Drake makes no actuator for it, and forgets the rotor."""
+    ET.SubElement(ET.SubElement(next(root.iter("axis")), "limit"), "effort").text = "0"
+
+
+def expressed_in_model(root: ET.Element) -> None:
+    """Of a joint further out, whose frame is turned in the model's."""
+    root.findall(".//axis/xyz")[5].set("expressed_in", "__model__")
+
+
+def inertial_turned(root: ET.Element) -> None:
+    for pose in root.findall(".//inertial/pose"):
+        pose.text = " ".join([*pose.text.split()[:5], "0.3"])
+
+
+for prefix, uri in {"drake": "http://drake.mit.edu", "flexlink": "urn:flexlink"}.items():
+    ET.register_namespace(prefix, uri)
+PER_DEGREE = math.pi / 180
+OPTION, COMPILER = "option", "compiler"
+JOINT, BODY, INERTIAL = ".//joint", ".//body", ".//inertial"
+OWN = "joint/flexlink"
+ROTOR, SPRING, INERTIAS = ".//{http://drake.mit.edu}rotor_inertia", ".//spring_stiffness", ("ixx", "iyy", "izz")
+
+PLANTED = (
+    Planted("mjcf", "angles in degrees by default", each(COMPILER, angle=None), "rest angle of 18 joints"),
+    Planted("mjcf", "rest angles left out", each(JOINT, springref=None), "rest angle of 18 joints"),
+    Planted("mjcf", "springs left out", each(JOINT, stiffness=None), "spring stiffness of 18 joints"),
+    Planted("mjcf", "stiffness per degree", scaled(JOINT, "stiffness", PER_DEGREE), "degrees taken for radians"),
+    Planted("mjcf", "one spring doubled", scaled(JOINT, "stiffness", 2, only=5), "doubled or halved"),
+    Planted("mjcf", "spring at another joint", attribute_moved(JOINT, "stiffness"), "at another joint"),
+    Planted("mjcf", "springs disabled", each("option/flag", spring="disable"), "told to leave springs out"),
+    Planted("mjcf", "armature left out", each(JOINT, armature=None), "armature of 3 joints"),
+    Planted("mjcf", "armature added to all", each(JOINT, armature="0.01"), "armature of 20 joints"),
+    Planted("mjcf", "gravity off", each(OPTION, gravity="0 0 0"), "gravity is off"),
+    Planted("mjcf", "gravity disabled", each("option/flag", gravity="disable"), "gravity is off"),
+    Planted("mjcf", "gravity the other way", each(OPTION, gravity="0 0 -9.81"), "gravity has the wrong sign"),
+    Planted("mjcf", "gravity 9.8", each(OPTION, gravity="0 0 9.8"), "another value of g"),
+    Planted("mjcf", "gravity along y", each(OPTION, gravity="0 9.81 0"), "gravity along another axis"),
+    Planted("mjcf", "damping left out", each(JOINT, damping=None), "damping of 21 joints"),
+    Planted("mjcf", "dampers disabled", each("option/flag", damper="disable"), "told to leave dampers out"),
+    Planted("mjcf", "Coulomb torque left out", each(JOINT, frictionloss=None), "Coulomb torque of 3 joints"),
+    Planted("mjcf", "frictionloss, too", flag("frictionloss", "constraint"), "frictionloss acts as a constraint"),
+    Planted("mjcf", "axis flipped", scaled(JOINT, "axis", -1, only=5), "the axis is flipped"),
+    Planted("mjcf", "hinges in another order", hinges_reversed, "hang in another order"),
+    Planted("mjcf", "hinges in another order, without names", both(hinges_reversed, unnamed), "hang in another order"),
+    Planted("mjcf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("mjcf", "7 decimals", written_with(".7f"), "digits were lost"),
+    Planted("mjcf", "inertia from geoms", both(each(COMPILER, inertiafromgeom="true"), with_geoms()),
+            "the shapes of geoms"),
+    Planted("mjcf", "inertial quaternion", each(INERTIAL, quat="0.8 0.6 0 0"), "rotation of the principal axes"),
+    Planted("mjcf", "frame's quaternion x y z w", frame_quaternion, "joint 'waist' turned by 168.2°"),
+    Planted("mjcf", "frame displaced", frame_moved(BODY, "pos", 4, (0.0, 1e-3, 0.0)), "displaced by 0.001 m"),
+    Planted("mjcf", "inertia about the joint", about_joint, "taken about the joint"),
+    Planted("mjcf", "mass floor", each(COMPILER, boundmass="0.2"), "raised to a floor"),
+    Planted("mjcf", "inertia floor", each(COMPILER, boundinertia="0.001"), "raised to a floor"),
+    Planted("mjcf", "balanceinertia", both(each(COMPILER, balanceinertia="true"), slender), "balanceinertia makes"),
+    Planted("mjcf", "masses scaled to a total", each(COMPILER, settotalmass="10"), "masses are scaled to a total"),
+    Planted("mjcf", "grams", both(scaled(INERTIAL, "mass", 1e3), scaled(INERTIAL, "diaginertia", 1e3)), "grams"),
+    Planted("mjcf", "another density", scaled(INERTIAL, "mass", 2.71 / 2.70), "another density"),
+    Planted("mjcf", "payload left out", scaled(INERTIAL, "mass", 0.5, only=-2), "a part is left out"),
+    Planted("mjcf", "centre of mass in the joint", each(INERTIAL, pos="0 0 0"), "centre of mass of"),
+    Planted("mjcf", "ref for springref", each(JOINT, ref="0.1"), "the joint's zero is shifted"),
+    Planted("mjcf", "limits active", both(flag("limit", "constraint"), each(JOINT, limited="true", range="-1.5 1.5")),
+            "limits are active: 21 joints"),
+    Planted("mjcf", "contacts active", both(flag("contact", "constraint"), with_geoms(mass="0")), "contacts are"),
+    Planted("mjcf", "gravity compensated", each(BODY, gravcomp="1"), "gravcomp takes gravity off"),
+    Planted("mjcf", "air", each(OPTION, density="1.2", viscosity="1e-5"), "a fluid drags"),
+    Planted("mjcf", "damping implicit", each(OPTION, integrator="Euler"), "Euler, which damps implicitly"),
+    Planted("mjcf", "damping implicit, always", each(OPTION, integrator="implicitfast"), "damps implicitly"),
+    Planted("mjcf", "discrete integrator", each(OPTION, integrator="discrete"), "integrator is Discrete"),
+    Planted("mjcf", "autoreset", flag("autoreset"), "restarts silently"),
+    Planted("mjcf", "a servo holds a joint", servo, "actuators push without a command"),
+    Planted("mjcf", "step of 10 ms", each(OPTION, timestep="0.01"), "step is beyond the largest stable one"),
+    Planted("mjcf", "a joint is missing", first_joint_gone,
+            "20 joints instead of 21, without"),
+    Planted("urdf", "armature left out", each(OWN, armature="0"), "armature of 3 joints"),
+    Planted("urdf", "springs left out", each(OWN, stiffness="0"), "spring stiffness of 18 joints"),
+    Planted("urdf", "rest angles left out", each(OWN, rest="0"), "rest angle of 18 joints"),
+    Planted("urdf", "rest angles in degrees", scaled(OWN, "rest", 1 / PER_DEGREE), "degrees taken for radians"),
+    Planted("urdf", "gravity the other way", each("flexlink", gravity="0 0 -9.81"), "gravity has the wrong sign"),
+    Planted("urdf", "damping left out", each("joint/dynamics", damping="0"), "damping of 21 joints"),
+    Planted("urdf", "inertial rotation added", each(".//inertial/origin", rpy="0 0 0.3"), "rotation of the principal"),
+    Planted("urdf", "axis flipped", scaled("joint/axis", "xyz", -1, only=4), "the axis is flipped"),
+    Planted("urdf", "rotations in degrees", scaled("joint/origin", "rpy", 1 / PER_DEGREE), "joint 'waist' turned by"),
+    Planted("urdf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("urdf", "frame displaced", frame_moved("joint/origin", "xyz", 3, (0.0, 0.0, 0.01)), "displaced by 0.01 m"),
+    Planted("urdf", "inertia about the joint", urdf_about_joint, "taken about the joint"),
+    Planted("urdf", "mass left out", scaled(".//mass", "value", 0, only=2), "the mass is left out"),
+    Planted("urdf", "pounds", scaled(".//mass", "value", 1 / 0.45359237), "another density"),
+    Planted("sdf", "rotors left out", said(ROTOR, None), "armature of 3 joints"),
+    Planted("sdf", "no actuator, no rotor", effort_0, "armature of joint 'waist'"),
+    Planted("sdf", "springs left out", said(SPRING, "0"), "spring stiffness of 18 joints"),
+    Planted("sdf", "stiffness per degree", said_times(SPRING, PER_DEGREE), "degrees taken for radians"),
+    Planted("sdf", "rest angles left out", said(".//spring_reference", None), "rest angle of 18 joints"),
+    Planted("sdf", "damping left out", said(".//damping", "0"), "damping of 21 joints"),
+    Planted("sdf", "Coulomb torque left out", said(".//friction", "0"), "Coulomb torque of 3 joints"),
+    Planted("sdf", "gravity the other way", said("world/gravity", "0 0 -9.81"), "gravity has the wrong sign"),
+    Planted("sdf", "axis flipped", said_times(".//xyz", -1, -1, -1, only=4), "the axis is flipped"),
+    Planted("sdf", "axes of another frame", expressed_in_model, "turned by"),
+    Planted("sdf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("sdf", "rotations in degrees", said_times("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
+            "joint 'waist' turned by"),
+    Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), "mass of joint"),
+    Planted("sdf", "inertial rotated", inertial_turned, "rotation of the principal"),
+    Planted("sdf", "inertia about the joint", sdf_about_joint, "taken about the joint"),
+    Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), "a part is left out"),
+    Planted("sdf", "grams", both(said_times(".//mass", 1e3), *(said_times(f".//{i}", 1e3) for i in INERTIAS)), "grams"),
+)  # fmt: skip

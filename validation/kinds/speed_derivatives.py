@@ -1,0 +1,77 @@
+"""Time of exact derivatives by public call, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pinocchio as pin
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.spec import Spec
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.timing import pinocchio_models
+from validation.timing.contestants import Jobs, from_python
+from validation.timing.families import Family, States, timed_states
+from validation.timing.stopwatch import race
+
+FORWARD, INVERSE = "∂q̈", "∂τ"
+OURS = "public"
+
+TIMED = True
+
+
+class Settings(Spec, frozen=True):
+    """Families by name, and how often and how long [s] each contestant runs."""
+
+    chain: dict[str, Family]
+    turns: int = 12
+    turn: float = 0.0015
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """The shortest chain of every family, once."""
+    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
+    return replace(settings, chain=shortest, turns=1, turn=0.0)
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Ratios of Pinocchio's times, of its fastest joints, to ours, and ours."""
+    for name, family in settings.chain.items():
+        for segments in family.segments:
+            chain = lump(family.scene(case, segments))
+            contestants = parties(chain, timed_states(chain))
+            for job in (FORWARD, INVERSE):
+                laps = race({party: jobs[job] for party, jobs in contestants.items()}, settings.turns, settings.turn)
+                ours = laps.pop(OURS).seconds
+                form = min(laps, key=lambda party: laps[party].seconds)
+                facts: Facts = {"chain": name, "job": job, "n": chain.n}
+                ratio = laps[form].seconds / ours
+                yield Measured(f"{name} {job}: pinocchio / public", ratio, "", form, facts, timed=True)
+                yield Measured(f"{name} {job}: public call", 1e6 * ours, "", "native", facts, timed=True)
+
+
+def parties(chain: Chain, states: States) -> dict[str, Jobs]:
+    """Who takes part, by job: we, and Pinocchio with each kind of joints that fits."""
+    q, qd, tau, qdd = (list(part) for part in states)
+    found = {
+        OURS: {
+            FORWARD: from_python(lambda s: fl.forward_dynamics_derivatives(chain, q[s], qd[s], tau[s]), len(q)),
+            INVERSE: from_python(lambda s: fl.inverse_dynamics_derivatives(chain, q[s], qd[s], qdd[s]), len(q)),
+        }
+    }
+    for name, (model, sign) in pinocchio_models.build_all(chain).items():
+        found[name] = _pinocchio(model, [list(part * sign) for part in states])
+    return found
+
+
+def _pinocchio(model: Any, states: list[list[Any]]) -> Jobs:
+    (q, qd, tau, qdd), data = states, pin.Data(model)
+    return {
+        FORWARD: from_python(lambda s: pin.computeABADerivatives(model, data, q[s], qd[s], tau[s]), len(q)),
+        INVERSE: from_python(lambda s: pin.computeRNEADerivatives(model, data, q[s], qd[s], qdd[s]), len(q)),
+    }
