@@ -18,7 +18,7 @@ from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import Flexible, payload
 from flexlink.robots.importing import Imported, import_urdf
 from flexlink.robots.inertia import Pose, RigidBody, body_with
-from flexlink.robots.urdf_reader import read_urdf
+from flexlink.robots.robot_file import read_robot
 from validation.benchmarks.original import Original
 
 SEEDS = range(4)
@@ -79,7 +79,7 @@ def test_friction_start_and_rotors_are_carried_over(robot) -> None:
 def test_what_is_imported_is_shown_in_a_line(robot) -> None:
     _, path, imported = robot(0)
     assert repr(imported) == "<Imported 'random': 3 joints from p1 to p9>"
-    assert repr(read_urdf(path)) == "<Robot 'random': 28 links, 27 joints>"
+    assert repr(read_robot(path)) == "<Robot 'random': 28 links, 27 joints>"
 
 
 def test_the_tip_is_where_the_link_is(robot) -> None:

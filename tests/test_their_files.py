@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import planted
 import pytest
@@ -22,6 +23,7 @@ from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.engines.states import mixed_states
 from flexlink.engines.theirs import READERS, load_file
 from flexlink.formats import FORMATS
+from flexlink.robots.collection import known_arm
 
 SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 SPATIAL = fl.load_scene(ROOT / "models" / "t3_spatial.toml")
@@ -130,6 +132,25 @@ def test_mujoco_reads_urdf_too(tmp_path: Path) -> None:
     right, other = (diagnosed(written(tmp_path, "urdf", edit, chain), chain, "mujoco") for edit in (None, wrong))
     assert right.passed and not right.findings, str(right)
     assert "mass of joint" in str(other.findings[0]) and other.explained
+
+
+def test_a_file_that_mujoco_has_written_has_lost_digits(tmp_path: Path) -> None:
+    path = tmp_path / "saved.xml"
+    mujoco.mj_saveLastXML(str(path), mujoco.MjModel.from_xml_string(fl.to_mjcf(CHAIN)))
+    found = diagnosed(path)
+    (finding,) = found.findings
+    assert re.search(r"right to about [56] digits: digits were lost in writing", str(finding)) and found.explained
+
+
+@pytest.mark.parametrize("name", ["ur5", "xarm7"])
+def test_a_robot_s_own_urdf_agrees_with_its_scene_whatever_it_calls_its_joints(name: str) -> None:
+    try:
+        path = known_arm(name).path
+    except fl.MissingDependencyError as error:
+        pytest.skip(str(error))
+    chain = fl.lump(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml"))
+    found = diagnosed(path, chain)
+    assert found.passed and not found.findings, str(found)
 
 
 def test_two_mistakes_are_both_named_each_with_what_it_changes(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import Flexible
 from flexlink.robots.importing import import_urdf
 from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.urdf_reader import read_urdf
+from flexlink.robots.robot_file import read_robot
 
 
 def import_scene(options: argparse.Namespace) -> int:
@@ -26,7 +26,7 @@ def import_scene(options: argparse.Namespace) -> int:
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
-    robot = read_urdf(known.path if by_name else source)
+    robot = read_robot(known.path if by_name else source)
     asked = _asked(robot, known, options)
     with about(source):
         imported = import_urdf(robot, **asked)

@@ -12,9 +12,9 @@ from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
-from flexlink.robots.urdf_reader import read_urdf
 
 NO_NUMBERS: Mapping[str, float] = {}
 NO_BEAMS: Mapping[str, Flexible] = {}
@@ -74,7 +74,7 @@ def import_urdf(
     Parameters
     ----------
     path
-        The file; it alone is read. Or what `read_urdf` has made of it.
+        The file; it alone is read. Or what `read_robot` has made of it.
     base, tip
         Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
     posture
@@ -104,7 +104,7 @@ def import_urdf(
     SceneError
         A value of `flexible` or `armature` that cannot be.
     """
-    robot = path if isinstance(path, Robot) else read_urdf(path)
+    robot = path if isinstance(path, Robot) else read_robot(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)

@@ -28,8 +28,9 @@ from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+LONGEST = 10_000  # characters of an attribute; no path is longer
 MOST_LINKS = 5_000  # a humanoid with hands has 130
 LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64
 KINDS: tuple[str, ...] = get_args(JointKind)
@@ -41,7 +42,7 @@ READ = {
 """Elements that are looked at, by that in which they stand."""
 
 
-def read_urdf(path: str | Path) -> Robot:
+def read_robot(path: str | Path) -> Robot:
     """Read a robot.
 
     Parameters
@@ -78,7 +79,9 @@ def _robot(root: ET.Element) -> Robot:
         raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
-            raise DataFileError(f"<xacro:{element.tag.partition('}')[2]}>: a macro")
+            raise DataFileError(f"<xacro:{short(element.tag.partition('}')[2])[1:-1]}>: a macro")
+        if any(len(value) > LONGEST for value in element.attrib.values()):
+            raise DataFileError(f"<{short(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
