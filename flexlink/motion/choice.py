@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.analysis.extremes import fastest_frequency
+from flexlink.analysis.extremes import fastest_decay, fastest_frequency
 from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 
 STIFF = 2e3
-"""Product of the fastest frequency and the duration up to which a run is short for an explicit method: it takes a few
-hundred steps, as an implicit one does."""
+"""Product of the fastest frequency, or decay, and the duration up to which a run is short for an explicit method: it
+takes a few hundred steps, as an implicit one does."""
 
 SOFT, SOFT_STIFF = 0.05, 1e4
 """What gravity and turning add to ω₁², as a part of it, from which an arm that twists is soft, and `STIFF` of these.
@@ -43,7 +43,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     """
     chain, q = record.chain, record.q[0]
     duration, part = float(record.t[-1] - record.t[0]), tolerance / rounding.reach(chain)
-    fastest = fastest_frequency(chain, q)
+    fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
     softness = softened(record, slowest)
