@@ -55,7 +55,7 @@ def parse(text: str | bytes, what: str) -> ET.Element:
 def numbers_of(text: str) -> list[float] | None:
     """The decimal numbers of a text, blanks between, beyond float64 infinite; None where anything else stands.
 
-    Python's own `float` also takes `1_0`, `nan` and digits of any script, which other programs read otherwise or refuse.
+    Python's own `float` also takes `1_0`, `nan` and digits of any script, which other programs refuse.
     """
     words = text.split()
     return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
