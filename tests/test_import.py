@@ -223,7 +223,17 @@ WRONG = {
     "unknown joint": ({"posture": {"j99": 0.0}}, "posture = 'j99': not there"),
     "fixed": ({"posture": {"j2": 0.0}}, "posture: joint 'j2' is fixed"),
     "follower": ({"posture": {"d2": 0.0}}, "posture: joint 'd2' follows 'b2'"),
-    "limits": ({"posture": {"j3": 3.1}}, "posture: 'j3' = 3.1: its limits are -3.0 and 3.0"),
+    "limits": ({"posture": {"j3": 3.1}}, "posture: 'j3' = 3.1 rad (177.617°): its limits are -3.0 rad ("),
+    "limits of a slide": ({"locked": {"j4": 3.1}}, "locked: 'j4' = 3.1 m: its limits are "),
+    "stated twice": ({"posture": {"j4": 0.1}, "locked": {"j4": 0.2}}, "joint 'j4': stands in posture and in locked"),
+    "too high": (
+        {"locked": {"j4": 0.0}, "flexible": {"p3": Flexible(frequency_hz=1e200)}},
+        "link 'p3': frequency_hz = 1e+200: young = inf Pa is beyond",
+    ),
+    "too low": (
+        {"locked": {"j4": 0.0}, "flexible": {"p3": Flexible(frequency_hz=1e-200)}},
+        "link 'p3': frequency_hz = 1e-200: young = 0 Pa is beyond",
+    ),
     "no number": ({"posture": {"j3": "x"}}, "posture: 'j3' = 'x': expected a finite number"),
     "NaN": ({"posture": {"j3": float("nan")}}, "posture: 'j3' = nan: expected a finite number"),
     "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: 'b2' is not between 'p0' and 'p8'"),

@@ -23,6 +23,7 @@ from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
 from flexlink.kernels.thrown import Springs
 from flexlink.motion.choice import Choice, cheapest
+from flexlink.motion.landings import LINEAR, landings
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
 from flexlink.motion.watch import LONG, Watch, gains_of
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 OF_A_STEP, OF_A_LONG_STEP, OF_AN_EXPLICIT_STEP = 0.25, 0.1, 0.02
 """Error that one step may have, as a part of the tolerance, of which a run has `LONG` times as much for all its steps.
 It is the error of a formula of lower order: that of the step itself is a few hundredths of it, or less. Measured on 16
-scenes with 7 tolerances: the errors at the end have a median of 0.1 of the tolerance, or less, and are at most 4 times
+scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tolerance, or less, and are at most 6 times
 it where motion is sensitive. An explicit method's steps, small for stability's sake, have the errors they tell, all in
 one direction."""
 
@@ -54,8 +55,8 @@ EXACT = 1e-13
 FEW_PASSES, MANY_PASSES = 12, 50
 """Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
 
-LINEAR = 2
-"""Coefficients of a piece of a table that is not smooth."""
+OF_A_TABLE = 0.1
+"""Torque, over the largest, that may come and go between the stages of a step, as a part of tolerance over reach."""
 
 EXPLICIT, OFTEN = "DOP853", 20
 """The method with which a run goes on whose iteration fails, and how often it fails before this is thought of."""
@@ -204,20 +205,20 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
 def knots(run: Run, method: Method, record: Record) -> Array:
     """Times where a step ends [s]: of the inputs' pieces, and the end.
 
-    Of a smooth table every second knot, so that no blow of two pieces falls between the stages of one step. A long step
-    of an explicit method ends at its samples: between its ends it is known less well than there. Fixed steps end at the
-    knots of a table that is not smooth, and then on their own grid again.
+    A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
+    steps end at the knots of a table that is not smooth, and then on their own grid again.
     """
     drive, motion = record.inputs.drive, record.inputs.motion
-    smooth = drive.coefficients.shape[1] > LINEAR
     start, end = float(record.t[0]), float(record.t[-1])  # rounded as the last sample is
     if not run.controlled:
+        smooth = drive.coefficients.shape[1] > LINEAR
         number = (np.concatenate([np.empty(0) if smooth else drive.knots, motion.knots]) - start) / run.step
         number = number[np.abs(number - np.round(number)) > ON_THE_GRID]
         given = start + np.concatenate([number, np.ceil(number)]) * run.step
     else:
-        samples = record.t if method.explicit else np.empty(0)
-        given = np.concatenate([drive.knots[:: 2 if smooth else 1], drive.knots[-1:], motion.knots, samples])
+        reach, samples = rounding.reach(record.chain), record.t if method.explicit else np.empty(0)
+        table = landings(drive, OF_A_TABLE * run.tolerance_within(reach) / reach)
+        given = np.concatenate([table, motion.knots, samples])
     return np.array([*np.unique(given[(given > start) & (given < end - SHORTEST * run.duration)]), end])
 
 

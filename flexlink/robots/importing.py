@@ -98,7 +98,7 @@ def import_urdf(
     ------
     ArgumentError
         A name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position beyond
-        limits, or a beam that does not fit into its link.
+        limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
     DataFileError
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError

@@ -6,7 +6,6 @@ what the format requires must be there, nothing is given twice. The file alone i
 
 from __future__ import annotations
 
-import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -28,7 +27,6 @@ from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
 
-NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 LONGEST = 10_000  # characters of an attribute; no path is longer
 MOST_LINKS = 5_000  # a humanoid with hands has 130
@@ -133,11 +131,10 @@ def _text(element: ET.Element, key: str, about: str) -> str:
 
 
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
-    parts = text.split()
-    if len(parts) != count or not all(NUMBER.fullmatch(part) for part in parts):
+    values = safe_xml.numbers_of(text)
+    if values is None or len(values) != count:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
         raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
-    values = [float(part) for part in parts]
     if max(map(abs, values)) > largest:
         raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
     return values
