@@ -11,6 +11,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from flexlink.formats.document import UPPER_TRIANGLE
+
 Edit = Callable[[ET.Element], object]
 
 
@@ -165,7 +167,7 @@ def urdf_about_joint(root: ET.Element) -> None:
     for e in root.iter("inertial"):
         c, m = vector(e.find("origin"), "xyz"), float(e.find("mass").attrib["value"])
         more, I = m * (c @ c * np.eye(3) - np.outer(c, c)), e.find("inertia")
-        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1)}.items():
+        for name, (i, j) in UPPER_TRIANGLE.items():
             I.set(name, numbers(float(I.attrib[name]) + more[i, j]))
 
 
@@ -200,7 +202,7 @@ def sdf_about_joint(root: ET.Element) -> None:
     for e in root.iter("inertial"):
         c, m = np.array(e.findtext("pose").split()[:3], float), float(e.findtext("mass"))
         more = m * (c @ c * np.eye(3) - np.outer(c, c))
-        for name, (i, j) in {"ixx": (0, 0), "iyy": (1, 1), "izz": (2, 2), "ixy": (0, 1)}.items():
+        for name, (i, j) in UPPER_TRIANGLE.items():
             element = e.find(f"inertia/{name}")
             element.text = numbers(float(element.text) + more[i, j])
 
@@ -251,6 +253,7 @@ PLANTED = (
     Planted("mjcf", "hinges in another order", hinges_reversed, "hang in another order"),
     Planted("mjcf", "hinges in another order, without names", both(hinges_reversed, unnamed), "hang in another order"),
     Planted("mjcf", "6 digits", written_with(".6g"), "digits were lost"),
+    Planted("mjcf", "10 digits", written_with(".10g"), "digits were lost"),
     Planted("mjcf", "7 decimals", written_with(".7f"), "digits were lost"),
     Planted("mjcf", "inertia from geoms", both(each(COMPILER, inertiafromgeom="true"), with_geoms()),
             "the shapes of geoms"),

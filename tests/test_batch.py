@@ -157,6 +157,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
                 stop.signal = signal.SIGINT
             yield done
 
+    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr(batch, "pieces", interrupted)
     monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.InterruptedRunError) as caught:

@@ -45,6 +45,14 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
 
 
 @pytest.mark.slow
+def test_info_tells_limits_and_gears(paper: str, capsys) -> None:
+    gear = "link.upper.joint={limits_deg=[-90, 45.5], armature=0.1, gear_stiffness=3e4}"
+    assert main(["info", paper, "--set", gear]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "driven, -90° … 45.5°" in lines[2]
+    assert lines[3].split() == ["1", "upper.gear", "k", "=", "30000", "N", "m/rad"]
+
+
 def test_simulate_writes_samples_and_a_picture(paper: str, tmp_path: Path, capsys) -> None:
     out, picture = tmp_path / "run.npz", tmp_path / "run.png"
     assert main(["simulate", paper, "--duration", "0.1", "--out", str(out), "--plot", str(picture)]) == 0

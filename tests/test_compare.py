@@ -31,7 +31,7 @@ def against(chain, engine):
     """An engine compared with the native dynamics of the chain."""
     states = random_states(chain, 20)
     rows = compare_engines(chain, load("native", chain), [engine], states)
-    return Comparison("scene", 20, rows, (diagnose(chain, engine, rows, states),))
+    return Comparison("scene", 20, (diagnose(chain, engine, rows, states),))
 
 
 def with_defect(chain, array, field, k, change):

@@ -10,7 +10,7 @@ from conftest import flexible, make_scene
 from scipy import linalg
 
 import flexlink as fl
-from flexlink.analysis.extremes import CLOSE, fastest_frequency, slowest_frequency
+from flexlink.analysis.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 
 ESTIMATE = 0.1
 
@@ -46,3 +46,11 @@ def test_without_springs_nothing_swings() -> None:
     chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0)))
     assert slowest_frequency(chain, np.zeros(1)) == np.inf
     assert fastest_frequency(chain, np.zeros(1)) == 0.0
+
+
+def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np.random.Generator) -> None:
+    hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
+    hinges["damping"] += 1e-3 * hinges["stiffness"]
+    damped = dataclasses.replace(chain, hinges=hinges)
+    wanted = linalg.eigh(np.diag(damped.damping), fl.mass_matrix(damped, q), eigvals_only=True)[-1]
+    assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # of a square, unlike a frequency

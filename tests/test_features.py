@@ -47,6 +47,13 @@ def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
     assert not_held(scene, fl.lump(scene), format="sdf") == {}
 
 
+@pytest.mark.parametrize("key", ["q", "qd"])
+def test_a_whole_state_is_an_initial_state_and_zeros_take_its_place(key: str) -> None:
+    elsewhere = BARE.varied({"initial.joint_deg.rod": 10.0, "initial.q": (0.0,)})
+    for scene, told in ((BARE.varied({f"initial.{key}": (0.1,)}), {"initial state"}), (elsewhere, set())):
+        assert set(not_held(scene, fl.lump(scene), format="urdf")) == told
+
+
 def test_an_unknown_format_is_refused() -> None:
     with pytest.raises(fl.ArgumentError, match="format = 'dae': unknown; allowed are urdf, mjcf, sdf"):
         not_held(BARE, fl.lump(BARE), format="dae")
@@ -122,4 +129,4 @@ def test_the_command_line_says_what_a_small_mass_changes(tmp_path, capsys) -> No
     told = capsys.readouterr().err.splitlines()
     assert "1e-09 kg for every link without mass: at the initial posture M grows by up to" in told[0]
     assert main(["export", scene, "--small-mass", "-1", "--out", str(tmp_path)]) == 2
-    assert "mass = -1.0: must be a finite number > 0" in capsys.readouterr().err
+    assert "flexlink: --small-mass = -1.0: must be a finite number > 0" in capsys.readouterr().err

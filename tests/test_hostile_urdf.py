@@ -89,7 +89,9 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "empty number": (edited('value="1"', 'value=""'), "<mass value> = ''"),
     "two numbers": (edited("<inertial>", '<inertial><origin xyz="1 2"/>'), "<origin xyz> = '1 2': expected 3"),
     "four numbers": (edited("<inertial>", '<inertial><origin rpy="1 2 3 4"/>'), "<origin rpy> = '1 2 3 4'"),
-    "long number": (edited('value="1"', f'value="{"9" * 100_000}"'), "<mass value>"),
+    "long word": (edited('value="1"', f'value="{"9" * 9_000}x"'), "<mass value> = "),
+    "long type": (edited("continuous", "x" * 1_000_000), "<joint>: an attribute of more than 10000 characters"),
+    "long number": (edited('value="1"', f'value="{"9" * 9_000}"'), "<mass value>"),
     "far away": (edited("<inertial>", '<inertial><origin xyz="1e200 0 0"/>'), "of a robot at most 1e+09"),
     # bodies
     "negative mass": (edited('value="1"', 'value="-1"'), "<mass value> = -1.0: must not be negative"),

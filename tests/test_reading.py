@@ -14,6 +14,7 @@ from conftest import flexible, make_scene, nasty_scene
 import flexlink as fl
 from flexlink.common.safe_xml import parse
 from flexlink.formats import FORMATS
+from validation.benchmarks.random_arms import random_arm
 
 EVERY = pytest.mark.parametrize("format", FORMATS.values(), ids=FORMATS)
 
@@ -53,6 +54,14 @@ def same(one: fl.Chain, other: fl.Chain) -> bool:
 def test_every_file_reads_back_to_the_same_chain(format, chain: fl.Chain) -> None:
     assert_same(format.read(format.write(chain)), chain)
     assert_same(format.read(format.write(chain, shapes=False).encode()), chain)
+
+
+@pytest.mark.slow
+@EVERY
+def test_random_arms_of_every_kind_read_back_to_the_same_chain(format) -> None:
+    for seed in range(20):
+        chain = fl.lump(random_arm(seed))
+        assert_same(format.read(format.write(chain)), chain)
 
 
 @EVERY
@@ -131,7 +140,7 @@ def test_a_number_that_is_changed_is_in_the_chain_or_refused(format) -> None:
 
 
 @EVERY
-@pytest.mark.parametrize("wrong", ["nan", "1,5", "${mass}", "", "1e999", "0 0"])
+@pytest.mark.parametrize("wrong", ["nan", "1,5", "${mass}", "", "1e999", "0 0", "1_0", "٣"])
 def test_what_is_no_number_is_refused_in_one_line(format, wrong: str) -> None:
     root = document(format)
     for element, key in places(root):

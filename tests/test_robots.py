@@ -107,7 +107,9 @@ def test_the_import_on_the_command_line_takes_degrees_metres_and_beams(tmp_path:
     ("words", "message"),
     [
         (["--posture", "j3"], "--posture j3: expected NAME=VALUE, such as elbow=90"),
-        (["--posture", "j3=left"], "posture: 'j3' = 'left': expected a finite number"),
+        (["--posture", "j3=left"], "--posture j3=left: expected a finite number [deg, or m of a slide]"),
+        (["--posture", "j3=400"], "posture: 'j3' = 6.981317007977318 rad (400°): its limits are -3.0 rad"),
+        (["--base", ""], "base = '': not there"),
         (["--locked", "j4=[1"], "--locked j4=[1: the value is not TOML"),
         (["--flexible", "p3=12"], "flexible.p3 = 12: "),
         (["--flexible", "p3={ frequency = 12 }"], "flexible.p3.frequency = 12: unknown key"),
@@ -124,6 +126,7 @@ def test_wrong_options_are_refused_in_one_line(words: list[str], message: str, t
     assert message in line
 
 
+@pytest.mark.slow
 @with_files
 def test_robots_are_listed_with_joints_mass_and_file(tmp_path: Path, capsys) -> None:
     assert main(["robots", "--out", str(tmp_path)]) == 0
@@ -138,7 +141,7 @@ def test_robots_that_are_not_installed_are_told_in_one_line(monkeypatch, capsys)
     def missing(name: str) -> None:
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(importlib.metadata, "files", missing)
+    monkeypatch.setattr(importlib.metadata, "distribution", missing)
     folder.cache_clear()
     assert main(["import", "ur5"]) == 2
     assert "is not installed: python -m pip install 'flexlink[robots]'" in capsys.readouterr().err

@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
+import mujoco
 import numpy as np
 import planted
 import pytest
@@ -22,6 +23,7 @@ from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.engines.states import mixed_states
 from flexlink.engines.theirs import READERS, load_file
 from flexlink.formats import FORMATS
+from flexlink.robots.collection import known_arm
 
 SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 SPATIAL = fl.load_scene(ROOT / "models" / "t3_spatial.toml")
@@ -132,6 +134,25 @@ def test_mujoco_reads_urdf_too(tmp_path: Path) -> None:
     assert "mass of joint" in str(other.findings[0]) and other.explained
 
 
+def test_a_file_that_mujoco_has_written_has_lost_digits(tmp_path: Path) -> None:
+    path = tmp_path / "saved.xml"
+    mujoco.mj_saveLastXML(str(path), mujoco.MjModel.from_xml_string(fl.to_mjcf(CHAIN)))
+    found = diagnosed(path)
+    (finding,) = found.findings
+    assert re.search(r"right to about [56] digits: digits were lost in writing", str(finding)) and found.explained
+
+
+@pytest.mark.parametrize("name", ["ur5", "xarm7"])
+def test_a_robot_s_own_urdf_agrees_with_its_scene_whatever_it_calls_its_joints(name: str) -> None:
+    try:
+        path = known_arm(name).path
+    except fl.MissingDependencyError as error:
+        pytest.skip(str(error))
+    chain = fl.lump(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml"))
+    found = diagnosed(path, chain)
+    assert found.passed and not found.findings, str(found)
+
+
 def test_two_mistakes_are_both_named_each_with_what_it_changes(tmp_path: Path) -> None:
     edit = planted.both(
         planted.each("option", gravity="0 0 -9.81"), planted.each(".//joint", armature=None), planted.flag("autoreset")
@@ -140,6 +161,18 @@ def test_two_mistakes_are_both_named_each_with_what_it_changes(tmp_path: Path) -
     gravity, armature, autoreset = found.findings
     assert (gravity.alone, armature.alone, autoreset.alone) == (("T_G", "T_GC", "q̈"), ("M", "q̈"), ())
     assert found.explained
+
+
+@pytest.mark.parametrize("form", ["mjcf", "urdf"])
+def test_a_rotor_left_out_is_named_though_nothing_else_gives_its_joint_inertia(form: str, tmp_path: Path) -> None:
+    link = fl.Link(name="first", length=1.0, joint=fl.Joint(armature=0.1, gear_stiffness=100.0))
+    chain = fl.lump(fl.Scene(name="geared", arm=fl.Arm(links=(link,), tip=fl.Payload(mass=1.0, inertia=(0.1,) * 3)),
+                             initial=fl.Initial(joint_deg=(0.0,))))  # fmt: skip
+    edit = planted.each(".//joint" if form == "mjcf" else "joint/flexlink", armature="0")
+    found = diagnosed(written(tmp_path, form, edit, chain), chain)
+    (finding,) = found.findings
+    assert not found.passed and "armature of joint 'first': 0 instead of 0.1 kg m²: left out" in str(finding)
+    assert "M, which is singular" in finding.alone
 
 
 @pytest.mark.parametrize("read", [of_chain(CHAIN), of_chain(fl.lump(SPATIAL))], ids=["bent", "straight"])

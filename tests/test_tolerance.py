@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import signal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -148,6 +149,21 @@ def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
     assert (picked.method, picked.why) == ("DOP853", "not stiff: fastest mode 0 rad/s")
 
 
+@pytest.mark.parametrize(
+    ("changes", "wanted"),
+    [
+        ({"material.aluminium.young": 7e8}, "DOP853 (soft: gravity and turning are 0.1"),
+        ({"material.aluminium.young": 7e8, "link.*.flex": "yz"}, "Radau5"),
+        ({}, "Radau5"),
+    ],
+)  # fmt: skip
+def test_a_soft_arm_that_twists_is_left_to_an_explicit_method(models, changes: dict[str, Any], wanted: str) -> None:
+    """Radau5 follows its twist with a third of Newton's iterations in vain: four times what DOP853 takes."""
+    scene = fl.load_scene(models / "t3_spatial.toml").varied({"link.*.segments": 8, **changes})
+    run = fl.simulate(scene, tolerance=1e-3, duration=1.0, sample=0.05)
+    assert str(run.steps).startswith(wanted)
+
+
 def test_deflections_are_followed_where_they_are_asked_for() -> None:
     """Slack springs under a sudden load ring: too little to matter for the tip, and half of the deflection."""
     scene = swinging(**{"material.aluminium.loss_time": 0.0, "run.duration": 0.5})
@@ -244,3 +260,42 @@ def test_dry_friction_that_turns_round_within_a_step_is_seen_by_its_error(width:
 def test_a_run_without_duration_has_its_first_sample_only() -> None:
     run = fl.simulate(swinging(**{"run.tolerance": 1e-4, "run.duration": 0.0}))
     assert run.t.tolist() == [0.0]
+
+
+def test_fixed_implicit_steps_end_where_a_table_has_a_kink_and_then_on_their_own_grid_again() -> None:
+    """A blow of 2.8 ms off the grid: half the step leaves less than an eighth; steps over its kinks leave half."""
+    torques = (0.0, 0.0), (0.0, 0.0), (900.0, 0.0), (0.0, 0.0)
+    drive = fl.Drive(kind="table", times=(0.0, 0.0993, 0.1007, 0.1021), torques=torques)
+    scene = swinging(drive=drive, **{"material.aluminium.young": 7e7})
+    exact = fl.simulate(scene, method="RK10", step=2e-5).tip
+    errors = []
+    for step in (2.5e-3, 1.25e-3):
+        run = fl.simulate(scene, method="Gauss6", step=step)
+        assert run.steps is not None
+        assert run.steps.taken == round(0.3 / step) + 3  # one step more for each of three kinks
+        errors.append(np.abs(run.tip - exact).max())
+    assert errors[1] <= errors[0] / 8
+
+
+@pytest.mark.slow
+def test_a_heavy_load_at_which_the_iteration_fails_is_left_to_an_explicit_method(models: Path) -> None:
+    """Its weight is stiffer than the springs: Radau5 takes steps of 14 μs, a twentieth of what DOP853 may take."""
+    scene = fl.load_scene(models / "t3_spatial.toml")
+    scene = scene.varied({"tip.mass": 1e3, "run.relative_tolerance": 1e-4, "run.duration": 0.15})
+    runs = {name: fl.simulate(scene, method=name) for name in ("auto", "Radau5")}
+    exact = fl.simulate(scene, method="DOP853", relative_tolerance=1e-8)
+    picked, named = (run.steps for run in runs.values())
+    assert picked is not None
+    assert named is not None
+    assert picked.method == "DOP853"
+    assert "its iteration failed too often" in picked.why
+    assert picked.evaluations < named.evaluations / 10
+    assert np.abs(runs["auto"].tip - exact.tip).max() <= 1e-3
+
+
+@pytest.mark.parametrize("passive", ["zero", "static"])
+@pytest.mark.parametrize("name", CONTROLLED)
+def test_an_arm_at_rest_almost_upright_is_not_doubted(name: str, passive: str) -> None:
+    """Next to nothing is exchanged, of which an error as large as the tolerance is a large part."""
+    scene = swinging(**{"initial.joint_deg": (179.999, 0.0), "initial.passive": passive})
+    assert fl.simulate(scene, method=name, relative_tolerance=1e-3).warnings == ()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import importlib.util
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -52,12 +54,21 @@ def test_witnesses_confirm_every_term_and_the_motion(name: str, package: str, me
 @pytest.mark.slow
 def test_a_spring_or_damper_wrong_by_a_millionth_is_denied(monkeypatch: pytest.MonkeyPatch) -> None:
     module = importlib.import_module("flexlink.engines.exudyn")
-    read = module.read_tree
-    wrong = 1 + 1e-6
-    monkeypatch.setattr(module, "read_tree", lambda text: (t := read(text))._replace(stiffness=wrong * t.stiffness))
+    read = module.read_urdf
+
+    def with_wrong(field: str) -> Callable[[str], Chain]:
+        def wrong(text: str) -> Chain:
+            chain = read(text)
+            hinges = chain.hinges.copy()
+            hinges[field] *= 1 + 1e-6
+            return dataclasses.replace(chain, hinges=hinges)
+
+        return wrong
+
+    monkeypatch.setattr(module, "read_urdf", with_wrong("stiffness"))
     found = judged("exudyn", ["RK4"])
     assert {name for name, value in found.items() if value > 1} == {"T_FL", "q̈", "max |Δq|"}
-    monkeypatch.setattr(module, "read_tree", lambda text: (t := read(text))._replace(damping=wrong * t.damping))
+    monkeypatch.setattr(module, "read_urdf", with_wrong("damping"))
     found = judged("exudyn", ["RK4"])
     assert {name for name, value in found.items() if value > 1} >= {"T_FR", "max |Δq|"}
 

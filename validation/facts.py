@@ -26,6 +26,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "arithmetic": ("arithmetic", "{}"),
     "step": ("step [s]", "h = {:.4g} s"),
     "tolerance": ("tolerance [m]", "tolerance {:g} m"),
+    "relative_tolerance": ("tolerance, of the reach", "tolerance {:g} of the reach"),
     "error": ("error, of the motion", "error {:g}"),
     "to step": ("to step [s]", "to {:.4g} s"),
     "duration": ("duration [s]", "{:g} s"),

@@ -57,20 +57,27 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
-    """Highest angular frequency of the springs [rad/s], as an estimate from below; 0 if there is none.
+    """Highest angular frequency of the springs [rad/s], as an estimate from below; 0 if there is none: K φ = ω² M φ."""
+    return float(np.sqrt(_largest_eigenvalue(chain, q, chain.stiffness)))
 
-    K φ = ω² M φ: the power iteration φ ← M⁻¹ K φ.
-    """
-    stiffness = np.where(chain.hinges["prescribed"] == 0, chain.stiffness, 0.0)
-    if not stiffness.any():
+
+def fastest_decay(chain: Chain, q: Array) -> float:
+    """Highest rate at which the dampers alone take away a speed [1/s], as an estimate from below: D φ = δ M φ."""
+    return _largest_eigenvalue(chain, q, chain.damping)
+
+
+def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
+    """Largest λ of W φ = λ M φ, W diagonal: the power iteration φ ← M⁻¹ W φ."""
+    weights = np.where(chain.hinges["prescribed"] == 0, weights, 0.0)
+    if not weights.any():
         return 0.0
     bare, zero = inertia_alone(chain), np.zeros(chain.n)
     φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
     for _ in range(PASSES):
-        φ = forward_dynamics(bare, q, zero, stiffness * φ)
+        φ = forward_dynamics(bare, q, zero, weights * φ)
         size = float(np.abs(φ).max())
         φ /= size
         if abs(size - last) <= CLOSE * size:
             break
         last = size
-    return float(np.sqrt(size))
+    return size

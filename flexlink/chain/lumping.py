@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
+from flexlink.chain.builder import Builder
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
-from flexlink.describe.rigid_body import Payload
 from flexlink.describe.rules import LumpingRule, hinges_of, lumping_rule
 from flexlink.describe.scene import Scene
 
@@ -48,7 +48,7 @@ def lump(scene: Scene) -> Chain:
     name, arm = given("scene", scene, Scene).name, scene.arm
     moved = {arm.number(motion.link) for motion in scene.motion}
     placed = hinges_of(arm)
-    builder = _Builder()
+    builder = Builder()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
         for k, link in enumerate(arm.links):
             _add_mount(builder, link, arm.links[k - 1] if k else None)
@@ -59,8 +59,8 @@ def lump(scene: Scene) -> Chain:
     bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
-        for field in set(array.dtype.names or ()) - {"lower", "upper"}:
-            if not np.isfinite(array[field]).all():
+        for field in array.dtype.names or ():
+            if field not in {"lower", "upper"} and not np.isfinite(array[field]).all():
                 raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
     return Chain(
         name=name,
@@ -72,7 +72,7 @@ def lump(scene: Scene) -> Chain:
     )
 
 
-def _add_mount(builder: _Builder, link: Link, before: Link | None) -> None:
+def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
     """From the end of the link before to the axes of a link at angle zero."""
     mount, row = link.mount, link.dh
     modified = row is not None and row.convention == "modified"
@@ -86,7 +86,7 @@ def _add_mount(builder: _Builder, link: Link, before: Link | None) -> None:
         builder.turn(about_axis_deg(2, row.theta_deg))
 
 
-def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
+def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
     """Joint, gear and hub of a link."""
     joint = link.joint
     axis, turn = turn_to(joint.direction)
@@ -107,7 +107,7 @@ def _add_joint(builder: _Builder, link: Link, number: int, locked_deg: float, pr
     builder.add_payload(link.hub)
 
 
-def _add_line(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
+def _add_line(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
     """What stands between the axes of a link at its joint and those at its end: the beam, and the body behind it."""
     start, length, frame = link.beam
     builder.move(start, frame)
@@ -124,7 +124,7 @@ def _add_line(builder: _Builder, arm: Arm, link: Link, number: int, nodes: Array
 
 
 def _add_segments(
-    builder: _Builder, link: Link, number: int, beam: _Beam, loss_time: float, nodes: Array, weights: Array
+    builder: Builder, link: Link, number: int, beam: _Beam, loss_time: float, nodes: Array, weights: Array
 ) -> None:
     """Segments and hinges of a beam, along the x of the running frame."""
     rule = lumping_rule(link.lumping)
@@ -218,80 +218,3 @@ class _Beam:
         bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)
         y, z = i_y.sum(axis=1), i_z.sum(axis=1)
         return mass, center, np.column_stack([y + z, y + bending, z + bending])
-
-
-@dataclasses.dataclass
-class _Body:
-    """A rigid body while it grows: placement on its parent, mass, first moment and inertia about its centre."""
-
-    rotation: Array
-    translation: Array
-    first: int
-    stop: int
-    mass: float = 0.0
-    center: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-    inertia: Array = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
-
-    def add(self, mass: float, center: Array, inertia: Array) -> None:
-        """Join another rigid body; both inertias are moved to the common centre (parallel axes)."""
-        if mass > 0:
-            d = center - self.center
-            reduced = self.mass * mass / (self.mass + mass)
-            self.inertia = self.inertia + reduced * (d @ d * np.eye(3) - np.outer(d, d))
-            self.center = self.center + d * (mass / (self.mass + mass))
-            self.mass += mass
-        self.inertia = self.inertia + inertia
-
-    def record(self) -> tuple[object, ...]:
-        turned = int(not np.array_equal(self.rotation, np.eye(3)))
-        inertia = np.triu(self.inertia) + np.triu(self.inertia, 1).T  # R I Rᵀ is symmetric up to rounding only
-        return self.first, self.stop, turned, self.rotation, self.translation, self.mass, self.center, inertia
-
-
-class _Builder:
-    """Walks along the arm: `rotation`, `translation` place the running frame in the frame of the current body."""
-
-    def __init__(self) -> None:
-        self.hinges: list[tuple[float, ...]] = []
-        self.coordinates: list[Coordinate] = []
-        self.bodies = [_Body(np.eye(3), np.zeros(3), 0, 0)]
-        self.rotation, self.translation = np.eye(3), np.zeros(3)
-
-    def move(self, translation: Array, rotation: Array | None = None) -> None:
-        self.translation = self.translation + self.rotation @ translation
-        if rotation is not None:
-            self.turn(rotation)
-
-    def turn(self, rotation: Array) -> None:
-        self.rotation = self.rotation @ rotation
-
-    def start_body(self) -> None:
-        n = len(self.hinges)
-        self.bodies.append(_Body(self.rotation, self.translation, n, n))
-        self.rotation, self.translation = np.eye(3), np.zeros(3)
-
-    def add_hinge(
-        self,
-        coordinate: Coordinate,
-        axis: int,
-        stiffness: float = 0.0,
-        damping: float = 0.0,
-        coulomb: float = 0.0,
-        width: float = 1.0,
-        *,
-        armature: float = 0.0,
-        lower: float = -np.inf,
-        upper: float = np.inf,
-        prescribed: bool = False,
-    ) -> None:
-        rest = 0.0
-        self.hinges.append((axis, stiffness, rest, damping, coulomb, width, armature, lower, upper, prescribed))
-        self.coordinates.append(coordinate)
-        self.bodies[-1].stop += 1
-
-    def add_payload(self, payload: Payload) -> None:
-        self.add_inertia(payload.mass, np.array(payload.center), payload.matrix)
-
-    def add_inertia(self, mass: float, center: Array, inertia: Array) -> None:
-        R = self.rotation
-        self.bodies[-1].add(mass, self.translation + R @ center, R @ inertia @ R.T)

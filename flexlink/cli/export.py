@@ -7,6 +7,7 @@ import math
 import sys
 from pathlib import Path
 
+from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import about, require_place, varied_scene
@@ -22,6 +23,8 @@ from flexlink.motion.start import initial_state
 
 def export_scenes(options: argparse.Namespace) -> int:
     """Write the chains of scenes, all or none of them, and say what their formats cannot hold."""
+    if options.small_mass is not None:
+        positive("--small-mass", options.small_mass)
     texts: dict[Path, str] = {}
     notes: list[str] = []
     for path in options.scenes:

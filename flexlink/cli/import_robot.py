@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from flexlink.cli.shared import about, assignments, require_place, varied
+from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
 from flexlink.robots.flexible import Flexible
 from flexlink.robots.importing import import_urdf
 from flexlink.robots.kinematic_tree import Robot
-from flexlink.robots.urdf_reader import read_urdf
+from flexlink.robots.robot_file import read_robot
+from flexlink.robots.serial import finite
 
 
 def import_scene(options: argparse.Namespace) -> int:
@@ -26,7 +28,7 @@ def import_scene(options: argparse.Namespace) -> int:
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
-    robot = read_urdf(known.path if by_name else source)
+    robot = read_robot(known.path if by_name else source)
     asked = _asked(robot, known, options)
     with about(source):
         imported = import_urdf(robot, **asked)
@@ -46,8 +48,8 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
     """Arguments of `import_urdf`: those of a known arm, and the command's own over them."""
     flexible = assignments("--flexible", options.flexible, "'forearm={ frequency_hz = 12 }'")
     return {
-        "base": options.base or known.base,
-        "tip": options.tip or known.tip,
+        "base": known.base if options.base is None else options.base,
+        "tip": known.tip if options.tip is None else options.tip,
         "posture": known.posture | _positions(robot, "--posture", options.posture),
         "locked": known.locked | _positions(robot, "--locked", options.locked),
         "flexible": known.flexible | {k: decode(v, Flexible, f"flexible.{k}") for k, v in flexible.items()},
@@ -55,11 +57,13 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
     }
 
 
-def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, Any]:
+def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, float]:
     """Positions [rad, m] by joint of what is written in degrees and metres."""
-    found = assignments(option, texts, "elbow=90")
-    for name, value in found.items():
+    found = {}
+    for name, value in assignments(option, texts, "elbow=90").items():
+        number = finite(value)
+        if number is None:
+            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg, or m of a slide]")
         slides = name in robot.joints and robot.joints[name].kind == "prismatic"
-        if isinstance(value, int | float) and not isinstance(value, bool) and not slides:
-            found[name] = math.radians(value)
+        found[name] = number if slides else math.radians(number)
     return found

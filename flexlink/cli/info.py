@@ -61,7 +61,7 @@ def _show(scene: Scene) -> None:
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(evaluation_time(scene, chain), λ, free)
+    _show_steps(evaluation_time(scene, chain), chain.is_planar, λ, free)
     if bare is not chain and chain.n <= LARGEST_MODAL:
         found = modes(chain, q0, tip_wrench=scene.tip_wrench)
         print("structural damping about the start, with gravity:")
@@ -76,14 +76,15 @@ def _kind(chain: Chain, k: int) -> str:
     return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 
 
-def _show_steps(evaluation: float, λ: Complex, free: Complex) -> None:
+def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:
     """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
-    costs = {method: cost(method, λ, evaluation) for method in catalogue.names("methods")}
+    costs = {method: cost(method, λ, evaluation, planar=planar) for method in catalogue.names("methods")}
     rk4 = costs["RK4"].seconds
     for method, (h, seconds) in costs.items():
         price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
         if np.isfinite(rk4) and not price:
-            price = f", as cheap as RK4 with about {rk4 / step_time(method, evaluation):.0f} steps a second"
+            number = rk4 / step_time(method, evaluation, planar=planar)
+            price = f", as cheap as RK4 with about {number:.0f} steps a second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
         print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")

@@ -7,18 +7,20 @@ from pathlib import Path
 
 from flexlink.cli.shared import require_place, varied
 from flexlink.common.output import write_text
-from flexlink.robots.collection import import_known, known_arms
+from flexlink.robots.collection import import_known, known_arm, known_arms
 
 
 def list_robots(options: argparse.Namespace) -> int:
-    """Print every arm's name, joints, mass, links that bend and file; write their scenes where it is asked for."""
+    """Print every arm's name, joints, mass and file; write all scenes, or none, where it is asked for."""
+    arms = {name: import_known(name) for name in known_arms()}
+    scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
+    targets = {options.out / f"{name}.toml": scene for name, scene in scenes.items()} if options.out else {}
+    for target in targets:
+        require_place(target)
     print(f"{'name':<27} joints  mass [kg]  file")
-    for name, arm in known_arms().items():
-        imported = import_known(name)
-        moving = sum(part.body.mass for part in imported.path.parts)
-        print(f"{name:<27} {len(imported.path.parts):6d} {moving:10.4g}  {arm.path}")
-        if options.out is not None:
-            target = options.out / f"{name}.toml"
-            require_place(target)
-            write_text(target, varied(Path(name), imported.scene, options.set).to_toml())
+    for name, arm in arms.items():
+        moving = sum(part.body.mass for part in arm.path.parts)
+        print(f"{name:<27} {len(arm.path.parts):6d} {moving:10.4g}  {known_arm(name).path}")
+    for target, scene in targets.items():
+        write_text(target, scene.to_toml())
     return 0

@@ -6,6 +6,7 @@ number and depth of the elements are limited, so that memory is, too.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
@@ -14,6 +15,7 @@ from flexlink.common.errors import DataFileError
 LARGEST = 5_000_000  # bytes; a robot of a thousand links has half a megabyte
 MOST_ELEMENTS = 200_000  # attributes counted, too; together some 100 MB
 DEEPEST = 1000  # nested elements; MuJoCo reads 500
+NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
 
 
 def parse(text: str | bytes, what: str) -> ET.Element:
@@ -48,6 +50,15 @@ def parse(text: str | bytes, what: str) -> ET.Element:
         if isinstance(error, DataFileError):
             raise
         raise DataFileError(f"{what}: not XML: {' '.join(str(error).split())}") from None
+
+
+def numbers_of(text: str) -> list[float] | None:
+    """The decimal numbers of a text, blanks between, beyond float64 infinite; None where anything else stands.
+
+    Python's own `float` also takes `1_0`, `nan` and digits of any script, which other programs refuse.
+    """
+    words = text.split()
+    return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
 
 
 class _Elements(ET.TreeBuilder):

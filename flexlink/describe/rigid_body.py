@@ -42,7 +42,8 @@ class Payload(Spec, frozen=True):
         most = low + middle if self.mass else np.inf
         if low < -ROUNDING * high or high > most + ROUNDING * high:
             moments = ", ".join(f"{size * moment:.6g}" for moment in (low, middle, high))
-            rule = ", and none may exceed the sum of the other two" if self.mass else ""
+            over = f"here by {size * (high - low - middle):.3g}"
+            rule = f", and none may exceed the sum of the other two, {over}" if self.mass else ""
             raise SceneError(
                 f"inertia = {short(self.inertia)}: no body can have it; its principal moments are {moments}; none may "
                 f"be negative{rule}"

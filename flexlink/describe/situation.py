@@ -18,8 +18,9 @@ AUTO = "auto"  # in place of a method's name
 Dynamics = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
-Accuracy = Literal["tip", "deflection"]
 """What becomes of a run that is not stable."""
+Accuracy = Literal["tip", "deflection"]
+"""What a relative tolerance is a part of."""
 
 
 class Initial(Spec, frozen=True):

@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import EngineError, SingularMassError
 from flexlink.engines.base import Array, Engine, Reader
 from flexlink.engines.differences import Finding, differences
 from flexlink.engines.matching import Match
@@ -108,8 +109,17 @@ def diagnose_file(
         return Diagnosis(engine.name, (), tuple(findings), notes=said)
     engine.adopt(_missing(ours, read, match))
     matched = Reordered(engine, match.order)
-    rows = compare_engines(chain, NativeEngine(chain), [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
-    engine.put_right()  # whether settings, too, explain what differs
+    native, rows = NativeEngine(chain), tuple[Difference, ...]()
+    try:
+        rows = compare_engines(chain, native, [matched], states, quantities=WITHOUT_WRENCH, progress=progress)
+        engine.put_right()  # whether settings, too, explain what differs
+    except (
+        EngineError,
+        SingularMassError,
+    ) as error:  # a mistake may leave nothing to evaluate, such as a joint's rotor
+        if not findings:
+            raise
+        said += (f"it cannot be evaluated: {error}",)
     found = _looked_into(chain, matched, rows, findings, match, states)
     return dataclasses.replace(found, notes=(*_notes(match, read), *said))
 
@@ -145,11 +155,14 @@ def _looked_into(
     match: Match | None,
     states: Sequence[State],
 ) -> Diagnosis:
-    names, some = [row.quantity for row in rows], states[:LOOKED_AT]
+    names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:LOOKED_AT]
 
     def differ(one: ReadBack, other: Engine) -> tuple[str, ...]:
         exact = to_chain(one, chain)
-        compared = compare_engines(exact, NativeEngine(exact), [other], some, quantities=names)
+        try:
+            compared = compare_engines(exact, NativeEngine(exact), [other], some, quantities=names)
+        except SingularMassError:
+            return ("M, which is singular",)
         return tuple(row.quantity for row in compared if not row.error <= AGAIN)
 
     right = NativeEngine(to_chain(of_chain(chain), chain))

@@ -82,8 +82,8 @@ def _numbers(ours: ReadBack, theirs: ReadBack, form: str) -> list[Finding]:
     fields = _differing(ours, placed.theirs)
     everything = _differing(ours, theirs)
     if len(placed.places) + len(fields) > 1 and all(fewer_digits(seen) for seen in everything.values()):
-        what = ", ".join(FIELDS[field].label for field in everything)
-        return [Finding(f"{what}: nearly right", *DIGITS_LOST, made=theirs)]
+        what, worst = ", ".join(FIELDS[field].label for field in everything), max(map(_apart, everything.values()))
+        return [Finding(f"{what}: right to about {-np.log10(worst):.0f} digits", *DIGITS_LOST, made=theirs)]
     found = [*_placements(placed, theirs, form), *(_explained(field, seen, form) for field, seen in fields.items())]
     return [_joined(ours, list(one)) for _, one in itertools.groupby(found, key=lambda f: (f.likely, f.change))]
 
@@ -195,10 +195,14 @@ def _instead(seen: Seen, unit: str) -> str:
     """The first numbers, and what they should be; how far apart, where that does not show."""
     got, expected = (_short(part[0]) for part in (seen.theirs, seen.ours))
     if got == expected:
-        off = np.abs(seen.theirs - seen.ours).max() / np.abs(seen.ours).max()
-        return f"{got} {unit}, off by {off:.3g} of it"
+        return f"{got} {unit}, off by {_apart(seen):.3g} of it"
     factor = f", factor {seen.factor:.6g}" if seen.factor else ""
     return f"{got} instead of {expected} {unit}".rstrip() + factor
+
+
+def _apart(seen: Seen) -> float:
+    """Largest difference, relative to the largest number."""
+    return float(np.abs(seen.theirs - seen.ours).max() / np.abs(seen.ours).max())
 
 
 def _short(value: Array) -> str:

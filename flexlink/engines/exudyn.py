@@ -1,4 +1,4 @@
-"""Exudyn, as a KinematicTree. Exudyn reads no file: the tree is built from the numbers of the exported URDF.
+"""Exudyn, as a KinematicTree. Exudyn reads no file: the tree is built from what our reader finds in the exported URDF.
 
 M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control, an armature is
 the mass of a second object on the same coordinates, the tip wrench two loads on a marker. The smooth Coulomb law
@@ -11,6 +11,7 @@ and dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -31,15 +32,11 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_held, refuse_motion, start
-from flexlink.engines.read_back import ReadBack
-from flexlink.engines.tree import Tree, read_tree
-from flexlink.formats import to_urdf
+from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.formats import read_urdf, to_urdf
+from flexlink.formats.document import places
 
-JOINTS = {
-    (1.0, 0.0, 0.0): exu.JointType.RevoluteX,
-    (0.0, 1.0, 0.0): exu.JointType.RevoluteY,
-    (0.0, 0.0, 1.0): exu.JointType.RevoluteZ,
-}
+JOINTS = exu.JointType.RevoluteX, exu.JointType.RevoluteY, exu.JointType.RevoluteZ
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}
 """The methods of ours that Exudyn has, too."""
 TorqueFunction = Callable[..., Array]
@@ -52,8 +49,8 @@ class ExudynEngine:
 
     Attributes
     ----------
-    tree
-        The arrays that the exported file holds.
+    read
+        The chain as read back from the exported file.
     """
 
     name = "exudyn"
@@ -61,15 +58,15 @@ class ExudynEngine:
 
     def __init__(self, chain: Chain) -> None:
         refuse_motion("Exudyn", chain)
-        self.tree = tree = read_tree(to_urdf(chain, shapes=False))
-        self.n, none = tree.n, np.zeros(tree.n)
-        self._whole = _System(tree)
-        self._bodies = _System(tree._replace(stiffness=none, damping=none))
-        self._springs = _System(tree._replace(masses=none, inertias=0 * tree.inertias, armature=none))
+        self.read = read_urdf(to_urdf(chain, shapes=False))
+        self.n = self.read.n
+        self._whole = _System(self.read)
+        self._bodies = _System(_without(self.read, hinges=("stiffness", "damping")))
+        self._springs = _System(_without(self.read, hinges=("armature",), bodies=("mass", "inertia")))
 
     def read_back(self) -> ReadBack:
         """The numbers that Exudyn is given."""
-        return self.tree.read_back()
+        return of_chain(self.read)
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by Exudyn's composite rigid bodies."""
@@ -89,7 +86,7 @@ class ExudynEngine:
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: those with slack springs, negative, and the Coulomb law with the file's numbers."""
-        return self._coulomb(qd) - self._springs.torques(self.tree.rest, qd)
+        return self._coulomb(qd) - self._springs.torques(self.read.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by Exudyn's solver, as it finds them at the start of a run."""
@@ -115,13 +112,14 @@ class ExudynEngine:
         return samples
 
     def _coulomb(self, qd: Array) -> Array:
-        torque: Array = self.tree.coulomb * np.tanh(qd / self.tree.coulomb_width)
+        hinges = self.read.hinges
+        torque: Array = hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         return torque
 
     def _torque_function(self, scene: Scene) -> TorqueFunction | None:
         """Drive less Coulomb friction as Exudyn asks for it, or None if neither pushes."""
         drive = drive_function(scene)
-        if drive is None and not self.tree.coulomb.any():
+        if drive is None and not self.read.hinges["coulomb"].any():
             return None
 
         def torques(_mbs: object, t: float, _number: object, q: Sequence[float], qd: Sequence[float]) -> Array:
@@ -134,8 +132,8 @@ class ExudynEngine:
 class _System:
     """One tree with its loads in a system of Exudyn's."""
 
-    def __init__(self, tree: Tree) -> None:
-        self.n = n = tree.n
+    def __init__(self, chain: Chain) -> None:
+        self.n = n = chain.n
         self._box = exu.SystemContainer()  # owns the system
         self.mbs = mbs = self._box.AddSystem()
         zero = np.zeros(n)
@@ -144,9 +142,10 @@ class _System:
                 referenceCoordinates=zero, initialCoordinates=zero, initialCoordinates_t=zero, numberOfODE2Coordinates=n
             )
         )
-        self.tree = mbs.AddObject(_kinematic_tree(tree, node))
-        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(tree.armature)))
-        tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=tree.tip)
+        self.tree = mbs.AddObject(_kinematic_tree(chain, node))
+        mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(chain.hinges["armature"])))
+        place = chain.bodies[-1]["translation"]
+        tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=place)
         marker = mbs.AddMarker(tip)
         self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=NO_VECTOR))
         self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=NO_VECTOR))
@@ -208,16 +207,29 @@ class _System:
         self.mbs.systemData.SetODE2Coordinates_t(qd, configuration)
 
 
-def _kinematic_tree(tree: Tree, node: Any) -> Any:
-    n = tree.n
+def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] = ()) -> Chain:
+    """The chain with some numbers of all its hinges and bodies set to 0."""
+    hinge, body = chain.hinges.copy(), chain.bodies.copy()
+    for array, fields in ((hinge, hinges), (body, bodies)):
+        for field in fields:
+            array[field] = 0.0
+    return dataclasses.replace(chain, hinges=hinge, bodies=body)
+
+
+def _kinematic_tree(chain: Chain, node: Any) -> Any:
+    n, hinges, massless = chain.n, chain.hinges, np.zeros((), chain.bodies.dtype)
+    hung = list(places(chain))
+    bodies = [massless if place.body is None else place.body for place in hung]
     return ObjectKinematicTree(
-        nodeNumber=node, gravity=tree.gravity, linkParents=np.arange(-1, n - 1),
-        jointTypes=[JOINTS[tuple(axis.tolist())] for axis in tree.axes],
-        jointTransformations=exu.Matrix3DList(list(tree.rotations)), jointOffsets=exu.Vector3DList(list(tree.offsets)),
-        linkMasses=tree.masses, linkCOMs=exu.Vector3DList(list(tree.centers)),
-        linkInertiasCOM=exu.Matrix3DList(list(tree.inertias)), jointForceVector=np.zeros(n),
-        jointPControlVector=tree.stiffness, jointPositionOffsetVector=tree.rest,
-        jointDControlVector=tree.damping, jointVelocityOffsetVector=np.zeros(n),
+        nodeNumber=node, gravity=chain.gravity, linkParents=np.arange(-1, n - 1),
+        jointTypes=[JOINTS[axis] for axis in hinges["axis"]],
+        jointTransformations=exu.Matrix3DList([place.rotation for place in hung]),
+        jointOffsets=exu.Vector3DList([place.translation for place in hung]),
+        linkMasses=[float(body["mass"]) for body in bodies],
+        linkCOMs=exu.Vector3DList([body["center"] for body in bodies]),
+        linkInertiasCOM=exu.Matrix3DList([body["inertia"] for body in bodies]), jointForceVector=np.zeros(n),
+        jointPControlVector=hinges["stiffness"], jointPositionOffsetVector=hinges["rest"],
+        jointDControlVector=hinges["damping"], jointVelocityOffsetVector=np.zeros(n),
     )  # fmt: skip
 
 

@@ -40,7 +40,8 @@ def put_back(ours: ReadBack, theirs: ReadBack, within: float) -> Placed:
     """
     places, like_theirs = list[Place](), ours
     while (k := _first_off(ours, theirs, within)) is not None:
-        fitted = _motion(ours, theirs, k)
+        again = bool(places) and k <= places[-1].joint  # what fits within `FITS` may still be off
+        fitted = None if again else _motion(ours, theirs, k)
         if fitted is None:
             sin, off = (float(part[k]) for part in deviations(ours, theirs))
             places.append(Place(k, float(np.arcsin(min(1.0, sin))), off, alone=False))

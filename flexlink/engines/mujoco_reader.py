@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Indices, ReadBack, merged
+from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_hinge
 
 DISABLE, INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
 WIDE = 1e6
@@ -28,7 +28,7 @@ def require_hinges(model: Any) -> None:
     for k, kind in enumerate(model.jnt_type):
         if kind != mujoco.mjtJoint.mjJNT_HINGE:
             name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-            raise ArgumentError(f"joint {_joint(model, k)!r} is of type {name}: only arms of hinges are compared")
+            raise no_hinge(_joint(model, k), name)
     if model.njnt == 0:
         raise ArgumentError("no joint moves: nothing to compare")
 

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, ReadBack, merged
+from flexlink.engines.read_back import Array, ReadBack, merged, no_hinge
 
 
 def require_hinges(model: Any) -> None:
@@ -23,7 +23,7 @@ def require_hinges(model: Any) -> None:
     for k in range(1, model.njoints):
         kind = model.joints[k].shortname()
         if not kind.startswith(("JointModelR", "JointModelRevolute")) or model.joints[k].nq != 1:
-            raise ArgumentError(f"joint {model.names[k]!r} is a {kind}: only arms of hinges are compared")
+            raise no_hinge(model.names[k], kind)
     if model.njoints == 1:
         raise ArgumentError("no joint moves: nothing to compare")
 

@@ -106,6 +106,11 @@ class ReadBack:
             )
 
 
+def no_hinge(joint: str, kind: str) -> ArgumentError:
+    """The error of a file with a joint that is none; such as a gripper's, or a base that moves freely."""
+    return ArgumentError(f"joint {joint!r} is of type {kind}: only arms of hinges are compared; make it fixed")
+
+
 def merged(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:
     """The fields `OF_BODIES`: bodies that are rigid with each other as one, body by joint `owner`, −1 for the base.
 

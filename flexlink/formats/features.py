@@ -29,9 +29,10 @@ def _for_all(text: str) -> dict[str, str]:
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
     """Whether a run starts with other angles than zero, or moving; locked joints stand in the placements."""
-    free = [chain.coordinates[k].link - 1 for k in chain.active]
-    numbers = [per_link[link] for per_link in (scene.initial.joint_deg, scene.initial.rates) for link in free]
-    return any(numbers) or scene.initial.passive != "zero"
+    initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
+    angles = [initial.joint_deg[link] for link in free] if initial.q is None else initial.q
+    rates = [initial.rates[link] for link in free] if initial.qd is None else initial.qd
+    return any(angles) or any(rates) or initial.passive != "zero"
 
 
 FEATURES = {

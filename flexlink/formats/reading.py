@@ -18,7 +18,7 @@ import numpy as np
 
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
-from flexlink.common.safe_xml import parse
+from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
 
 ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
@@ -64,11 +64,8 @@ class Node:
     def numbers(self, count: int, key: str | None = None) -> list[float]:
         """The numbers of an attribute, or of the element's text."""
         text = (self.element.text or "") if key is None else self.attribute(key)
-        try:
-            values = [float(word) for word in text.split()]
-        except ValueError:
-            values = []
-        if len(values) != count or not np.isfinite(values).all():
+        values = numbers_of(text)
+        if values is None or len(values) != count or not np.isfinite(values).all():
             said = f"{text[:60]!r}" if key is None else f"{_plain(key)} = {text[:60]!r}"
             raise self.error(f"{said}: expected {count} finite number{'s' * (count > 1)}")
         return values
@@ -242,12 +239,9 @@ def _require_same(found: Node, again: ET.Element, shown: frozenset[str]) -> None
 def _require_equal(node: Node, key: str, found: str | None, again: str | None) -> None:
     if found == again:
         return
-    try:
-        one, other = (np.array((text or "").split(), float) for text in (found, again))
-        if one.shape == other.shape and one.size and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
-            return
-    except ValueError:
-        pass
+    one, other = (np.array(numbers_of(text or "") or [np.nan]) for text in (found, again))
+    if one.shape == other.shape and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
+        return
     said, wanted = ("nothing" if text is None else repr(text[:60]) for text in (found, again))
     raise node.error(f"{key}{said} where flexlink writes {wanted} for what the file says elsewhere")
 

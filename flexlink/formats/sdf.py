@@ -30,7 +30,7 @@ from flexlink.formats.document import (
     text,
     valid,
 )
-from flexlink.formats.shapes import Capsule, capsules
+from flexlink.formats.shapes import Capsule, capsule_behind
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
@@ -71,12 +71,13 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
     )
     parent = "world"
-    shown = dict(zip(chain.bodies["stop"][:-1] - 1, capsules(chain) if flag("shapes", shapes) else (), strict=False))
+    shown = capsule_behind(chain) if flag("shapes", shapes) else {}
     for k, translation, rotation, body in places(chain):
         link = ET.SubElement(model, "link", name=links[k])
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
         _inertial(link, NOTHING if body is None else body)
-        _shape(link, shown.get(k))
+        if k in shown:
+            _shape(link, shown[k])
         _joint(model, chain, k, joints[k], (parent, links[k]))
         parent = links[k]
     end = chain.bodies[-1]
@@ -120,13 +121,12 @@ def _inertial(link: ET.Element, body: np.void) -> None:
     _values(ET.SubElement(inertial, "inertia"), moments)
 
 
-def _shape(link: ET.Element, capsule: Capsule | None) -> None:
-    if capsule is not None:
-        visual = ET.SubElement(link, "visual", name="capsule")
-        _values(visual, {"pose": decimals(capsule.pose)})
-        dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
-        _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
-        _values(ET.SubElement(visual, "material"), dict.fromkeys(("ambient", "diffuse"), capsule.colour[1]))
+def _shape(link: ET.Element, capsule: Capsule) -> None:
+    visual = ET.SubElement(link, "visual", name="capsule")
+    _values(visual, {"pose": decimals(capsule.pose)})
+    dimensions = {"radius": decimals([capsule.radius]), "length": decimals([capsule.length])}
+    _values(ET.SubElement(ET.SubElement(visual, "geometry"), "capsule"), dimensions)
+    _values(ET.SubElement(visual, "material"), dict.fromkeys(("ambient", "diffuse"), capsule.colour[1]))
 
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:

@@ -57,6 +57,12 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
         yield Capsule(end, min(max(radius, thinnest), thickest), of_link[chain.coordinates[body["first"]].link - 1])
 
 
+def capsule_behind(chain: Chain) -> dict[int, Capsule]:
+    """The capsule of the link behind each hinge that has one: the last one at a point."""
+    last = (chain.bodies["stop"][:-1] - 1).tolist()
+    return {k: capsule for k, capsule in zip(last, capsules(chain), strict=True) if capsule is not None}
+
+
 def colours(chain: Chain) -> list[tuple[str, str]]:
     """A name, the link's, and red, green, blue, opacity for every link."""
     names = unique(map(valid, chain.link_names))

@@ -29,7 +29,7 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.formats.shapes import Capsule, capsules, colours
+from flexlink.formats.shapes import Capsule, capsule_behind, colours
 
 # A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
@@ -68,7 +68,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         for name, rgba in colours(chain):
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
     ET.SubElement(robot, "link", name=links[0])
-    shown = dict(zip(chain.bodies["stop"][:-1] - 1, capsules(chain) if shapes else (), strict=False))
+    shown = capsule_behind(chain) if shapes else {}
     for k, translation, rotation, body in places(chain):
         joint = _joint(robot, joints[k], "revolute", (links[k], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
@@ -76,7 +76,8 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
         link = ET.SubElement(robot, "link", name=links[k + 1])
         if body is not None:
             _inertial(link, body)
-        _shape(link, shown.get(k))
+        if k in shown:
+            _shape(link, shown[k])
     place = chain.bodies["translation"][-1], chain.bodies["rotation"][-1]
     fixed = _joint(robot, unique([*joints, "tip_joint"])[-1], "fixed", (links[-2], links[-1]), place)
     ET.SubElement(fixed, "flexlink", own_rotation(place[1]))
@@ -110,9 +111,7 @@ def _inertial(link: ET.Element, body: np.void) -> None:
     ET.SubElement(inertial, "inertia", moments)
 
 
-def _shape(link: ET.Element, capsule: Capsule | None) -> None:
-    if capsule is None:
-        return
+def _shape(link: ET.Element, capsule: Capsule) -> None:
     radius, length = decimals([capsule.radius]), decimals([capsule.length])
     x, y, z, *rpy = capsule.pose
     for kind, dimensions, xyz in (

@@ -23,6 +23,7 @@ from flexlink.kernels.clock import (
     ITERATIONS,
     KNOT,
     LAST,
+    NOT_SOLVED,
     POWER,
     REFUSED,
     REJECTED,
@@ -32,6 +33,7 @@ from flexlink.kernels.clock import (
     STEP,
     TAKEN,
     TIME,
+    TOO_FAR_OFF,
     WORK,
 )
 from flexlink.kernels.compiler import RECURSION, entry, inlined, kernel, recursion
@@ -155,11 +157,10 @@ def refuse(h, error, p, clock, count):
         if clock[REFUSED] > 0.0:
             clock[LAST] = 0.0
         count[FAILED] += 1
-        clock[STEP], clock[CEILING] = 0.4 * h, 0.7 * h
+        clock[STEP], clock[CEILING], clock[REFUSED] = 0.4 * h, 0.7 * h, NOT_SOLVED
     else:
         count[REJECTED] += 1
-        clock[STEP] = h * max(SHRINK, SAFETY * error ** (-1.0 / p))
-    clock[REFUSED] = 1.0
+        clock[STEP], clock[REFUSED] = h * max(SHRINK, SAFETY * error ** (-1.0 / p)), TOO_FAR_OFF
 
 
 @recursion

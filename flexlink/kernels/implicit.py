@@ -21,7 +21,7 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.clock import ACCEPTED, LAST, PASSES, POWER, ROUNDING, SLOWEST, WORK, WORST
+from flexlink.kernels.clock import ACCEPTED, CONTRACTION, LAST, PASSES, POWER, ROUNDING, SLOWEST, WORK, WORST
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.inverse import inverse_dynamics_into
@@ -29,7 +29,8 @@ from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.shifted import INVERSE, A, displacement, factor, place_bodies, solve
 from flexlink.kernels.thrown import error_of
 
-LIKELY = 0.3  # contraction that is taken for granted in the first iteration
+LIKELY = 0.3  # contraction that is taken for granted in the first iteration, and
+SIMILAR = 1.5  # to how many times the last step's length that one's tells of it
 UNSETTLED = (
     100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
 )
@@ -92,7 +93,7 @@ def implicit_step(t, h, inputs, state, accurate, work):
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
     before, fresh = 0.0, True
-    contraction = LIKELY
+    contraction = likely_contraction(h, work.clock)
     for iteration in range(1, int(work.clock[PASSES]) + 1):
         residuals(t, h, inputs, q, qd, work)
         moved = improve(h, work)
@@ -102,6 +103,7 @@ def implicit_step(t, h, inputs, state, accurate, work):
         stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
         settled = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
         if stalled or (settled and unsettled(h, work) <= UNSETTLED * accurate):
+            work.clock[CONTRACTION] = contraction
             finish(t, h, inputs, state, work)
             return estimate(h, qd, qdd, work), iteration
         if not moved < math.inf or (iteration > 3 and contraction > 1.0):
@@ -111,6 +113,16 @@ def implicit_step(t, h, inputs, state, accurate, work):
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
     return math.nan, iteration
+
+
+@inlined
+def likely_contraction(h, clock):
+    """That of the first iteration, from the last step's (Hairer & Wanner, IV.8): it is about in proportion to h²."""
+    known, last = clock[CONTRACTION], clock[LAST]
+    clock[CONTRACTION] = 0.0
+    if known == 0.0 or last == 0.0 or h > SIMILAR * last:
+        return LIKELY
+    return min(LIKELY, max(1.0, h / last) ** 2 * known**0.8)
 
 
 @inlined

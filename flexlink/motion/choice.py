@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from flexlink.analysis.extremes import fastest_frequency
+import numpy as np
+
+from flexlink.analysis.extremes import fastest_decay, fastest_frequency
 from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 
 STIFF = 2e3
-"""Product of the fastest frequency and the duration up to which a run is short for an explicit method: it takes a few
-hundred steps, as an implicit one does."""
+"""Product of the fastest frequency, or decay, and the duration up to which a run is short for an explicit method: it
+takes a few hundred steps, as an implicit one does."""
 
-SMALL, SMALLER = 1e-5, 1e-6
-"""Parts of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper, and up to
-which an undamped arm swings on in all its modes, which an implicit method would have to follow, too."""
+SOFT, SOFT_STIFF = 0.05, 1e4
+"""What gravity and turning add to ω₁², as a part of it, from which an arm that twists is soft, and `STIFF` of these.
+A slender segment has next to no inertia about its own axis: twist follows the moments of bending at once, a stiffness
+that Newton's iteration leaves out, and which keeps an implicit method's steps short."""
 
-FEW = 16
-"""Joints up to which these modes are so slow that DOP853 follows them more cheaply."""
+TWIST = 1
+"""`Coordinate.axis` of a hinge that twists."""
+
+SMALL = 1e-5
+"""Part of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
 
 
 class Choice(NamedTuple):
@@ -37,13 +43,19 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     """
     chain, q = record.chain, record.q[0]
     duration, part = float(record.t[-1] - record.t[0]), tolerance / rounding.reach(chain)
-    fastest = fastest_frequency(chain, q)
+    fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
+    softness = softened(record, slowest)
+    if softness > SOFT and fastest * duration <= SOFT_STIFF and any(c.axis == TWIST for c in chain.coordinates):
+        return Choice("DOP853", f"soft: gravity and turning are {softness:.2g} of its stiffness")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
-    damped = bool(chain.hinges["damping"][chain.stiffness > 0].any())
-    if part <= SMALLER and not damped and chain.n <= FEW:
-        return Choice("DOP853", f"undamped, {chain.n} joints, tolerance {part:.2g} of the reach")
     if part <= SMALL and not chain.hinges["coulomb"].any():
         return Choice("Radau9", f"{stiffness}, tolerance {part:.2g} of the reach")
     return Choice("Radau5", stiffness)
+
+
+def softened(record: Record, slowest: float) -> float:
+    """What gravity and turning add to the square of the lowest frequency, or take from it: (g/L + q̇²)/ω₁²."""
+    gravity, fastest_turn = float(np.linalg.norm(record.chain.gravity)), float(np.abs(record.qd[0]).max(initial=0.0))
+    return (gravity / rounding.reach(record.chain) + fastest_turn**2) / slowest**2

@@ -48,7 +48,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
     if lump(scene).all_axes_parallel_to(g / np.linalg.norm(g)):
         yield (
             f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
-            "moves them; turn gravity, or the first joint's axis by link[0].mount.rpy_deg"
+            "moves them; turn gravity, or the first joint by link[0].joint.axis"
         )
 
 

@@ -6,6 +6,9 @@ import time
 from typing import NamedTuple
 
 BREATH = 0.1  # time between two looks at the samples, at signals and the terminal [s]
+GROW = (
+    8.0  # from one piece to the next at most: short runs take few, and a clock that stands does not end it all in one
+)
 
 
 class Reached(NamedTuple):
@@ -16,7 +19,7 @@ class Reached(NamedTuple):
 
 
 class Pace:
-    """Number of steps that take about `BREATH`: `size`, from 1 on, at most twice the last."""
+    """Number of steps that take about `BREATH`: `size`, from 1 on, at most `GROW` times the last."""
 
     def __init__(self) -> None:
         self.size, self._started = 1, time.perf_counter()
@@ -33,4 +36,4 @@ class Pace:
 
     def end(self) -> None:
         """`size` steps have been taken."""
-        self.size = max(1, int(self.size * min(2.0, BREATH / max(time.perf_counter() - self._started, 1e-9))))
+        self.size = max(1, int(self.size * min(GROW, BREATH / max(time.perf_counter() - self._started, 1e-9))))

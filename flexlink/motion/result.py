@@ -286,7 +286,7 @@ class Record:
     """
 
     def __init__(self, run: Run, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
-        self.chain, self.t, self.q, self.qd = chain, t, q, qd
+        self.run, self.chain, self.t, self.q, self.qd = run, chain, t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
         self.inputs = inputs

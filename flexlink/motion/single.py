@@ -6,12 +6,13 @@ import signal
 from collections.abc import Callable
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import callable_or_none, given
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.methods import check_method, method
 from flexlink.describe.scene import Scene
@@ -22,6 +23,7 @@ from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import ControlError, InterruptedRunError, LawFailure
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.result import Record, Trajectory
+from flexlink.motion.second import UNKNOWN, advice, doubt, second_runs
 from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
@@ -124,19 +126,17 @@ class SingleRun:
     """A run that is judged and compiled, and has not started; errors as in `simulate`."""
 
     def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
+        self.scene = scene
         self.watch = prepare(scene, lump(scene)) if watch is None else watch
         self.steps = steps_of(self.watch)
 
     def finish(self, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
         """Run to the end, or to where it is stopped."""
-        watch, steps, told = self.watch, self.steps, progress or (lambda _: None)
+        watch, steps = self.watch, self.steps
         try:
-            for reached in steps:
-                if not watch.look(reached.rows, steps.steps) or steps.failure:
-                    break
-                told(reached.part)
-                if stop.asked:
-                    break
+            self._advance(stop, progress or (lambda _: None))
+            if not (watch.fault or steps.failure or stop.asked):
+                watch.warnings += filter(None, [self._compare(stop)])
         except LawFailure as failure:
             raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -146,6 +146,30 @@ class SingleRun:
         if stop.signal is not None:
             raise InterruptedRunError(watch.trajectory(), stop.signal)
         return watch.trajectory()
+
+    def _advance(self, stop: Stop, told: Callable[[float], None]) -> None:
+        watch, steps = self.watch, self.steps
+        for reached in steps:
+            if not watch.look(reached.rows, steps.steps) or steps.failure:
+                break
+            told(reached.part)
+            if stop.asked:
+                break
+
+    def _compare(self, stop: Stop) -> str:
+        """What a second run says against this one."""
+        text = ""
+        for second in second_runs(self.watch, self.steps.steps.method):
+            scene = replace(self.scene, run=second.run)
+            text = UNKNOWN.format(advice=advice(self.watch))
+            try:
+                other = SingleRun(scene, prepare(scene, self.watch.record.chain))
+                other._advance(stop, lambda _: None)
+            except FlexlinkError:
+                continue
+            if not (other.watch.fault or other.steps.failure):
+                return doubt(self.watch, second, other.watch.record.tip[: other.watch.good])
+        return text
 
 
 def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:

@@ -100,7 +100,8 @@ class Watch:
         self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
-        self._unbalanced = self._tip_error = 0.0  # largest part of the energy exchanged, sum of the steps' errors [m]
+        self._exchanged = 0.0  # up to now [J]
+        self._unbalanced = self._tip_error = 0.0  # largest imbalance so far [J], sum of the steps' errors [m]
         self.explicit = not run.controlled and method(run.method).explicit
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
@@ -131,7 +132,8 @@ class Watch:
         told = f"t = {record.t[self.good]:.6g} s: {self.fault}" if self.fault else failure
         advice = f"try a smaller step than {run.step:g} s"
         if run.controlled:
-            advice = "try a smaller tolerance, another method, or fixed steps"
+            smaller = "smaller" if self.fault else "larger"  # no step was small enough
+            advice = f"try a {smaller} tolerance, another method, or fixed steps"
         return DivergenceError(f"{record.chain.name}: {told}; {advice}; {self.good} samples kept", self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:
@@ -140,12 +142,12 @@ class Watch:
         energy, work = record.energy[:, rows], record.work(rows)
         if rows.start == 0:
             self._balance = balance.Balance(record.chain, record.energy[:, 0])
-        r, X, ε, garbage = self._balance.judge(
-            energy, work, record.q[rows], self._steps_up_to(rows), self._allowed(energy[0])
-        )
+        allowed = self._allowed(energy[0])
+        r, X, ε, garbage = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowed)
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
-        share = np.where(np.abs(r) > ε, np.abs(r) / X, 0.0)[finite & ~garbage]
-        self._unbalanced = max(self._unbalanced, float(share.max(initial=0.0)))
+        self._exchanged = float(X[-1])
+        over = (np.abs(r) - ε - allowed)[finite & ~garbage]
+        self._unbalanced = max(self._unbalanced, float(over.max(initial=0.0)))
         if garbage.any():
             k = int(np.argmax(garbage))
             unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
@@ -233,11 +235,10 @@ class Watch:
                 f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
-        if self._unbalanced > DOUBT * balance.SHARE:
+        if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
             yield (
-                f"doubtful: the energy is out of balance by {self._unbalanced:.2g} of what was exchanged; "
-                + ("take a tenth of the tolerance" if self.run.controlled else "halve the step")
-                + " and compare"
+                f"doubtful: the energy is out of balance by {self._unbalanced / self._exchanged:.2g} of what was "
+                f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
 
     def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:

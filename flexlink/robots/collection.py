@@ -54,14 +54,14 @@ def folder() -> Path:
         It is not installed.
     """
     try:
-        files = importlib.metadata.files(PACKAGE) or []
+        package = importlib.metadata.distribution(PACKAGE)
     except importlib.metadata.PackageNotFoundError:
-        files = []
-    for file in files:
-        parent, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
+        raise MissingDependencyError(f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'") from None
+    for file in package.files or []:
+        before, inside, _ = file.as_posix().partition(f"/{PACKAGE}/robots/")
         if inside:
-            return Path(str(file.locate())[: -len(file.as_posix())]) / f"{parent}{inside}"
-    raise MissingDependencyError(f"{PACKAGE} is not installed: python -m pip install 'flexlink[robots]'")
+            return Path(str(package.locate_file(before + inside)))
+    raise MissingDependencyError(f"{PACKAGE} {package.version} has no folder of robots")
 
 
 def known_arms() -> dict[str, KnownArm]:

@@ -12,9 +12,9 @@ from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
+from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
-from flexlink.robots.urdf_reader import read_urdf
 
 NO_NUMBERS: Mapping[str, float] = {}
 NO_BEAMS: Mapping[str, Flexible] = {}
@@ -24,7 +24,7 @@ LEAST = 0.01
 """Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Imported:
     """What became of a robot.
 
@@ -47,6 +47,9 @@ class Imported:
     largest_beams: Mapping[str, float]
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Imported {self.scene.name!r}: {len(self.path.parts)} joints from {self.path.base} to {self.path.tip}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
@@ -71,7 +74,7 @@ def import_urdf(
     Parameters
     ----------
     path
-        The file; it alone is read. Or what `read_urdf` has made of it.
+        The file; it alone is read. Or what `read_robot` has made of it.
     base, tip
         Links where the path begins and ends; by default the root, and the end of the only arm. Frame 0 is the root's.
     posture
@@ -95,13 +98,13 @@ def import_urdf(
     ------
     ArgumentError
         A name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position beyond
-        limits, or a beam that does not fit into its link.
+        limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
     DataFileError
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError
         A value of `flexible` or `armature` that cannot be.
     """
-    robot = path if isinstance(path, Robot) else read_urdf(path)
+    robot = path if isinstance(path, Robot) else read_robot(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)

@@ -69,7 +69,7 @@ def _turn(axis: Array, angle: float) -> Array:
     return R
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Robot:
     """Links by name, and joints by name, which make a tree.
 
@@ -95,6 +95,9 @@ class Robot:
     links: Mapping[str, RigidBody]
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, int]
+
+    def __repr__(self) -> str:
+        return f"<Robot {self.name!r}: {len(self.links)} links, {len(self.joints)} joints>"
 
     def __post_init__(self) -> None:
         if not self.links:

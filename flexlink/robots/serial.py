@@ -67,13 +67,16 @@ def serial(
     Raises
     ------
     ArgumentError
-        A name that the robot does not have, a position beyond limits or of what has none, no path from base outward to
-        tip, no free joint on it, or one that is no hinge.
+        A name that the robot does not have, a position beyond limits, of what has none, or stated twice, no path from
+        base outward to tip, no free joint on it, or one that is no hinge.
     """
     base = robot.root if base is None else _known("base", base, robot.links)
     for key, stated in (("posture", posture), ("locked", locked)):
         for name, value in stated.items():
             _check_stated(robot, key, name, value)
+    for name in locked:
+        if name in posture:
+            raise ArgumentError(f"joint {short(name)}: stands in posture and in locked; say in locked where it stays")
     tip = _only_tip(robot, base, locked) if tip is None else _known("tip", tip, robot.links)
     way = robot.path(base, tip)
     if way is None:
@@ -202,4 +205,10 @@ def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
         raise ArgumentError(f"{key}: {short(name)} = {short(value)}: expected a finite number [rad, or m of a slide]")
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
-        raise ArgumentError(f"{key}: {short(name)} = {value!r}: its limits are {lower!r} and {upper!r}")
+        given, low, high = (_said(joint, position) for position in (number, lower, upper))
+        raise ArgumentError(f"{key}: {short(name)} = {given}: its limits are {low} and {high}")
+
+
+def _said(joint: TreeJoint, position: float) -> str:
+    """A position with its unit, of a hinge in degrees, too, in which the command line takes it."""
+    return f"{position!r} rad ({math.degrees(position):.6g}°)" if joint.turns else f"{position!r} m"

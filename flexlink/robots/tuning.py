@@ -5,6 +5,8 @@ Springs are proportional to E, and without gravity nothing else is stiff: f ∝ 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from flexlink.analysis.modal import natural_frequencies
@@ -33,14 +35,16 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     Raises
     ------
     ArgumentError
-        Frequencies of this size are not proportional to √E in float64.
+        Frequencies of this size are not proportional to √E in float64, or take an E beyond it.
     """
     material = scene.arm.links[scene.arm.number(link) - 1].material or link
-    young = scene.arm.materials[material].young * (hertz / clamped_frequency(scene, link)) ** 2
+    ratio = hertz / clamped_frequency(scene, link)
+    young = scene.arm.materials[material].young * (ratio * ratio)
+    asked = f"flexible: link {short(link)}: frequency_hz = {hertz!r}"
+    if not 0 < young < math.inf:
+        raise ArgumentError(f"{asked}: young = {young:g} Pa is beyond the numbers of float64")
     found = scene.varied({f'material."{material}".young': young})
     reached = clamped_frequency(found, link)
     if not abs(reached / hertz - 1) <= CLOSE:
-        raise ArgumentError(
-            f"flexible: link {short(link)}: frequency_hz = {hertz!r}: young = {young:.4g} Pa gives {reached:.9g} Hz"
-        )
+        raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz")
     return found

@@ -56,15 +56,18 @@ def trade_scene(name: str) -> Scene:
     SceneError
         What its file says is no scene.
     """
-    varied = choice("scene", name, scenes())
-    scene = INPUTS[varied.input](_before_input(name))
+    scene = varied_scene(choice("scene", name, scenes()), name)
     every = scene.run.duration / OUTPUTS
     return scene.varied({"run.step": every, "run.sample": every})
 
 
-def _before_input(name: str) -> Scene:
-    varied = scenes()[name]
-    base = _before_input(varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+def varied_scene(varied: Varied, name: str) -> Scene:
+    """A scene of this name that differs so from its base: a scene of the trade, or a file."""
+    return INPUTS[varied.input](_varied(varied, name))
+
+
+def _varied(varied: Varied, name: str) -> Scene:
+    base = _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
     return base.varied(varied.change | {"name": name, "about": varied.about})
 
 

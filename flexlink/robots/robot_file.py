@@ -6,7 +6,6 @@ what the format requires must be there, nothing is given twice. The file alone i
 
 from __future__ import annotations
 
-import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -28,8 +27,8 @@ from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
 
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+LONGEST = 10_000  # characters of an attribute; no path is longer
 MOST_LINKS = 5_000  # a humanoid with hands has 130
 LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64
 KINDS: tuple[str, ...] = get_args(JointKind)
@@ -41,7 +40,7 @@ READ = {
 """Elements that are looked at, by that in which they stand."""
 
 
-def read_urdf(path: str | Path) -> Robot:
+def read_robot(path: str | Path) -> Robot:
     """Read a robot.
 
     Parameters
@@ -78,7 +77,9 @@ def _robot(root: ET.Element) -> Robot:
         raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
-            raise DataFileError(f"<xacro:{element.tag.partition('}')[2]}>: a macro")
+            raise DataFileError(f"<xacro:{short(element.tag.partition('}')[2])[1:-1]}>: a macro")
+        if any(len(value) > LONGEST for value in element.attrib.values()):
+            raise DataFileError(f"<{short(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
@@ -130,11 +131,10 @@ def _text(element: ET.Element, key: str, about: str) -> str:
 
 
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
-    parts = text.split()
-    if len(parts) != count or not all(NUMBER.fullmatch(part) for part in parts):
+    values = safe_xml.numbers_of(text)
+    if values is None or len(values) != count:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
         raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
-    values = [float(part) for part in parts]
     if max(map(abs, values)) > largest:
         raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
     return values

@@ -1,0 +1,103 @@
+"""A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
+
+Fixed steps of an implicit method are compared with a run of twice the step, whose error is 2^p times theirs, or, where
+Newton's iteration does not end so, with one that keeps a tolerance: for about half the cost. Steps with a tolerance
+bound their own errors, and most motions add them up; where joints turn round and round, errors grow, and there a run
+with a tenth of the tolerance tells how far.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from flexlink.describe.methods import method
+from flexlink.describe.situation import AUTO, Run
+from flexlink.dynamics import rounding
+from flexlink.motion.result import Record
+from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch
+
+Array = NDArray[np.float64]
+
+STRICTER = 0.1
+"""Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
+
+TOLERABLE = 3.0
+"""Tolerances that two runs may be apart: ten are the limit for an error at the end, one is what it should be."""
+
+FAR = 16.0
+"""Angle [rad] that a joint goes through in all from which a motion is suspected to multiply errors: one of the rates
+grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15 and less;
+those whose errors were more than ten tolerances went through 19 (up to thirty), or 37 and more (up to thousands)."""
+
+UNKNOWN = "doubtful: no run with other steps ends, and so none tells the errors of this one; {advice} and compare"
+
+
+class Second(NamedTuple):
+    """A run to compare with."""
+
+    run: Run
+    every: int  # of the first run's samples
+    larger: float  # how far the two are apart, over the error of the first
+
+
+def second_runs(watch: Watch, name: str) -> Iterator[Second]:
+    """Runs to compare a finished one with, that advanced by the method of this name; the first that ends will do.
+
+    None where a control law drives the arm: it may remember what it was asked.
+    """
+    run = watch.run
+    if watch.control is not None:
+        return
+    if run.controlled:
+        if run.accuracy == "tip" and turned(watch.record) > FAR:
+            yield Second(_within(run, name, STRICTER * _tolerance(watch)), 1, 1.0)
+    elif not method(run.method).explicit:
+        if pairs := (run.samples - 1) // 2:
+            sample = 2 * run.sample
+            coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
+            yield Second(coarser, 2, 2.0 ** method(run.method).order - 1)
+        if _moved(watch) > 0:
+            yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
+
+
+def doubt(watch: Watch, second: Second, tip: Array) -> str:
+    """Why a run is doubtful whose second run has these tips; empty if it is not."""
+    error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
+    steps = f"a tolerance of {second.run.tolerance:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
+    told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
+    if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
+        return f"{told}: this motion multiplies errors; {advice(watch)} and compare"
+    if not watch.run.controlled and error > _tolerance(watch):
+        return f"{told}, which moves {_moved(watch):.3g} m; {advice(watch)} and compare"
+    return ""
+
+
+def advice(watch: Watch) -> str:
+    """What to change in a run that is doubtful so."""
+    return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
+
+
+def turned(record: Record) -> float:
+    """Largest angle [rad] that a joint goes through, forth and back, by its rates at the samples; led ones apart."""
+    rates = np.abs(record.qd[:, record.chain.hinges["prescribed"] == 0])
+    return float(np.trapezoid(rates, record.t, axis=0).max(initial=0.0))
+
+
+def _within(run: Run, name: str, tolerance: float) -> Run:
+    return replace(run, method=name, tolerance=tolerance or None, relative_tolerance=None)
+
+
+def _tolerance(watch: Watch) -> float:
+    """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
+    if watch.run.controlled:
+        return watch.run.tolerance_within(rounding.reach(watch.record.chain))
+    return DOUBT * TIP_SHARE * _moved(watch)
+
+
+def _moved(watch: Watch) -> float:
+    return float(np.linalg.norm(np.ptp(watch.record.tip, axis=0)))

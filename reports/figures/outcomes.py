@@ -1,0 +1,46 @@
+"""What became of runs at extremes: for every method and way of stepping the parts that ended so or so."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from reports.picture import Picture
+from reports.results import Results
+from reports.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
+from reports.tables import series_csv
+
+SECTION = "integrators"
+TAKES = ("outcomes",)
+SHOWN = (
+    ("within", GREEN), ("near", SKY), ("warned", BLUE), ("error", GREY), ("dear", "#c9cdd1"), ("unknown", PURPLE),
+    ("false doubt", ORANGE), ("silent wrong", VERMILION),
+)  # fmt: skip
+CAPTION = (
+    "Runs by method and by step or tolerance, a part of the reach: off by at most a tolerance (within) or ten (near), "
+    "with a warning, ended by a named error, too dear to be judged, without a truth, warned without need, wrong "
+    "without a word."
+)
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture a case."""
+    for case, rows in results.of_kind("extremes"):
+        for series in (s for s in results.series[case] if s.what in TAKES):
+            columns = {name: np.asarray(values).astype(str) for name, values in series.columns.items()}
+            ways = np.char.add(np.char.add(columns["method"], ", "), columns["steps"])
+            ways = np.char.replace(np.char.replace(ways, " of the reach", ""), "tolerance", "tol.")
+            names = list(dict.fromkeys(sorted(ways.tolist())))
+            figure, (axes,) = stacked_axes(1, 1.4 + 0.28 * len(names))
+            left = np.zeros(len(names))
+            for outcome, colour in SHOWN:
+                counts = np.array([np.sum((ways == name) & (columns["outcome"] == outcome)) for name in names])
+                if counts.any():
+                    axes.barh(names, counts, left=left, color=colour, label=f"{outcome} ({counts.sum()})")
+                left += counts
+            axes.set(xlabel="runs [1]")
+            axes.invert_yaxis()
+            axes.grid(False, axis="y")
+            legend_above(figure, axes, 2)
+            yield Picture(f"{case}.{series.name}", rows[0].title, figure, CAPTION, series_csv(series))

@@ -1,0 +1,79 @@
+"""A second run says what a run's own steps cannot tell: the errors of fixed implicit steps, and errors that grow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene
+
+import flexlink as fl
+from flexlink.dynamics import rounding
+from flexlink.motion import single
+
+pytestmark = compiled
+WRONG = 0.05  # of the tip's motion
+
+
+def swung() -> fl.Scene:
+    """A rod let go 10° from its upright position, whose errors grow."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
+    return scene.varied({"run": fl.Run(step=0.17, sample=0.17, duration=34.0)})
+
+
+def off(run: fl.Trajectory, exact: fl.Trajectory) -> float:
+    """Error of the tip, as a part of its motion."""
+    return float(np.abs(run.tip - exact.tip).max() / np.linalg.norm(np.ptp(exact.tip, axis=0)))
+
+
+@pytest.mark.parametrize("name", ["Radau5", "Gauss4"])
+def test_fixed_implicit_steps_are_doubted_before_they_are_wrong_and_not_where_they_are_right(name: str) -> None:
+    scene = swung()
+    exact = fl.simulate(scene, method="DOP853", tolerance=1e-9)
+    runs = [fl.simulate(scene, method=name, step=0.17 / parts) for parts in (1, 2, 4, 8)]
+    assert any("a step tells an error" in told for told in runs[0].warnings)
+    assert not runs[-1].warnings
+    assert off(runs[-1], exact) < WRONG / 10
+    assert [run for run in runs if off(run, exact) > WRONG and not run.warnings] == []
+
+
+def test_the_second_run_tells_the_error_within_a_factor_of_three_where_the_order_shows() -> None:
+    scene = swung()
+    exact = fl.simulate(scene, method="DOP853", tolerance=1e-9)
+    run = fl.simulate(scene, method="Gauss6", step=0.17)
+    (told,) = (warning for warning in run.warnings if "tells an error" in warning)
+    found = float(told.split("error of ")[1].split(" m")[0])
+    actual = float(np.abs(run.tip - exact.tip).max())
+    assert actual <= found <= 5 * actual
+
+
+def spinning(rate: float) -> fl.Scene:
+    """Two links that bend in all directions, no friction, the first joint turning so fast [deg/s]."""
+    links = flexible("a", "yz", 3), flexible("b", "yz", 3, mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)))
+    initial = fl.Initial(joint_deg=(0.0, 40.0), rate_deg=(rate, 0.0))
+    return make_scene(*links, gravity=(0.0, 0.0, 9.81), initial=initial).varied(
+        {"run.duration": 0.2, "run.sample": 0.01, "run.relative_tolerance": 1e-4, "run.method": "DOP853"}
+    )
+
+
+@pytest.mark.slow
+def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned() -> None:
+    scene = spinning(36000.0).varied({"run.duration": 0.1})
+    exact = fl.simulate(scene, relative_tolerance=1e-9)
+    errors, warned = [], []
+    for tolerance in (1e-3, 1e-4, 1e-5):
+        run = fl.simulate(scene, relative_tolerance=tolerance)
+        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * rounding.reach(run.chain)))
+        warned.append(any("this motion multiplies errors" in told for told in run.warnings))
+    assert max(errors) > 10  # there is something to warn of
+    assert all(said or error <= 10 for error, said in zip(errors, warned, strict=True))
+
+
+def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[object] = []
+    begin = single.steps_of
+    monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
+    for rate, wanted in ((90.0, 1), (36000.0, 2)):
+        runs.clear()
+        fl.simulate(spinning(rate), relative_tolerance=1e-2)
+        assert len(runs) == wanted
