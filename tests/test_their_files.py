@@ -15,9 +15,11 @@ import planted
 import pytest
 from conftest import MODELS, ROOT
 from planted import PLANTED, Planted
+from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.cli.main import main
+from flexlink.engines import lines
 from flexlink.engines.diagnosis import Diagnosis, diagnose_file
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.engines.states import mixed_states
@@ -173,6 +175,17 @@ def test_a_rotor_left_out_is_named_though_nothing_else_gives_its_joint_inertia(f
     (finding,) = found.findings
     assert not found.passed and "armature of joint 'first': 0 instead of 0.1 kg m²: left out" in str(finding)
     assert "M, which is singular" in finding.alone
+
+
+def test_a_flat_arm_is_put_back_by_a_rotation_not_by_a_mirror(rng: np.random.Generator) -> None:
+    ours = of_chain(fl.lump(fl.load_scene(ROOT / "models" / "paper_fig5.toml")))
+    for k in range(ours.n - 1):
+        turn = Rotation.from_rotvec(rng.uniform(-1.5, 1.5, 3))
+        point = ours.points[k]
+        theirs = lines._displaced(ours, k, turn.as_matrix(), point, point + rng.uniform(-1, 1, 3))
+        placed = lines.put_back(ours, theirs, 1e-11)
+        assert placed.places[0].angle == pytest.approx(turn.magnitude(), abs=1e-9)
+        assert np.abs(placed.theirs.inertias - ours.inertias).max() <= 1e-12 * np.abs(ours.inertias).max()
 
 
 @pytest.mark.parametrize("read", [of_chain(CHAIN), of_chain(fl.lump(SPATIAL))], ids=["bent", "straight"])
