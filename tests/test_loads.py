@@ -11,6 +11,9 @@ from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, rando
 import flexlink as fl
 from flexlink.chain.chain import BODY, HINGE
 from flexlink.dynamics.placement import hinge_bodies
+from flexlink.engines.states import random_states
+from validation.benchmarks.random_arms import random_arm
+from validation.kinds.identities import IDENTITIES
 
 NASTY = fl.lump(nasty_scene())
 WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
@@ -72,6 +75,14 @@ def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: f
         moment = couple - loads.moment[i] + np.cross(r - c, out) + np.cross(c, loads.force[i])
         moment -= body["inertia"] @ α + np.cross(ω, body["inertia"] @ ω)
         assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # no arm of a force is longer than 1.25 m
+
+
+def test_random_arms_with_every_key_of_a_link_are_in_equilibrium_too() -> None:
+    limits = {"equilibrium of cut segments": 1e-11, "moments about hinges": 1e-13}
+    for seed in range(12):
+        chain = fl.lump(random_arm(seed))
+        for name, limit in limits.items():
+            assert IDENTITIES[name][0](chain, random_states(chain, 1, seed=seed)[0]) <= limit, (seed, name)
 
 
 def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_drive(chain: fl.Chain, rng) -> None:
@@ -216,3 +227,5 @@ def test_loads_that_cannot_be_are_refused() -> None:
         fl.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
     with pytest.raises(fl.ArgumentError, match=r"q has shape \(2, 3\)"):
         fl.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))
+    with pytest.raises(fl.ArgumentError, match="a strain is beyond the numbers of float64"):
+        fl.beam_strain(nasty_scene(), np.full((2, NASTY.n), 1e308), link="upper", fibre=(0, 0))

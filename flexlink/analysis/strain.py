@@ -14,13 +14,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, vector
+from flexlink.chain.arguments import beyond_float64, given, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import AXES
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.batches import is_batch, rows
+from flexlink.kernels.finite import is_finite
 
 Array = NDArray[np.float64]
 
@@ -41,7 +42,8 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     """Curvature of a link and bending strain of a fibre at its hinges.
 
     κ = θ/(w L), off by θ² where a hinge bends and twists at once. A chain does not stretch: to the strain of bending a
-    gauge adds that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`.
+    gauge adds that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`. At the root of the beam, where no
+    hinge is, κ = M/EI with the moment there.
 
     Parameters
     ----------
@@ -62,7 +64,8 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     Raises
     ------
     ArgumentError
-        `q` or `fibre` has the wrong shape, is not real or not finite; there is no such link, or it is rigid.
+        `q` or `fibre` has the wrong shape, is not real or not finite; there is no such link, or it is rigid; a strain
+        is beyond float64.
     SceneError, DataFileError
         As of `lump`.
     """
@@ -75,7 +78,11 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     nodes, weights = hinges_of(arm)[number - 1]
     length = bent.beam.length
     curvature = np.zeros((*angles.shape[:-1], len(nodes), 3))
-    for axis in AXES[bent.flex]:
-        hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-        curvature[..., axis - 1] = (angles[..., hinges] - chain.rest[hinges]) / (weights * length)
-    return BeamStrain(nodes * length, curvature, z * curvature[..., 1] - y * curvature[..., 2])
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis in AXES[bent.flex]:
+            hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
+            curvature[..., axis - 1] = (angles[..., hinges] - chain.rest[hinges]) / (weights * length)
+        strain = z * curvature[..., 1] - y * curvature[..., 2]
+    if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
+        raise beyond_float64("a strain", q=angles, fibre=[y, z])
+    return BeamStrain(nodes * length, curvature, strain)

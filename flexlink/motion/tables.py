@@ -35,7 +35,7 @@ def to_xarray(run: Trajectory) -> Any:
         coords={
             "time": ("time", run.t, {"units": "s"}), "joint": list(run.chain.joint_names), "axis": list("xyz"),
         },
-        attrs={"name": run.chain.name, "warnings": list(run.warnings)},
+        attrs={"name": run.chain.name, "warnings": "\n".join(run.warnings)},
     )  # fmt: skip
 
 

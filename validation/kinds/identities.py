@@ -24,6 +24,7 @@ import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import MASS_METHODS
 from flexlink.engines.states import State, random_states
@@ -116,6 +117,33 @@ def _inverse(chain: Chain, s: State) -> float:
     return float(np.abs(back - s.tau).max() / size.max())
 
 
+def _hinge_moments(chain: Chain, s: State) -> float:
+    """About the axis of a hinge a cut carries inverse dynamics' torque without the rotor's, of the other sign."""
+    qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
+    found = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    torque = fl.inverse_dynamics(chain, s.q, s.qd, qdd, tip_wrench=s.wrench) - chain.hinges["armature"] * qdd
+    size = np.abs(fl.mass_matrix(chain, s.q)) @ np.abs(qdd) + np.abs(fl.bias_torque(chain, s.q, s.qd))
+    return float(np.abs(found.hinge_moment + torque).max() / size.max())
+
+
+def _equilibrium(chain: Chain, s: State) -> float:
+    """Each segment about its centre of mass, in its own axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
+    qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
+    f, n, _ = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    R, p, _, _, *turning = body_motion(chain, s.q, s.qd, qdd)
+    worst = 0.0
+    for i, body in enumerate(chain.bodies[:-1]):
+        ω, a, α = (R[i].T @ part[i] for part in turning)
+        to, c, mass, inertia = R[i].T @ R[i + 1], body["center"], body["mass"], body["inertia"]
+        near, far = -c, R[i].T @ (p[i + 1] - p[i]) - c
+        out, couple = to @ f[i + 1], to @ n[i + 1]
+        force = out - f[i] - mass * (a - R[i].T @ chain.gravity + np.cross(α, c) + np.cross(ω, np.cross(ω, c)))
+        moment = couple - n[i] + np.cross(far, out) - np.cross(near, f[i])
+        moment -= inertia @ α + np.cross(ω, inertia @ ω)
+        worst = max(worst, np.abs(force).max() / np.abs(f).max(), np.abs(moment).max() / np.abs(n).max())
+    return float(worst)
+
+
 def _rigid_energy(chain: Chain, q: Array, qd: Array) -> Any:
     parts = fl.energy(chain, q, qd)
     return parts.kinetic + parts.gravity
@@ -146,4 +174,6 @@ IDENTITIES: dict[str, tuple[Callable[[Chain, State], float], Callable[[list[floa
     "power balance": (_power, max),
     "Ṁ − 2C skew": (_skew, max),
     "ID∘FD = identity": (_inverse, max),
+    "moments about hinges": (_hinge_moments, max),
+    "equilibrium of cut segments": (_equilibrium, max),
 }
