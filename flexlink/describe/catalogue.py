@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.common.reading import read_regular
+from flexlink.common.files import read_regular
 from flexlink.describe.spec import decode, meant, short
 
 T = TypeVar("T")

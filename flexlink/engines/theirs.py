@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, cast
 from flexlink.chain.arguments import choice
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
-from flexlink.common.reading import read_regular
+from flexlink.common.files import read_regular
 from flexlink.engines import load_here
 from flexlink.engines.base import Array, Engine, File, Reader
 from flexlink.engines.isolated import IsolatedEngine

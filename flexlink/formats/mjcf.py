@@ -27,6 +27,7 @@ from flexlink.chain.pose import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.rigid_body import ROUNDING
+from flexlink.formats.capsules import Capsule, capsules, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
@@ -39,7 +40,6 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.formats.shapes import Capsule, capsules, colours
 
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
 MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements

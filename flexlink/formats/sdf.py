@@ -18,6 +18,7 @@ import numpy as np
 from flexlink.chain.arguments import flag, given
 from flexlink.chain.chain import BODY, Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.formats.capsules import Capsule, capsule_behind
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     Array,
@@ -30,7 +31,6 @@ from flexlink.formats.document import (
     text,
     valid,
 )
-from flexlink.formats.shapes import Capsule, capsule_behind
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}

@@ -14,6 +14,7 @@ import numpy as np
 from flexlink.chain.arguments import flag, given
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.formats.capsules import Capsule, capsule_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
@@ -29,7 +30,6 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
-from flexlink.formats.shapes import Capsule, capsule_behind, colours
 
 # A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}

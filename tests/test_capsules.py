@@ -12,7 +12,7 @@ from conftest import ROOT, chain_of, make_scene, nasty_scene, random_state
 
 import flexlink as fl
 from flexlink.common.safe_xml import parse
-from flexlink.formats.shapes import COLOURS, THICKNESS, capsules
+from flexlink.formats.capsules import COLOURS, THICKNESS, capsules
 
 WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 
