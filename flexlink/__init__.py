@@ -9,8 +9,10 @@ import flexlink.common.entry  # noqa: F401  first of all
 
 from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
 from flexlink.analysis.linear import LinearModel, linearize
+from flexlink.analysis.loads import InternalLoads, internal_loads
 from flexlink.analysis.modal import Modes, modes, natural_frequencies
 from flexlink.analysis.stability import stable_step
+from flexlink.analysis.strain import BeamStrain, beam_strain
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import (
@@ -38,6 +40,7 @@ from flexlink.dynamics.derivatives import (
     inverse_dynamics_derivatives,
 )
 from flexlink.dynamics.placement import Frames, Jacobian, frames, jacobian, tip_position
+from flexlink.dynamics.point_motion import PointMotion, point_motion
 from flexlink.dynamics.terms import (
     Energy,
     bias_torque,
@@ -52,6 +55,7 @@ from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import ControlError, DivergenceError, InterruptedRunError
 from flexlink.motion.result import State, Trajectory
+from flexlink.motion.settling import overshoot, residual_vibration, settling_time
 from flexlink.motion.simulator import Simulator
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
@@ -66,6 +70,7 @@ __version__ = "0.1.0"
 __all__ = [
     "ArgumentError",
     "Arm",
+    "BeamStrain",
     "Chain",
     "Comparison",
     "ControlError",
@@ -86,6 +91,7 @@ __all__ = [
     "Friction",
     "Imported",
     "Initial",
+    "InternalLoads",
     "InterruptedRunError",
     "InverseDerivatives",
     "Jacobian",
@@ -99,6 +105,7 @@ __all__ = [
     "Mount",
     "OutputError",
     "Payload",
+    "PointMotion",
     "Run",
     "Scene",
     "SceneError",
@@ -109,6 +116,7 @@ __all__ = [
     "Trajectory",
     "UnstableStepError",
     "Wrench",
+    "beam_strain",
     "bias_torque",
     "buckling_loads",
     "compare",
@@ -121,6 +129,7 @@ __all__ = [
     "gravity_torque",
     "import_urdf",
     "initial_state",
+    "internal_loads",
     "inverse_dynamics",
     "inverse_dynamics_derivatives",
     "jacobian",
@@ -130,6 +139,10 @@ __all__ = [
     "mass_matrix",
     "modes",
     "natural_frequencies",
+    "overshoot",
+    "point_motion",
+    "residual_vibration",
+    "settling_time",
     "simulate",
     "simulate_many",
     "solve_static",

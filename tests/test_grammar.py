@@ -21,6 +21,7 @@ OF_A_STATE = [
     *(fl.inverse_dynamics, fl.bias_torque, fl.gravity_torque, fl.elastic_torque, fl.friction_torque, fl.mass_matrix),
     *(fl.forward_dynamics, fl.energy, fl.frames, fl.tip_position, fl.modes, fl.natural_frequencies, fl.solve_static),
     *(fl.inverse_dynamics_derivatives, fl.forward_dynamics_derivatives, fl.jacobian, fl.linearize),
+    *(fl.internal_loads, fl.point_motion),
     *(fl.buckling_loads, fl.stable_step, stability.eigenvalues, stability.fastest_eigenvalues),
     *(stability.largest_frequency, rounding.of_mass_matrix, rounding.of_bias_torque, rounding.of_elastic_torque),
     *(rounding.of_friction_torque, rounding.of_residual, rounding.of_acceleration, rounding.acceleration_error),
@@ -28,6 +29,7 @@ OF_A_STATE = [
 OF_OTHERS = {
     fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
+    fl.beam_strain: ["scene", "q"], fl.settling_time: ["run"], fl.overshoot: ["run"], fl.residual_vibration: ["run"],
     fl.load_scene: ["path"], load: ["name", "chain"],
 }  # fmt: skip
 

@@ -232,6 +232,10 @@ class Chain:
         """
         return self.joint_names[joint_index("k", k, self)]
 
+    def body(self, k: int | str) -> int:
+        """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above."""
+        return int(np.searchsorted(self.bodies["stop"], joint_index("k", k, self), side="right"))
+
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in sequential order."""

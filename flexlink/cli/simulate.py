@@ -18,7 +18,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.notes import notes
-from flexlink.motion.result import Trajectory, output_format
+from flexlink.motion.result import Trajectory
+from flexlink.motion.saving import output_format
 from flexlink.motion.single import SingleRun
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import importlib
 from pathlib import Path
 from types import ModuleType
@@ -11,18 +12,19 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import integer
+from flexlink.chain.arguments import NO_WRENCH, integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.output import write_whole
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
-from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.accelerations import forward_dynamics, solver_for
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.samples import drive_torques, tips_and_energies
-from flexlink.motion import balance
+from flexlink.motion import balance, tables
 from flexlink.motion.actuation import Inputs, input_arrays
+from flexlink.motion.saving import Writer, output_format
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -79,6 +81,8 @@ class Trajectory:
         What a reader of the result must know, such as that it was insisted on an unstable step.
     steps
         How the run advanced; None of a run of another engine.
+    tip_wrench
+        Force and moment that acted on the tip, frame 0, shape (6,) [N, N m].
     """
 
     chain: Chain
@@ -91,6 +95,7 @@ class Trajectory:
     work: Array | None = None
     warnings: tuple[str, ...] = ()
     steps: Steps | None = None
+    tip_wrench: Array = dataclasses.field(default_factory=NO_WRENCH.copy)
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
@@ -125,6 +130,21 @@ class Trajectory:
         k = integer("k", k, -len(self.t), len(self.t) - 1)
         return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
 
+    @functools.cached_property
+    def qdd(self) -> Array:
+        """Joint accelerations at the samples [rad/s²], shape (samples, n), by `forward_dynamics` from q, q̇ and `tau`.
+
+        Raises
+        ------
+        SingularMassError
+            As in `forward_dynamics`.
+        """
+        hinges = self.chain.hinges.copy()
+        hinges["prescribed"] = 0  # the torque that a prescribed motion has taken is in `tau`
+        free = dataclasses.replace(self.chain, hinges=hinges)
+        qdd = forward_dynamics(free, self.q, self.qd, self.tau, tip_wrench=self.tip_wrench)
+        return np.asarray(_read_only(qdd))
+
     @property
     def imbalance(self) -> Array:
         """E(t) − E(0) − W(t) [J], shape (samples,): what the discretisation has done to the energy.
@@ -151,7 +171,12 @@ class Trajectory:
 
     @property
     def columns(self) -> dict[str, Array]:
-        """Every sampled quantity as a named column with its unit, in the order of the CSV file."""
+        """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
+
+        "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", then
+        "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]", "elastic [J]", and, of flexlink's own runs,
+        "work [J]", "imbalance [J]".
+        """
         names = self.chain.joint_names
         return {
             "t [s]": self.t,
@@ -181,7 +206,7 @@ class Trajectory:
         write_whole(path, self.writer(path))
         return path
 
-    def writer(self, path: Path) -> _Writer:
+    def writer(self, path: Path) -> Writer:
         """The function that writes this trajectory in the format that the ending of `path` names.
 
         Raises
@@ -189,7 +214,27 @@ class Trajectory:
         ArgumentError
             The name ends neither in .npz nor in .csv.
         """
-        return _Writer(self, output_format(path))
+        return Writer(self, output_format(path))
+
+    def to_pandas(self) -> Any:
+        """All `columns` as a pandas.DataFrame, whose index is the time "t [s]".
+
+        Raises
+        ------
+        MissingDependencyError
+            pandas is not installed.
+        """
+        return tables.to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time); with `units`.
+
+        Raises
+        ------
+        MissingDependencyError
+            xarray is not installed.
+        """
+        return tables.to_xarray(self)
 
     def plot(self) -> Figure:
         """Draw joint angles, tip and energy against time; needs matplotlib.
@@ -265,63 +310,10 @@ class Record:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        return Trajectory(self.chain, t, q, qd, tau, tip, Energy(*self.energy[:, :stop]), work, warnings, steps)
+        energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.wrench
+        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench)
 
 
 def _kept(array: Array, stop: int) -> Array:
     """The first rows, without holding the memory of the rest."""
     return array if stop == len(array) else array[:stop].copy()
-
-
-@dataclasses.dataclass(frozen=True)
-class _Writer:
-    trajectory: Trajectory
-    format: str
-
-    def __call__(self, path: Path) -> None:
-        run = self.trajectory
-        if self.format == ".npz":
-            kinetic, gravity, elastic = run.energy
-            joints = np.array(run.chain.joint_names)
-            with path.open("wb") as file:
-                arrays = {
-                    "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,
-                    "kinetic": kinetic, "gravity": gravity, "elastic": elastic, "warnings": np.array(run.warnings, str),
-                }  # fmt: skip
-                if run.work is not None:
-                    arrays |= {"work": run.work, "imbalance": run.imbalance}
-                np.savez_compressed(file, allow_pickle=False, **arrays)
-            return
-        rows = zip(*(column.tolist() for column in run.columns.values()), strict=True)
-        header = ",".join('"' + name.replace('"', '""') + '"' for name in run.columns)
-        with path.open("w", encoding="utf-8") as file:
-            file.write(header + "\n")
-            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
-
-
-def picture_format(path: Path) -> str:
-    """Format of a picture, from the ending of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        It is none of .png, .svg, .pdf.
-    """
-    return _ending(path, (".png", ".svg", ".pdf"), "a picture")
-
-
-def output_format(path: Path) -> str:
-    """Format of a trajectory file, ".npz" or ".csv", from the ending of `path`.
-
-    Raises
-    ------
-    ArgumentError
-        It is neither.
-    """
-    return _ending(path, (".npz", ".csv"), "a trajectory")
-
-
-def _ending(path: Path, allowed: tuple[str, ...], what: str) -> str:
-    if path.suffix not in allowed:
-        raise ArgumentError(f"{str(path)!r}: unknown format; {what} is saved as {' or '.join(allowed)}")
-    return path.suffix

@@ -1,0 +1,218 @@
+"""Internal loads, strain gauges, accelerometers: what engineers read off an arm that stands or moves."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
+
+import flexlink as fl
+from flexlink.chain.chain import BODY, HINGE
+from flexlink.dynamics.placement import hinge_bodies
+
+NASTY = fl.lump(nasty_scene())
+WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])
+
+
+def moving(chain: fl.Chain, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return *random_state(chain, rng), rng.uniform(-50, 50, chain.n)
+
+
+def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.Chain, slice]:
+    """The chain with three more hinges, X, Y, Z, in body i, at an offset from its origin; and their numbers."""
+    body, k = chain.bodies[i].copy(), int(chain.bodies["stop"][i])
+    root, after = body.copy(), chain.bodies[i + 1 :].copy()
+    root["mass"], root["center"], root["inertia"] = 0.0, 0.0, 0.0
+    body["first"], body["stop"], body["turned"], body["rotation"], body["translation"] = k, k + 3, 0, np.eye(3), offset
+    body["center"] -= offset
+    for field in ("first", "stop"):
+        after[field] += 3
+    if len(after):
+        after["translation"][0] -= offset
+    bodies = np.array([*chain.bodies[:i], root, body, *after], dtype=BODY)
+    extra = np.array([(axis, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -np.inf, np.inf, 0) for axis in range(3)], dtype=HINGE)
+    hinges = np.array([*chain.hinges[:k], *extra, *chain.hinges[k:]], dtype=HINGE)
+    coordinates = (*chain.coordinates[:k], *[fl.Coordinate(1, 90, axis) for axis in (1, 2, 3)], *chain.coordinates[k:])
+    return dataclasses.replace(chain, bodies=bodies, hinges=hinges, coordinates=coordinates), slice(k, k + 3)
+
+
+def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl.Chain, rng) -> None:
+    """Three more hinges in a body, held at angle zero, take n − r × f by another recursion, that of `rne`."""
+    state = moving(chain, rng)
+    loads = fl.internal_loads(chain, *state, tip_wrench=WRENCH)
+    for i in {0, len(chain.bodies) // 2, len(chain.bodies) - 2}:
+        for offset in np.vstack([np.zeros(3), np.eye(3)]):
+            held, added = clamped_in_the_cut(chain, i, offset)
+            still = (np.insert(part, [added.start] * 3, 0.0) for part in state)
+            torque = fl.inverse_dynamics(held, *still, tip_wrench=WRENCH)[added]
+            wanted = -(loads.moment[i] - np.cross(offset, loads.force[i]))
+            scale = np.abs(loads.moment).max() + np.abs(loads.force).max()  # the offset is 1 m
+            assert np.abs(torque - wanted).max() <= 1e-12 * scale
+
+
+def test_every_segment_is_in_equilibrium_with_the_loads_at_its_two_cuts(chain: fl.Chain, rng) -> None:
+    """m a = m g + f_in + f_out about the centre of mass, in axes of the segment, as its own sensor reads the motion."""
+    q, qd, qdd = moving(chain, rng)
+    loads = fl.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH)
+    placed = fl.frames(chain, q)
+    scale = np.abs(loads.force).max(), np.abs(loads.moment).max()
+    for i, body in enumerate(chain.bodies[:-1]):
+        here, beyond = placed.rotations[i], placed.rotations[i + 1]
+        turn, c = here.T @ beyond, body["center"]
+        r = here.T @ (placed.points[i + 1] - placed.points[i])
+        out, couple = turn @ loads.force[i + 1], turn @ loads.moment[i + 1]
+        sensors = [fl.point_motion(chain, q, qd, qdd, body=i, point=p) for p in (c, *(c + np.eye(3)))]
+        force = out - loads.force[i] - body["mass"] * sensors[0].accelerometer
+        assert np.abs(force).max() <= 1e-11 * scale[0]
+        ω = sensors[0].gyroscope
+        swing = np.array([s.accelerometer - sensors[0].accelerometer for s in sensors[1:]]).T  # [α]× + [ω]×²
+        α = np.array([swing[2, 1] - swing[1, 2], swing[0, 2] - swing[2, 0], swing[1, 0] - swing[0, 1]]) / 2
+        moment = couple - loads.moment[i] + np.cross(r - c, out) + np.cross(c, loads.force[i])
+        moment -= body["inertia"] @ α + np.cross(ω, body["inertia"] @ ω)
+        assert np.abs(moment).max() <= 1e-11 * (scale[0] + scale[1])  # no arm of a force is longer than 1.25 m
+
+
+def test_in_a_motion_a_hinge_carries_its_spring_and_friction_and_a_joint_its_drive(chain: fl.Chain, rng) -> None:
+    q, qd = random_state(chain, rng)
+    q[chain.stiffness > 0] *= 0.01
+    tau = np.zeros(chain.n)
+    tau[chain.active] = rng.normal(size=len(chain.active))
+    qdd = fl.forward_dynamics(chain, q, qd, tau, tip_wrench=WRENCH)
+    found = fl.internal_loads(chain, q, qd, qdd, tip_wrench=WRENCH).hinge_moment
+    spring, friction = fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
+    scale = np.abs(spring).max() + np.abs(friction).max() + np.abs(found).max()
+    wanted = spring + friction + chain.hinges["armature"] * qdd - tau
+    assert np.abs(found - wanted).max() <= 1e-9 * scale  # that of q̈, which M's condition makes larger than rounding
+
+
+def cantilever(lumping: str, segments: int, **fields: object) -> fl.Scene:
+    """1.25 m of aluminium, a million times as stiff: it sags by some nm, and loads do not notice."""
+    link = flexible("boom", "yz", segments, lumping=lumping, joint=fl.Joint(locked=True))
+    return make_scene(link, **fields).varied({"material.aluminium.young": 7e16})
+
+
+@pytest.mark.parametrize(("lumping", "segments"), [("gauss", 5), ("paper", 6), ("clamped", 4), ("legendre", 4)])
+def test_a_cantilever_has_the_moment_line_of_the_books(lumping: str, segments: int) -> None:
+    """M_z = −q (L − x)²/2 + P (L − x), T = −q (L − x) + P: load q downwards, tip force P upwards, at every hinge."""
+    P, H = 7.0, 11.0
+    scene = cantilever(lumping, segments, gravity=(0.0, -9.81, 0.0), tip=fl.Payload(mass=0.5))
+    chain = fl.lump(scene)
+    wrench = [H, P, 0.0, 0.0, 0.0, 0.0]
+    rest = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=wrench)
+    still = np.zeros(chain.n)
+    loads = fl.internal_loads(chain, rest.q, still, still, tip_wrench=wrench)
+    gauge = fl.beam_strain(scene, rest.q, link="boom", fibre=(0.02, -0.015))
+    cuts = [chain.body(f"boom.{j}.z") for j in range(1, segments)]
+    q, left = SQUARE.properties.area * ALUMINIUM.density * 9.81, 1.25 - gauge.x
+    M = -q * left**2 / 2 + (P - 0.5 * 9.81) * left
+    EI = 7e16 * SQUARE.properties.i_z
+    assert loads.moment[cuts, 2] == pytest.approx(M, rel=1e-6)
+    assert loads.force[cuts, 1] == pytest.approx(-q * left + P - 0.5 * 9.81, rel=1e-6)
+    assert loads.force[cuts, 0] == pytest.approx(np.full(len(cuts), H), rel=1e-6)
+    assert gauge.curvature[:, 2] == pytest.approx(M / EI, rel=1e-6)
+    assert gauge.strain == pytest.approx(-0.02 * M / EI, rel=1e-6)
+    assert not gauge.curvature[:, 0].any()
+
+
+def test_a_fibre_on_the_outside_of_a_bend_is_stretched() -> None:
+    scene = make_scene(flexible("boom", "xyz", 5, joint=fl.Joint(locked=True)), gravity=(0.0, 0.0, 0.0))
+    chain = fl.lump(scene)
+    for wrench, fibre in (([0, -1, 0, 0, 0, 0], (0.02, 0.0)), ([0, 0, -1, 0, 0, 0], (0.0, 0.02))):
+        q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=wrench).q
+        gauge = fl.beam_strain(scene, q, link=1, fibre=fibre)  # the load points away from the fibre
+        other = fl.beam_strain(scene, q, link=1, fibre=np.negative(fibre))
+        assert (gauge.strain > 0).all()
+        assert np.array_equal(other.strain, -gauge.strain)
+    q = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=[0, 0, 0, 6.0, 0, 0]).q
+    GJ = ALUMINIUM.shear * SQUARE.properties.torsion
+    assert fl.beam_strain(scene, q, link="boom", fibre=(0, 0)).curvature[:, 0] == pytest.approx(6.0 / GJ, rel=1e-9)
+
+
+def test_a_point_moves_as_its_path_says(chain: fl.Chain, rng) -> None:
+    """Central differences of order 4 along q + q̇ t + q̈ t²/2; p changes by itself, some metres, in a time 1/s."""
+    q, qd, qdd = rng.uniform(-1, 1, (3, chain.n))
+    body, point = len(chain.bodies) // 2, np.array([0.3, -0.2, 0.1])
+
+    def place(t: float) -> np.ndarray:
+        placed = fl.frames(chain, q + qd * t + qdd * t**2 / 2)
+        return placed.points[body] + placed.rotations[body] @ point
+
+    s = np.abs(qd).sum() + np.sqrt(np.abs(qdd).sum())
+    h = 1e-3 / s  # rounding: 4 m · eps/h, 4 m · eps/h², each times a few; truncation, (s h)⁴, is less
+    p = {k: place(k * h) for k in range(-2, 3)}
+    found = fl.point_motion(chain, q, qd, qdd, body=body, point=point)
+    assert np.array_equal(found.position, p[0])
+    J = fl.jacobian(chain, q, body=body, point=point)
+    assert np.abs(found.velocity - J.linear @ qd).max() <= 1e-14 * s
+    slope = (8 * (p[1] - p[-1]) - p[2] + p[-2]) / (12 * h)
+    bend = (16 * (p[1] + p[-1]) - p[2] - p[-2] - 30 * p[0]) / (12 * h**2)
+    assert np.abs(found.velocity - slope).max() <= 1e-11 * s
+    assert np.abs(found.acceleration - bend).max() <= 1e-8 * s**2
+    R = fl.frames(chain, q).rotations[body]
+    assert np.abs(R @ found.accelerometer - found.acceleration + chain.gravity).max() <= 1e-14 * (10 + s**2)
+    assert np.abs(R @ found.gyroscope - J.angular @ qd).max() <= 1e-14 * s
+
+
+def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -> None:
+    link = fl.Link(name="a", joint=fl.Joint(axis=(0.0, 0.0, 1.0)))
+    chain = fl.lump(make_scene(link, tip=fl.Payload(mass=1.0, center=(1.0, 0.0, 0.0)), gravity=(0.0, -9.81, 0.0)))
+    still = [0.0]
+    assert fl.point_motion(chain, still, still, still).accelerometer.tolist() == [0.0, 9.81, 0.0]
+    qdd = fl.forward_dynamics(chain, still, still, still)  # a mass on a massless rod begins to fall freely
+    fall = fl.point_motion(chain, still, still, qdd, point=(1.0, 0.0, 0.0))
+    assert np.abs(fall.accelerometer).max() <= 1e-15 * 9.81
+    assert fall.acceleration == pytest.approx(chain.gravity, rel=1e-15)
+
+
+def test_a_joint_has_its_body(chain: fl.Chain) -> None:
+    assert [chain.body(name) for name in chain.joint_names] == hinge_bodies(chain).tolist()
+
+
+def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
+    """With a tip wrench and a joint whose motion is prescribed: its acceleration is that of the motion."""
+    motion = fl.Motion(
+        link="a", times=(0.0, 1.0), angle_deg=(0.0, 0.0), rate_deg=(0.0, 0.0), acceleration_deg=(90.0, 0)
+    )
+    links = fl.Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
+    scene = make_scene(*links, motion=(motion,), wrench=fl.Wrench(force=(1.0, 2.0, 3.0)), gravity=(0.0, -9.81, 0.0))
+    run = fl.simulate(scene, duration=0.02, step=1e-4, sample=1e-3)
+    assert run.tip_wrench.tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
+    s = run.t
+    wanted = np.pi / 2 * (1 - 9 * s + 18 * s**2 - 10 * s**3)  # the quintic's, from its four other conditions at 0
+    assert run.qdd[:, 0] == pytest.approx(wanted, abs=1e-10)
+    loads = fl.internal_loads(run.chain, run.q, run.qd, run.qdd, tip_wrench=run.tip_wrench)
+    assert loads.force.shape == (len(run.t), len(run.chain.bodies), 3)
+    tip = fl.frames(run.chain, run.q).rotations[:, -1] @ loads.force[:, -1, :, None]
+    assert np.abs(tip[..., 0] - run.tip_wrench[:3]).max() <= 1e-14
+    bent = fl.beam_strain(scene, run.q, link="b", fibre=(0.02, 0.0))
+    assert bent.strain.shape == (len(run.t), 2)
+    assert np.array_equal(bent.strain[7], fl.beam_strain(scene, run.q[7], link="b", fibre=(0.02, 0.0)).strain)
+    path = fl.point_motion(run.chain, run.q, run.qd, run.qdd)
+    assert np.abs(path.position - run.tip).max() <= 1e-15
+    assert [repr(one) for one in (loads, bent, path)] == [
+        "<InternalLoads: 5 cuts in 21 states>",
+        "<BeamStrain: 2 hinges in 21 states>",
+        "<PointMotion: one point in 21 states>",
+    ]
+
+
+def test_loads_that_cannot_be_are_refused() -> None:
+    q = np.zeros(NASTY.n)
+    with pytest.raises(fl.ArgumentError, match=r"qdd has shape \(1,\)"):
+        fl.internal_loads(NASTY, q, q, [0.0])
+    with pytest.raises(fl.ArgumentError, match="an internal load is beyond the numbers of float64"):
+        fl.internal_loads(NASTY, q, np.full(NASTY.n, 1e200), q)
+    with pytest.raises(fl.ArgumentError, match="state 1: the motion of the point is beyond"):
+        fl.point_motion(NASTY, q, np.outer([0, 1e200], np.ones(NASTY.n)), q)
+    with pytest.raises(fl.ArgumentError, match="body = 99: must be"):
+        fl.point_motion(NASTY, q, q, q, body=99)
+    with pytest.raises(fl.ArgumentError, match="no joint of this chain"):
+        NASTY.body("elbow")
+    with pytest.raises(fl.ArgumentError, match="link = 'rigid': is rigid; expected one that bends"):
+        fl.beam_strain(nasty_scene(), q, link="rigid", fibre=(0, 0))
+    with pytest.raises(fl.ArgumentError, match=r"fibre has shape \(3,\); expected \(2,\)"):
+        fl.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
+    with pytest.raises(fl.ArgumentError, match=r"q has shape \(2, 3\)"):
+        fl.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))

@@ -1,0 +1,108 @@
+"""How the tip comes to rest, and runs as tables of other packages."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+
+import numpy as np
+import pytest
+from conftest import nasty_scene
+
+import flexlink as fl
+
+ζ, ω, STEP = 0.1, 2 * np.pi, 0.3  # of a tip that springs by 0.3 m to its target, at 1 Hz
+TARGET = (1.0 + STEP, 2.0, 0.0)
+
+
+@pytest.fixture(scope="module")
+def short_run() -> fl.Trajectory:
+    return fl.simulate(nasty_scene(), duration=2e-3, sample=1e-3)
+
+
+@pytest.fixture(scope="module")
+def step_response(short_run: fl.Trajectory) -> fl.Trajectory:
+    """x = 1 + 0.3 (1 − exp(−ζωt) (cos ω_d t + ζ/√(1 − ζ²) sin ω_d t)), the books' response of second order."""
+    t = np.linspace(0.0, 10.0, 10_001)
+    damped = ω * math.sqrt(1 - ζ**2)
+    x = 1 - np.exp(-ζ * ω * t) * (np.cos(damped * t) + ζ / math.sqrt(1 - ζ**2) * np.sin(damped * t))
+    tip = np.column_stack([1.0 + STEP * x, np.full(len(t), 2.0), np.zeros(len(t))])
+    return dataclasses.replace(short_run, t=t, tip=tip)
+
+
+def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> None:
+    wanted = math.exp(-np.pi * ζ / math.sqrt(1 - ζ**2))
+    near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
+    assert fl.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
+    assert fl.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
+    with pytest.raises(fl.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: is where the tip starts"):
+        fl.overshoot(step_response, target=(1.0, 2.0, 0.0))
+
+
+def test_a_tip_has_settled_when_it_no_longer_leaves_the_tolerance(step_response: fl.Trajectory) -> None:
+    tolerance = 0.02 * STEP
+    found = fl.settling_time(step_response, target=TARGET, tolerance=tolerance)
+    away = np.linalg.norm(step_response.tip - TARGET, axis=1)
+    k = round(found / 1e-3)
+    assert away[k - 1] > tolerance >= away[k:].max()
+    envelope = -math.log(0.02 * math.sqrt(1 - ζ**2)) / (ζ * ω)
+    assert envelope - 0.5 <= found <= envelope + 1e-3  # within half a period, and a sample, of the envelope
+    later = fl.settling_time(step_response, target=TARGET, tolerance=tolerance, after=2.0)
+    assert later == pytest.approx(found - 2.0, abs=1e-12)
+    assert fl.settling_time(step_response, target=TARGET, tolerance=1.0) == 0.0
+    assert fl.settling_time(step_response, target=(5.0, 0.0, 0.0), tolerance=1.0) == math.inf
+
+
+def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step_response: fl.Trajectory) -> None:
+    t, (a, b) = step_response.t, np.array([[0.6, 0.8, 0.0], [0.0, 0.0, 0.5]])
+    swing = np.outer(0.01 * np.cos(5 * t), a) + np.outer(0.01 * np.sin(5 * t), b)
+    run = dataclasses.replace(step_response, tip=np.array([7.0, -3.0, 1.0]) + swing)
+    assert fl.residual_vibration(run, after=5.0) == pytest.approx(0.01, rel=2e-5)  # sampled at 1/1000 of its period
+    assert fl.residual_vibration(step_response, after=9.0) < fl.residual_vibration(step_response, after=5.0) < STEP
+
+
+def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
+    with pytest.raises(
+        fl.ArgumentError, match=r"after = 11.0: a run from 0 to 10 s has 0 samples from there on; needs 1"
+    ):
+        fl.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
+    with pytest.raises(fl.ArgumentError, match=r"after = 10.0: .* has 1 samples from there on; needs 2"):
+        fl.residual_vibration(step_response, after=10.0)
+    with pytest.raises(fl.ArgumentError, match="after = 'end': expected a time"):
+        fl.residual_vibration(step_response, after="end")
+    with pytest.raises(fl.ArgumentError, match="tolerance = 0: must be a finite number > 0"):
+        fl.settling_time(step_response, target=TARGET, tolerance=0)
+    with pytest.raises(fl.ArgumentError, match=r"target has shape \(2,\); expected \(3,\)"):
+        fl.overshoot(step_response, target=(1.0, 2.0))
+    with pytest.raises(fl.ArgumentError, match="run = 3: expected a Trajectory"):
+        fl.residual_vibration(3, after=0.0)
+
+
+def test_pandas_has_every_column_over_the_time(short_run: fl.Trajectory) -> None:
+    pytest.importorskip("pandas")
+    table = short_run.to_pandas()
+    assert [table.index.name, *table.columns] == list(short_run.columns)
+    assert np.array_equal(np.column_stack([table.index, table]), np.column_stack(list(short_run.columns.values())))
+
+
+def test_xarray_has_every_quantity_over_time_and_joint_with_its_unit(short_run: fl.Trajectory) -> None:
+    pytest.importorskip("xarray")
+    data = short_run.to_xarray()
+    assert np.array_equal(data.q.sel(joint="upper.2.z"), short_run.q[:, short_run.chain.index("upper", 2, 3)])
+    assert np.array_equal(data.tip.sel(axis="z"), short_run.tip[:, 2])
+    for name in ("q", "qd", "tau", "tip", "work", "imbalance"):
+        assert np.array_equal(data[name], getattr(short_run, name))
+    assert {name: data[name].units for name in ("time", "q", "qd", "tau", "tip", "elastic")} == {
+        "time": "s", "q": "rad", "qd": "rad/s", "tau": "N m", "tip": "m", "elastic": "J",
+    }  # fmt: skip
+    assert "work" not in dataclasses.replace(short_run, work=None).to_xarray()
+
+
+@pytest.mark.parametrize("package", ["pandas", "xarray"])
+def test_without_the_package_one_line_says_what_to_install(
+    short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(fl.MissingDependencyError, match=rf"needs {package}; .*pip install 'flexlink\[tables\]'"):
+        getattr(short_run, f"to_{package}")()
