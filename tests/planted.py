@@ -217,6 +217,13 @@ def expressed_in_model(root: ET.Element) -> None:
     root.findall(".//axis/xyz")[5].set("expressed_in", "__model__")
 
 
+def impossible_without_a_world(root: ET.Element) -> None:
+    """Drake refuses a world with such an inertia, but not a model."""
+    said(".//izz", "9", only=-1)(root)
+    world = root[0]
+    root[:] = world.findall("model")
+
+
 def inertial_turned(root: ET.Element) -> None:
     for pose in root.findall(".//inertial/pose"):
         pose.text = " ".join([*pose.text.split()[:5], "0.3"])
@@ -311,6 +318,8 @@ PLANTED = (
     Planted("sdf", "rotations in degrees", said_times("world/model/link/pose", 1, 1, 1, *[1 / PER_DEGREE] * 3),
             "joint 'waist' turned by"),
     Planted("sdf", "inertial left out weighs 1 kg", said(".//inertial", None, only=1), "mass of joint"),
+    Planted("sdf", "an inertia that no body can have",
+            impossible_without_a_world, "Drake takes a ball of water"),
     Planted("sdf", "inertial rotated", inertial_turned, "rotation of the principal"),
     Planted("sdf", "inertia about the joint", sdf_about_joint, "taken about the joint"),
     Planted("sdf", "payload left out", said_times(".//mass", 0.5, only=-1), "a part is left out"),

@@ -13,6 +13,7 @@ from conftest import ROOT, chain_of, make_scene, nasty_scene, random_state
 import flexlink as fl
 from flexlink.common.safe_xml import parse
 from flexlink.formats.capsules import COLOURS, THICKNESS, capsules
+from validation.benchmarks.random_arms import random_arm
 
 WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 
@@ -128,3 +129,10 @@ def test_a_keyframe_that_is_no_state_is_refused_by_name() -> None:
     }.items():
         with pytest.raises(fl.ArgumentError, match=message):
             fl.to_mjcf(chain, initial=initial)
+
+
+def test_a_segment_that_only_rounding_has_left_has_no_shape() -> None:
+    """It hangs 1e-17 m from the next one, closer than MuJoCo bears."""
+    mujoco = pytest.importorskip("mujoco")
+    chain = fl.lump(random_arm(41))
+    mujoco.MjModel.from_xml_string(fl.to_mjcf(chain))

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
 from urdf_texts import RandomRobot
 
 import flexlink as fl
+from flexlink.chain.pose import Pose
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
@@ -17,8 +19,9 @@ from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import Flexible, payload
 from flexlink.robots.importing import Imported, import_urdf
-from flexlink.robots.inertia import Pose, RigidBody, body_with
+from flexlink.robots.inertia import RigidBody, body_with
 from flexlink.robots.robot_file import read_robot
+from flexlink.robots.tuning import clamped_frequency
 from validation.benchmarks.original import Original
 
 SEEDS = range(4)
@@ -187,6 +190,15 @@ def test_a_link_gets_the_frequency_that_is_asked_for(hertz: float, robot) -> Non
         held = [joint for joint in chain.joint_names if not joint.startswith(f"{name}.")]
         found = fl.modes(chain, q, locked=held)
         assert found.hertz[0] == pytest.approx(hertz, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ['3" pipe', "l.1", "*", "don't", "a=b", "é"])
+def test_a_link_of_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
+    text = RandomRobot(0).text().replace('"p3"', quoteattr(name))
+    path = tmp_path / "robot.urdf"
+    path.write_text(text, encoding="utf-8")
+    imported = import_urdf(path, tip="p8", locked={"j4": 0.0}, flexible={name: Flexible(frequency_hz=12.0)})
+    assert clamped_frequency(imported.scene, name) == pytest.approx(12.0, rel=1e-6)
 
 
 def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> None:

@@ -8,6 +8,7 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -121,6 +122,19 @@ def refuse_held(engine: str, scene: Scene) -> None:
     if scene.drive.hold or scene.initial.time:
         what = "drive.hold = True" if scene.drive.hold else f"initial.time = {scene.initial.time!r}"
         raise ArgumentError(f"{what}: {engine} cannot follow it; use native, pinocchio or mujoco")
+
+
+def refuse_methods(engine: str, method: str, known: Collection[str]) -> None:
+    """Of an engine that has some Runge-Kutta methods of its own.
+
+    Raises
+    ------
+    ArgumentError
+        The method is none of the known ones.
+    """
+    if method not in known:
+        names = " and ".join(map(repr, known))
+        raise ArgumentError(f"method = {method!r}: of flexlink's explicit methods {engine} has only {names}")
 
 
 def refuse_motion(engine: str, chain: Chain) -> None:

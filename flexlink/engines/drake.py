@@ -35,6 +35,7 @@ from flexlink.engines.base import (
     diverged,
     drive_function,
     refuse_held,
+    refuse_methods,
     refuse_motion,
     start,
 )
@@ -172,9 +173,7 @@ class DrakeEngine:
         run = scene.run
         refuse_motion("Drake", lump(scene))
         refuse_held("Drake", scene)
-        if run.method not in METHODS:
-            known = " and ".join(map(repr, METHODS))
-            raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Drake has only {known}")
+        refuse_methods("Drake", run.method, METHODS)
         samples = t, q, qd = start(scene)
         simulator, plant = self._simulator(scene)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Indices, ReadBack, merged
+from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_hinge
 
 
 def hinges(plant: Any) -> list[Any]:
@@ -24,9 +24,7 @@ def hinges(plant: Any) -> list[Any]:
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
     for joint in moving:
         if not isinstance(joint, RevoluteJoint):
-            raise ArgumentError(
-                f"joint {joint.name()!r} is of type {joint.type_name()}: only arms of hinges are compared"
-            )
+            raise no_hinge(joint.name(), joint.type_name())
     if not moving:
         raise ArgumentError("no joint moves: nothing to compare")
     return moving

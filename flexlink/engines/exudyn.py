@@ -28,10 +28,18 @@ from exudyn.itemInterface import (
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
-from flexlink.engines.base import Array, Samples, diverged, drive_function, refuse_held, refuse_motion, start
+from flexlink.engines.base import (
+    Array,
+    Samples,
+    diverged,
+    drive_function,
+    refuse_held,
+    refuse_methods,
+    refuse_motion,
+    start,
+)
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import places
@@ -97,9 +105,7 @@ class ExudynEngine:
         run = scene.run
         refuse_motion("Exudyn", lump(scene))
         refuse_held("Exudyn", scene)
-        if run.method not in METHODS:
-            known = " and ".join(map(repr, METHODS))
-            raise ArgumentError(f"method = {run.method!r}: of flexlink's explicit methods Exudyn has only {known}")
+        refuse_methods("Exudyn", run.method, METHODS)
         samples = t, q, qd = start(scene)
         whole = self._whole
         whole.load(np.zeros(self.n), scene.tip_wrench)

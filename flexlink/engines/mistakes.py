@@ -15,6 +15,7 @@ from flexlink.engines.shapes import (
     about_the_joint,
     alike,
     anything,
+    ball_of_water,
     extra,
     larger,
     less_in_one,
@@ -102,6 +103,7 @@ ZERO, NO_REF = "the joint's zero is shifted", "joint ref: leave it out, or add i
 BALANCED = "balanceinertia makes the three moments equal"
 SHAPES = "the engine takes masses from the shapes of geoms"
 FROM_INERTIAL = 'compiler inertiafromgeom="false", and an <inertial> in every body'
+RULE = "{tag}: none negative, none larger than the other two together"
 QUATERNION = "order of the quaternion (w x y z in MJCF), order of roll, pitch and yaw, or degrees for radians"
 
 MISTAKES: tuple[Mistake, ...] = (
@@ -130,6 +132,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("inertias", larger, "small moments are raised to a floor", 'compiler boundinertia="0"', "boundinertia"),
     Mistake("inertias", alike, BALANCED, 'compiler balanceinertia="false"', "balanceinertia"),
     Mistake("inertias", missing, "the inertia is left out", "{tag}"),
+    Mistake("inertias", ball_of_water, "no body can have what the file says, and Drake takes a ball of water", RULE),
     Mistake("inertias", turned, "the rotation of the principal axes is lost or another one", "{tag}: " + QUATERNION),
     Mistake("inertias", about_the_joint, "taken about the joint, not the centre of mass", "{tag}, about the centre"),
     Mistake("inertias", proportional, "another unit or density", IN_UNITS),

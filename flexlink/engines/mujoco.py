@@ -22,7 +22,17 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.engines import mujoco_reader
-from flexlink.engines.base import Array, DriveTorque, File, Samples, diverged, drive_function, refuse_motion, start
+from flexlink.engines.base import (
+    Array,
+    DriveTorque,
+    File,
+    Samples,
+    diverged,
+    drive_function,
+    refuse_methods,
+    refuse_motion,
+    start,
+)
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 
@@ -153,8 +163,7 @@ class MujocoEngine:
     def integrate(self, scene: Scene) -> Samples:
         """`mj_step` with MuJoCo's RK4."""
         run, model = scene.run, self.model
-        if run.method != "RK4":
-            raise ArgumentError(f"method = {run.method!r}: of the explicit methods MuJoCo has only 'RK4'")
+        refuse_methods("MuJoCo", run.method, ["RK4"])
         refuse_motion("MuJoCo", lump(scene))
         samples = t, q, qd = start(scene)
         data = self.data

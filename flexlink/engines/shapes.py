@@ -108,6 +108,13 @@ def alike(seen: Seen) -> bool:
     return bool((np.ptp(moments(seen.theirs), axis=1) <= SAME * _smallest(seen.theirs)).all())
 
 
+def ball_of_water(seen: Seen) -> bool:
+    """What Drake takes, with a warning, for inertias that no body can have: 2/5 m r², a ball of 1000 kg/m³."""
+    m = seen.them.masses[seen.where]
+    moment = 0.4 * m * np.cbrt(3 * m / (4000 * np.pi)) ** 2
+    return close(seen.theirs, moment[:, None, None] * np.eye(3))
+
+
 def about_the_joint(seen: Seen) -> bool:
     """m (r² 1 − r rᵀ) too much, r from the joint's point to the centre."""
     k = seen.where

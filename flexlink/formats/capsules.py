@@ -15,6 +15,9 @@ import numpy as np
 from flexlink.chain.chain import Chain, unique
 from flexlink.formats.document import Array, decimals, valid
 
+LEAST = 1e-9
+"""Part of the arm's length up to which a body has none: what rounding leaves of one, which MuJoCo refuses."""
+
 THICKNESS = 0.004, 0.04  # thinnest and thickest radius, of the reach
 COLOURS = (
     (0.00, 0.45, 0.70), (0.90, 0.62, 0.00), (0.00, 0.62, 0.45), (0.80, 0.47, 0.65),
@@ -43,16 +46,16 @@ class Capsule(NamedTuple):
 
 
 def capsules(chain: Chain) -> Iterator[Capsule | None]:
-    """One for every body but the tip, None for those without length."""
+    """One for every body but the tip, None for those without length, or one that nobody sees."""
     of_link = colours(chain)
     ends = chain.bodies["translation"][1:]
-    thinnest, thickest = (share * float(np.linalg.norm(ends, axis=1).sum()) for share in THICKNESS)
-    for body, end in zip(chain.bodies[:-1], ends, strict=True):
-        square = float(end @ end)
-        if square == 0:
+    lengths = np.linalg.norm(ends, axis=1)
+    shortest, thinnest, thickest = (share * float(lengths.sum()) for share in (LEAST, *THICKNESS))
+    for body, end, length in zip(chain.bodies[:-1], ends, lengths, strict=True):
+        if length <= shortest:
             yield None
             continue
-        along = float(end @ body["inertia"] @ end) / square
+        along = float(end @ body["inertia"] @ end) / length**2
         radius = math.sqrt(2 * along / body["mass"]) if body["mass"] > 0 else 0.0
         yield Capsule(end, min(max(radius, thinnest), thickest), of_link[chain.coordinates[body["first"]].link - 1])
 

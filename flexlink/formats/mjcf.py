@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.arguments import flag, given, sequence, vector
 from flexlink.chain.chain import HINGE, Chain, Coordinate
+from flexlink.chain.pose import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.rigid_body import ROUNDING
@@ -115,12 +116,12 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
 def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
     """Bodies and tip, one in the other; `own` takes what they hold only rounded."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), list(capsules(chain))
-    frame, waiting = _Frame(), list[_Hinge]()
+    frame, waiting = HERE, list[_Hinge]()
     for b, body in enumerate(chain.bodies[:-1]):
-        place, name = _Frame(body["rotation"], body["translation"]), links[body["stop"]]
+        place, name = Pose(body["rotation"], body["translation"]), links[body["stop"]]
         heavy = bool(body["mass"] or body["inertia"].any())
         if body["turned"] or waiting or not heavy:
-            _exact(own, f"placement.{joints[body['first']]}", *place.r, *place.R.flat)
+            _exact(own, f"placement.{joints[body['first']]}", *place.p, *place.R.flat)
         frame = frame.then(place)
         waiting = [hinge.seen_from(place) for hinge in waiting]
         waiting += [_Hinge(k, np.eye(3)[chain.hinges["axis"][k]]) for k in range(body["first"], body["stop"])]
@@ -135,13 +136,13 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             for hinge in waiting:
                 hinge.write(parent, joints[hinge.k], chain)
             _shape(parent, shown[b] if shapes else None)
-            frame, waiting = _Frame(), []
+            frame, waiting = HERE, []
     if waiting:
         raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
     end = chain.bodies[-1]
     if end["turned"]:
         _exact(own, "tip", *end["translation"], *end["rotation"].flat)
-    tip = _body(parent, links[-1], _Frame(end["rotation"], end["translation"]))
+    tip = _body(parent, links[-1], Pose(end["rotation"], end["translation"]))
     _inertial(
         tip, end, np.zeros(3), np.eye(3)
     )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
@@ -179,18 +180,6 @@ def _safe_step(chain: Chain) -> float:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Frame:
-    """Placement of a frame in another one: v_outer = R v + r."""
-
-    R: Array = dataclasses.field(default_factory=lambda: np.eye(3))
-    r: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-
-    def then(self, inner: _Frame) -> _Frame:
-        """Placement of a frame that `inner` places in this one."""
-        return _Frame(self.R @ inner.R, self.r + self.R @ inner.r)
-
-
-@dataclasses.dataclass(frozen=True)
 class _Hinge:
     """Hinge `k` with its axis and position in the frame of the running body, at zero angles."""
 
@@ -198,9 +187,9 @@ class _Hinge:
     axis: Array
     pos: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
 
-    def seen_from(self, frame: _Frame) -> _Hinge:
+    def seen_from(self, frame: Pose) -> _Hinge:
         """The same hinge in the axes of the next body."""
-        return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.r))
+        return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.p))
 
     def write(self, body: ET.Element, name: str, chain: Chain) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
@@ -211,9 +200,9 @@ class _Hinge:
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
 
 
-def _body(parent: ET.Element, name: str, frame: _Frame) -> ET.Element:
+def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
     quaternion = decimals(quaternion_from_matrix(frame.R))
-    return ET.SubElement(parent, "body", name=name, pos=decimals(frame.r), quat=quaternion)
+    return ET.SubElement(parent, "body", name=name, pos=decimals(frame.p), quat=quaternion)
 
 
 def _principal(body: np.void) -> tuple[Array, Array]:

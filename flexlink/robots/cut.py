@@ -17,7 +17,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.robots.inertia import NOTHING, Pose, RigidBody, body_with
+from flexlink.chain.pose import Pose
+from flexlink.robots.inertia import NOTHING, RigidBody, body_with
 
 Array = NDArray[np.float64]
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import numpy as np
 
 from flexlink.analysis.modal import natural_frequencies
@@ -37,13 +38,14 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     ArgumentError
         Frequencies of this size are not proportional to √E in float64, or take an E beyond it.
     """
-    material = scene.arm.links[scene.arm.number(link) - 1].material or link
-    ratio = hertz / clamped_frequency(scene, link)
-    young = scene.arm.materials[material].young * (ratio * ratio)
+    name = scene.arm.links[scene.arm.number(link) - 1].material or link
+    material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
+    young = material.young * (ratio * ratio)
     asked = f"flexible: link {short(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
         raise ArgumentError(f"{asked}: young = {young:g} Pa is beyond the numbers of float64")
-    found = scene.varied({f'material."{material}".young': young})
+    stiff = msgspec.structs.replace(material, young=young)
+    found = scene.varied({"material": scene.arm.materials | {name: stiff}})  # no path: the name may hold any character
     reached = clamped_frequency(found, link)
     if not abs(reached / hertz - 1) <= CLOSE:
         raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz")

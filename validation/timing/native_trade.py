@@ -21,7 +21,7 @@ from validation.benchmarks.trade import OUTPUTS, motion_of, reference, tip_error
 from validation.timing.mujoco_runs import Timed
 from validation.timing.work_precision import Point, ladder
 
-COARSEST, FINER = 0.3, 10**-0.5  # of the motion, the first tolerance; each is so much of the one before
+COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
 OF_STABLE = 0.98  # of the largest stable step at the start
 SHORT = 0.01  # s
 LIMIT = "RK4 at its limit"
