@@ -48,9 +48,9 @@ def internal_loads(
 ) -> InternalLoads:
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
-    They are those of the given motion, whatever drives it. With q̈ of `forward_dynamics`, or of a run, `run.qdd`, the
+    They are those of the given motion, whatever drives it; along a run, `run.loads`. With q̈ of `forward_dynamics` the
     moment about the axis of a hinge is k (θ − θ₀) + T_FR + I_a q̈, that about a driven joint's T_FR + I_a q̈ − T_EX, I_a
-    the armature. At a joint the axes are those of the link there.
+    the armature. At a joint the axes are those of the body there: z is the joint's axis unless the scene names another.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def internal_loads(
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
     tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m]; of a run `run.tip_wrench`.
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
 
     Returns
     -------

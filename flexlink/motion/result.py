@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.analysis.loads import InternalLoads, internal_loads
 from flexlink.chain.arguments import NO_WRENCH, integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, MissingDependencyError
@@ -144,6 +145,18 @@ class Trajectory:
         free = dataclasses.replace(self.chain, hinges=hinges)
         qdd = forward_dynamics(free, self.q, self.qd, self.tau, tip_wrench=self.tip_wrench)
         return np.asarray(_read_only(qdd))
+
+    @functools.cached_property
+    def loads(self) -> InternalLoads:
+        """`internal_loads` at the samples, each with a leading axis of samples, the run's own tip wrench counted.
+
+        Raises
+        ------
+        SingularMassError
+            As in `qdd`.
+        """
+        found = internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
+        return InternalLoads(*map(_read_only, found))
 
     @property
     def imbalance(self) -> Array:
