@@ -11,7 +11,7 @@ import pytest
 from urdf_texts import RandomRobot
 
 import flexlink as fl
-from flexlink.chain.pose import Pose
+from flexlink.chain.rigid import Pose, RigidBody, body_with
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
@@ -19,7 +19,6 @@ from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import Flexible, payload
 from flexlink.robots.importing import Imported, import_urdf
-from flexlink.robots.inertia import RigidBody, body_with
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.tuning import clamped_frequency
 from validation.benchmarks.original import Original

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Coordinate
+from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
 from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
@@ -15,57 +16,42 @@ Array = NDArray[np.float64]
 
 @dataclasses.dataclass
 class Body:
-    """A rigid body while it grows: placement on its parent, mass, first moment and inertia about its centre."""
+    """A segment while it grows: placement on the one before, numbers of its hinges, what is rigid behind them."""
 
-    rotation: Array
-    translation: Array
+    place: Pose
     first: int
     stop: int
-    mass: float = 0.0
-    center: Array = dataclasses.field(default_factory=lambda: np.zeros(3))
-    inertia: Array = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
-
-    def add(self, mass: float, center: Array, inertia: Array) -> None:
-        """Join another rigid body; both inertias are moved to the common centre (parallel axes)."""
-        if mass > 0:
-            d = center - self.center
-            reduced = self.mass * mass / (self.mass + mass)
-            self.inertia = self.inertia + reduced * (d @ d * np.eye(3) - np.outer(d, d))
-            self.center = self.center + d * (mass / (self.mass + mass))
-            self.mass += mass
-        self.inertia = self.inertia + inertia
+    rigid: RigidBody = NOTHING
 
     def record(self) -> tuple[object, ...]:
         """One row of dtype `BODY`."""
-        turned = int(not np.array_equal(self.rotation, np.eye(3)))
-        inertia = np.triu(self.inertia) + np.triu(self.inertia, 1).T  # R I Rᵀ is symmetric up to rounding only
-        return self.first, self.stop, turned, self.rotation, self.translation, self.mass, self.center, inertia
+        (R, p), (mass, center, I) = self.place, self.rigid
+        symmetric = np.triu(I) + np.triu(I, 1).T  # R I Rᵀ is so up to rounding only
+        return self.first, self.stop, int(not np.array_equal(R, np.eye(3))), R, p, mass, center, symmetric
 
 
 class Builder:
-    """Walks along the arm: `rotation`, `translation` place the running frame in the frame of the current body."""
+    """Walks along the arm: `running` places the running frame in the frame of the current body."""
 
     def __init__(self) -> None:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
-        self.bodies = [Body(np.eye(3), np.zeros(3), 0, 0)]
-        self.rotation, self.translation = np.eye(3), np.zeros(3)
+        self.bodies = [Body(HERE, 0, 0)]
+        self.running = HERE
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
-        self.translation = self.translation + self.rotation @ translation
-        if rotation is not None:
-            self.turn(rotation)
+        self.running = self.running.then(Pose(np.eye(3) if rotation is None else rotation, translation))
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
-        self.rotation = self.rotation @ rotation
+        self.running = self.running.then(Pose(rotation, np.zeros(3)))
 
     def start_body(self) -> None:
         """A new body begins in the running frame, with no hinges yet."""
         n = len(self.hinges)
-        self.bodies.append(Body(self.rotation, self.translation, n, n))
-        self.rotation, self.translation = np.eye(3), np.zeros(3)
+        self.bodies.append(Body(self.running, n, n))
+        self.running = HERE
 
     def add_hinge(
         self,
@@ -89,9 +75,9 @@ class Builder:
 
     def add_payload(self, payload: Payload) -> None:
         """Join a body that is described in the running frame to the current one."""
-        self.add_inertia(payload.mass, np.array(payload.center), payload.matrix)
+        self.add(RigidBody(payload.mass, np.array(payload.center), payload.matrix))
 
-    def add_inertia(self, mass: float, center: Array, inertia: Array) -> None:
-        """The same by mass [kg], centre [m] and inertia about it [kg m²]."""
-        R = self.rotation
-        self.bodies[-1].add(mass, self.translation + R @ center, R @ inertia @ R.T)
+    def add(self, body: RigidBody) -> None:
+        """The same of a rigid body."""
+        current = self.bodies[-1]
+        current.rigid = current.rigid.plus(body.moved(self.running))

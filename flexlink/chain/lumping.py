@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import given
 from flexlink.chain.builder import Builder
 from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
+from flexlink.chain.rigid import RigidBody
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
@@ -145,7 +146,7 @@ def _add_segments(
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
         if length > 0:  # a hinge at the very root has nothing before it
-            builder.add_inertia(float(mass), np.array([center, 0, 0]), np.diag(inertia))
+            builder.add(RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)))
         builder.move(np.array([length, 0, 0]))
 
 

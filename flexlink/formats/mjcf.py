@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from flexlink.analysis.stability import stable_step
 from flexlink.chain.arguments import flag, given, sequence, vector
 from flexlink.chain.chain import HINGE, Chain, Coordinate
-from flexlink.chain.pose import HERE, Pose
+from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.rigid_body import ROUNDING

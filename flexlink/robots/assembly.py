@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from flexlink.chain.pose import Pose
+from flexlink.chain.rigid import Array, Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.arm import Arm, Link
@@ -16,7 +16,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Initial, Run
 from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.flexible import Flexible, Made, bent, payload
-from flexlink.robots.inertia import Array
 from flexlink.robots.serial import Part, SerialPath
 
 NOISE_DEG = 1e-13

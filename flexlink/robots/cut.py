@@ -17,8 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.pose import Pose
-from flexlink.robots.inertia import NOTHING, RigidBody, body_with
+from flexlink.chain.rigid import NOTHING, Pose, RigidBody, body_with
 
 Array = NDArray[np.float64]
 

@@ -8,14 +8,13 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.chain.pose import Pose
+from flexlink.chain.rigid import Array, Pose, RigidBody, body_with
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, Payload
 from flexlink.describe.spec import Positive, Spec, Vector3, short
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.inertia import Array, RigidBody, body_with
 from flexlink.robots.serial import Part
 
 SLENDER, WALL = 10, 20

@@ -11,10 +11,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.pose import Pose
+from flexlink.chain.rigid import Pose, RigidBody
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import short, short_list
-from flexlink.robots.inertia import RigidBody
 
 Array = NDArray[np.float64]
 

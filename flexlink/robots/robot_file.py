@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.pose import Pose
+from flexlink.chain.rigid import NOTHING, Pose, RigidBody
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
@@ -23,7 +23,6 @@ from flexlink.common.files import read_regular
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import meant, short
-from flexlink.robots.inertia import NOTHING, RigidBody
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]

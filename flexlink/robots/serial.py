@@ -6,10 +6,9 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from flexlink.chain.pose import HERE, Pose
+from flexlink.chain.rigid import HERE, Pose, RigidBody
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import meant, plain, short, short_list
-from flexlink.robots.inertia import RigidBody
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
 

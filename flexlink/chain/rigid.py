@@ -1,4 +1,4 @@
-"""Rigid bodies, which are moved, joined and taken apart exactly.
+"""Placements of frames, and rigid bodies, which are moved, joined and taken apart exactly.
 
 A body of mass m, centre c and inertia I about it has the covariance Σ = ∫ (x − c)(x − c)ᵀ dm = ½ tr(I) 1 − I; there can
 be such a body exactly if m ≥ 0 and Σ ⪰ 0. As ∫ (1, x)(1, x)ᵀ dm, symmetric of size 4, masses, first and second moments
@@ -12,9 +12,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.pose import Pose
-
 Array = NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """Placement of a frame in another: v_outer = R v + p."""
+
+    R: Array
+    p: Array
+
+    def then(self, inner: Pose) -> Pose:
+        """Of a frame placed by `inner` in this one."""
+        return Pose(self.R @ inner.R, self.p + self.R @ inner.p)
+
+    @property
+    def inverse(self) -> Pose:
+        """Of the outer frame in the inner one."""
+        return Pose(self.R.T, -self.R.T @ self.p)
+
+
+HERE = Pose(np.eye(3), np.zeros(3))
 
 
 class RigidBody(NamedTuple):
@@ -36,7 +53,7 @@ class RigidBody(NamedTuple):
             return RigidBody(0.0, np.zeros(3), self.inertia + other.inertia)
         d = other.center - self.center
         between = self.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
-        return RigidBody(mass, self.center + d * (other.mass / mass), self.inertia + other.inertia + between)
+        return RigidBody(mass, self.center + d * (other.mass / mass), self.inertia + between + other.inertia)
 
     @property
     def covariance(self) -> Array:
