@@ -50,8 +50,14 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         mujoco = {} if trade_scene(name).motion else mujoco_trade.points(name, settings.budget, SMALLEST)
         solvers = _solvers(name, settings) if name in settings.solver_scenes else {}
         for error in settings.errors:
-            yield from _rows(name, error, ours, {"RK4": rk4, "MuJoCo": mujoco, "solvers": solvers})
+            rows = _rows(name, error, ours, {"RK4": rk4, "MuJoCo": mujoco, "solvers": solvers})
+            yield from (row for row in rows if not _has_its_own(case, f"{name}, {row.quantity}"))
         yield _series(name, ours | rk4 | {f"MuJoCo {key}": points for key, points in mujoco.items()} | solvers)
+
+
+def _has_its_own(case: Case, quantity: str) -> bool:
+    """Whether a limit that holds for all scenes is given up for one, whose quantity says why."""
+    return quantity in case.quantity and bool(case.quantity[quantity].given_up)
 
 
 SMALLEST = 1e-8  # error at which a ladder ends
