@@ -97,7 +97,7 @@ def import_urdf(
     Raises
     ------
     ArgumentError
-        No dict, a name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position
+        No dict, a name that the robot does not have, no such path, a joint on it that is no hinge, a position
         beyond limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
     DataFileError
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
