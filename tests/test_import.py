@@ -256,6 +256,7 @@ WRONG = {
         {"locked": {"j4": 0}, "flexible": {"p3": Flexible(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
         "flexible: link 'p3': line = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)): is 0 m long",
     ),
+    "no dict": ({"flexible": ["p3"]}, "flexible = ['p3']: expected a dict, got list"),
     "no Flexible": ({"locked": {"j4": 0.0}, "flexible": {"p3": 12.0}}, "expected a Flexible"),
 }  # fmt: skip
 

@@ -70,6 +70,13 @@ def test_every_number_reads_back_to_the_bit(format, rng: np.random.Generator) ->
     assert_same(format.read(format.write(chain)), chain)
 
 
+@EVERY
+@pytest.mark.parametrize("limits", [(-1e300, 1e300), (-360.0, 1e11), (-1e11, 360.0)])
+def test_limits_wider_than_what_stands_for_none_are_limits(format, limits: tuple[float, float]) -> None:
+    chain = fl.lump(nasty_scene().varied({"link.upper.joint.limits_deg": limits}))
+    assert_same(format.read(format.write(chain)), chain)
+
+
 def small_chain() -> fl.Chain:
     """One of everything: a massless waist, a turned mount, two axes at a point, a rotor, friction."""
     arm = flexible(

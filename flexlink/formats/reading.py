@@ -129,7 +129,7 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
 def limits_of(lower: float, upper: float) -> dict[str, float]:
     """Limits of a hinge, infinite where a format had to be given some."""
     least, most = map(float, WIDE.values())
-    return {"lower": -np.inf if lower <= least else lower, "upper": np.inf if upper >= most else upper}
+    return {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
 
 
 def inertia_matrix(moments: Sequence[float]) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink.chain.chain import HINGE, Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
-from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
+from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, read
 from flexlink.formats.sdf import DYNAMICS, HELD, NAMESPACES, to_sdf
 
 DRAKE, OWN = (f"{{{uri}}}" for uri in NAMESPACES.values())  # as parsers spell prefixes
@@ -57,7 +57,7 @@ def _read_hinge(joint: Node, link: Node, links: Sequence[str]) -> Hinge:
     dynamics, axis = joint.one("axis").one("dynamics"), joint.one("axis").one("xyz")
     numbers |= {field: dynamics.one(key).number() for key, field in DYNAMICS.items()}
     lower, upper = joint.one("axis").all("limit/lower"), joint.one("axis").all("limit/upper")
-    numbers |= limits_of(lower[0].number() if lower else -np.inf, upper[0].number() if upper else np.inf)
+    numbers |= {"lower": lower[0].number() if lower else -np.inf, "upper": upper[0].number() if upper else np.inf}
     rotor = joint.all(f"{DRAKE}rotor_inertia")
     numbers |= {"axis": axis.unit_axis(axis.numbers(3)), "armature": rotor[0].number() if rotor else 0.0}
     place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)

@@ -97,13 +97,16 @@ def import_urdf(
     Raises
     ------
     ArgumentError
-        A name that the robot does not have, no such path, a joint on it that cannot be one of an arm, a position beyond
-        limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
+        No dict, a name that the robot does not have, no such path, a joint on it that is no hinge, a position
+        beyond limits, a joint in `posture` and in `locked`, or a beam that does not fit into its link.
     DataFileError
         The file is no URDF, or says what cannot be; or the inertia of a folded link is none that a body can have.
     SceneError
         A value of `flexible` or `armature` that cannot be.
     """
+    for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
+        if not isinstance(table, Mapping):
+            raise ArgumentError(f"{key} = {short(table)}: expected a dict, got {type(table).__name__}")
     robot = path if isinstance(path, Robot) else read_robot(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
