@@ -24,34 +24,52 @@ from validation.timing.work_precision import Point, ladder
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
 OF_STABLE = 0.98  # of the largest stable step at the start
 SHORT = 0.01  # s
+TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
 LIMIT = "RK4 at its limit"
 
 
-def timed_run(scene: Scene) -> Timed:
-    """A run of a scene: the time of its steps alone; errors as in `simulate`."""
+def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
+    """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
     run = SingleRun(scene)
     begun = time.thread_time()
     for _ in run.steps:
-        pass
+        if time.thread_time() - begun > longest:
+            raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
     with deferred() as stop:
         return Timed(SingleRun(scene).finish(stop).tip, seconds)
+
+
+class TooDearError(FlexlinkError):
+    """A run takes longer than it may."""
 
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
     """Runs of a method with finer and finer tolerances, until the error is met or a run passes the budget."""
     scene, points, tolerance = trade_scene(name), list[Point](), COARSEST * motion_of(reference(name))
     while not points or (points[-1].error > smallest and points[-1].seconds < budget):
-        points.append(_point(name, scene.varied({"run.method": method, "run.tolerance": tolerance}), tolerance))
+        try:
+            run = scene.varied({"run.method": method, "run.tolerance": tolerance})
+            points.append(_point(name, run, tolerance, TOO_DEAR * budget))
+        except TooDearError:  # finer ones would be, too
+            break
         tolerance *= FINER
     return points
 
 
-def _point(name: str, scene: Scene, setting: float) -> Point:
-    """The fastest of some runs, more of them if they are short; an error of infinity if it ends in one."""
+def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -> Point:
+    """The fastest of some runs, more of them if they are short; an error of infinity if it ends in one.
+
+    Raises
+    ------
+    TooDearError
+        A run takes more than `longest` [s].
+    """
     try:
-        runs = [timed_run(scene), timed_run(scene)]
+        runs = [timed_run(scene, longest), timed_run(scene)]
         runs += [timed_run(scene) for _ in range(3 if runs[0].seconds < SHORT else 0)]
+    except TooDearError:
+        raise
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
     return Point(setting, tip_error(name, runs[0].tip), min(run.seconds for run in runs))
