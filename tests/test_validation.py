@@ -3,6 +3,7 @@
 import datetime
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -455,8 +456,12 @@ def test_a_single_hiccup_does_not_make_a_machine_busy(monkeypatch):
     assert machine.Watch().conditions().spread == 0.0
 
 
+@pytest.mark.slow
 def test_a_watch_on_this_machine_finds_something_sensible():
-    found = machine.Watch().conditions()
+    watch = machine.Watch()
+    assert watch.conditions().load is None  # too short a time for what the system counts
+    time.sleep(0.3)
+    found = watch.conditions()
     assert found.load is None or 0.0 <= found.load <= found.cores + 1.0
     assert found.spread >= 0.0
 

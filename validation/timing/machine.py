@@ -11,6 +11,7 @@ from validation.store import Conditions
 
 STAT = Path("/proc/stat")
 HICCUPS = 50  # one lap in so many is left out: the fastest of several turns does not see a single hiccup either
+SHORT = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
 LAPS, WORK = 100, 10_000  # of the calibration loop: about 50 ms, more than a time slice of the scheduler
 
 
@@ -25,9 +26,10 @@ class Watch:
         """Load and spread since the making."""
         start, end = self._start, _read()
         load = None
-        if start.every is not None and end.every is not None:
+        passed = end.wall - start.wall
+        if start.every is not None and end.every is not None and passed >= SHORT:
             others = (end.every - start.every) - (end.own - start.own)
-            load = round(max(0.0, others) / (end.wall - start.wall), 3)
+            load = round(max(0.0, others) / passed, 3)
         laps = sorted(self._laps + _laps())
         usual = laps[: len(laps) - len(laps) // HICCUPS]
         spread = sum(usual) / len(usual) / laps[0] - 1.0
