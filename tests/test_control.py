@@ -140,3 +140,8 @@ def test_a_simulator_that_leaves_the_finite_numbers_stays_where_it_was() -> None
 def test_what_a_simulator_cannot_do_is_refused(call, message: str) -> None:
     with pytest.raises(fl.FlexlinkError, match=message):
         call(fl.Simulator(arm("none")))
+
+
+def test_a_simulator_refuses_a_step_that_would_blow_up() -> None:
+    with pytest.raises(fl.UnstableStepError, match=r"run\.step = 0\.01 s: more than .* the largest stable step of RK4"):
+        fl.Simulator(arm("none", **{"run.step": 0.01}))

@@ -84,7 +84,7 @@ class Simulator:
         """
         changes = starting_from(q, qd, time)
         scene = self._scene.varied(changes) if changes else self._scene
-        record = prepare(scene.varied({"run.duration": 0.0}), self.chain).record
+        record = prepare(scene.varied({"run.duration": scene.run.sample}), self.chain).record  # room for one sample
         self._record, self._origin, self._number, self._calls = record, record.origin, 0, 0
         self._state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         self._balance = balance.Balance(self.chain, record.energy[:, 0])
