@@ -215,6 +215,11 @@ def method(name: str) -> Method:
     return catalogue.load("methods", "method", name, Method)
 
 
+def steps_explicitly(run: Run) -> bool:
+    """Whether a run takes fixed steps of an explicit method."""
+    return not run.controlled and method(run.method).explicit
+
+
 def check_method(run: Run) -> None:
     """The method of a run is there, and it can do what the run asks of it.
 

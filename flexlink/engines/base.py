@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import method
+from flexlink.describe.methods import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ReadBack
 from flexlink.kernels.inputs import drive_torque
@@ -164,7 +164,7 @@ def start(scene: Scene) -> Samples:
         The step is past the largest stable one, and `run.unstable` does not allow it.
     """
     run, chain = scene.run, lump(scene)
-    if run.controlled or not method(run.method).explicit:
+    if not steps_explicitly(run):
         raise ArgumentError(f"method = {run.method!r}: other engines take fixed steps of an explicit method")
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = initial_state(scene, chain)

@@ -18,6 +18,9 @@ from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.lanes import at, put_at
 
+NEVER = 2**62
+"""`every` of `integrate` where no step is a sample."""
+
 
 class StepWork(NamedTuple):
     """Scratch of `step`: a stage's angles and drive torques; rates L_i and accelerations K_i of all stages."""

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import callable_or_none, positive
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import method
+from flexlink.describe.methods import method, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import short
@@ -170,6 +170,6 @@ def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) 
     run = scene.run
     if scene.drive.kind != "none":
         raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; drop one of both")
-    if run.controlled or not method(run.method).explicit:
+    if not steps_explicitly(run):
         raise ArgumentError(f"control: method = {run.method!r}: a law takes fixed steps of an explicit method")
     return Control(law, rate, scene, chain)

@@ -13,7 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
-from flexlink.kernels.runge_kutta import integrate
+from flexlink.kernels.runge_kutta import NEVER, integrate
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.start import initial_state
 
@@ -21,7 +21,6 @@ Complex = NDArray[np.complex128]
 
 LONG = 2e-3  # of a measurement [s]: a thousand times what the clock is good for
 REPEATS = 5  # of which the shortest counts: nothing makes a program faster than it is
-NEVER = 2**62  # no step of so many is a sample
 
 IMPLICIT_IN_PLANE, IMPLICIT_IN_SPACE = 4.0, 9.0
 """Evaluations that cost as much as a stage of an implicit step: measured on the trade's 16 scenes with 7 tolerances 2.7

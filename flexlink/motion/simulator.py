@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, positive, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.methods import method
+from flexlink.describe.methods import method, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import whole
-from flexlink.kernels.runge_kutta import integrate
+from flexlink.kernels.runge_kutta import NEVER, integrate
 from flexlink.kernels.samples import tips_and_energies
 from flexlink.motion import balance
 from flexlink.motion.actuation import held
@@ -21,7 +21,6 @@ from flexlink.motion.single import prepare, starting_from
 
 Array = NDArray[np.float64]
 
-NEVER = 2**62  # no step of so many is a sample
 OFTEN = 128
 """Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""
 
@@ -59,7 +58,7 @@ class Simulator:
 
     def __init__(self, scene: Scene) -> None:
         run = given("scene", scene, Scene).run
-        if run.controlled or not method(run.method).explicit:
+        if not steps_explicitly(run):
             raise ArgumentError(f"method = {run.method!r}: a Simulator takes fixed steps of an explicit method")
         self._scene, self.chain = scene, lump(scene)
         self._tableau = method(run.method).arrays

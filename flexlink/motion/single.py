@@ -14,7 +14,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.methods import check_method, method
+from flexlink.describe.methods import check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Accuracy, Dynamics, Unstable
 from flexlink.motion.actuation import input_arrays
@@ -174,10 +174,7 @@ class SingleRun:
 
 def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
     """The steps of a run by its method: fixed ones of an explicit method, or others."""
-    run = watch.run
-    if not run.controlled and method(run.method).explicit:
-        return FixedSteps(watch)
-    return ControlledSteps(watch)
+    return FixedSteps(watch) if watch.explicit else ControlledSteps(watch)
 
 
 def prepare(scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None) -> Watch:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
-from flexlink.describe.methods import method
+from flexlink.describe.methods import method, steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.dynamics import rounding
@@ -55,7 +55,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
         The step is beyond it, and `run.unstable` does not allow it.
     """
     run = scene.run
-    if run.duration == 0 or run.controlled or not method(run.method).explicit:
+    if run.duration == 0 or not steps_explicitly(run):
         return ()
     λ = fastest_eigenvalues(chain, q, qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
     largest = stable_step_of(λ, run.method)
@@ -102,7 +102,7 @@ class Watch:
         self.warnings = list(warnings)
         self._exchanged = 0.0  # up to now [J]
         self._unbalanced = self._tip_error = 0.0  # largest imbalance so far [J], sum of the steps' errors [m]
-        self.explicit = not run.controlled and method(run.method).explicit
+        self.explicit = steps_explicitly(run)
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
 
