@@ -7,12 +7,11 @@ from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
 
-scene = fl.load_scene(Path(__file__).with_name("three_links.toml")).varied({"run.step": 2.5e-4})
+scene = fl.load_scene(Path(__file__).parents[1] / "models" / "three_links.toml").varied({"run.step": 2.5e-4})
 chain = fl.lump(scene)
 own, n = chain.active, chain.n
-rest = np.concatenate(fl.initial_state(scene, chain))  # (q, q̇): bent by gravity
-load = np.where(np.isin(range(n), own), fl.gravity_torque(chain, rest[:n]), 0.0)
-model = fl.linearize(chain, rest[:n], rest[n:], load)
+still = fl.solve_static(chain, fl.initial_state(scene, chain)[0], locked=own)  # bent by gravity, joints held
+model, rest = fl.linearize(chain, still.q, tau=still.tau), np.append(still.q, np.zeros(n))  # rest: (q, q̇)
 price = 0.01  # of a torque [1/(N m)²], against 1e4 of an angle and 1e2 of a rate
 riccati = solve_continuous_are(model.A, model.B, np.diag([1e4] * n + [1e2] * n), price * np.eye(len(own)))
 gain = model.B.T @ riccati / price
@@ -23,7 +22,7 @@ def run(x: np.ndarray, duration: float, sample: float) -> fl.Trajectory:
     """The nonlinear arm from the state x, δu = −K δx at every stage of every step."""
 
     def law(_: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
-        return load[own] - gain @ (np.concatenate([q, qd]) - rest)
+        return still.tau[own] - gain @ (np.concatenate([q, qd]) - rest)
 
     return fl.simulate(scene, q0=x[:n], qd0=x[n:], control=law, duration=duration, sample=sample)
 

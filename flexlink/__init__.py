@@ -7,15 +7,19 @@ import flexlink.common.entry  # noqa: F401  first of all
 
 # isort: split
 
+from flexlink.advice.advise import advise
+from flexlink.advice.verdict import Advice
 from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
 from flexlink.analysis.linear import LinearModel, linearize
 from flexlink.analysis.loads import InternalLoads, internal_loads
 from flexlink.analysis.modal import Modes, modes, natural_frequencies
+from flexlink.analysis.poles import pd_poles
 from flexlink.analysis.stability import stable_step
 from flexlink.analysis.strain import BeamStrain, beam_strain
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import (
+    AdviceError,
     ArgumentError,
     ConvergenceError,
     DataFileError,
@@ -28,10 +32,14 @@ from flexlink.common.errors import (
     UnstableStepError,
 )
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
+from flexlink.describe.course import Course
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
+from flexlink.describe.reference import Reference
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.shaping import Shaper
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
+from flexlink.describe.twin import rigid_twin
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import (
     ForwardDerivatives,
@@ -55,6 +63,7 @@ from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
 from flexlink.motion.endings import ControlError, DivergenceError, InterruptedRunError
 from flexlink.motion.result import State, Trajectory
+from flexlink.motion.sensitivity import Sensitivities, sensitivities
 from flexlink.motion.settling import overshoot, residual_vibration, settling_time
 from flexlink.motion.simulator import Simulator
 from flexlink.motion.single import simulate
@@ -64,10 +73,18 @@ from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
+    from flexlink.engines.trajectories import TrajectoryComparison, compare_trajectories
+    from flexlink.sweeps.measures import Quantity
+    from flexlink.sweeps.plan import Sweep, load_sweep
+    from flexlink.sweeps.ranges import Sample
+    from flexlink.sweeps.sweeping import InterruptedSweepError, sweep
+    from flexlink.sweeps.table import SweepRows
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Advice",
+    "AdviceError",
     "ArgumentError",
     "Arm",
     "BeamStrain",
@@ -76,6 +93,7 @@ __all__ = [
     "ControlError",
     "ConvergenceError",
     "Coordinate",
+    "Course",
     "Damping",
     "DataFileError",
     "DenavitHartenberg",
@@ -93,6 +111,7 @@ __all__ = [
     "Initial",
     "InternalLoads",
     "InterruptedRunError",
+    "InterruptedSweepError",
     "InverseDerivatives",
     "Jacobian",
     "Joint",
@@ -106,20 +125,30 @@ __all__ = [
     "OutputError",
     "Payload",
     "PointMotion",
+    "Quantity",
+    "Reference",
     "Run",
+    "Sample",
     "Scene",
     "SceneError",
     "Section",
+    "Sensitivities",
+    "Shaper",
     "Simulator",
     "SingularMassError",
     "State",
+    "Sweep",
+    "SweepRows",
     "Trajectory",
+    "TrajectoryComparison",
     "UnstableStepError",
     "Wrench",
+    "advise",
     "beam_strain",
     "bias_torque",
     "buckling_loads",
     "compare",
+    "compare_trajectories",
     "elastic_torque",
     "energy",
     "forward_dynamics",
@@ -135,18 +164,23 @@ __all__ = [
     "jacobian",
     "linearize",
     "load_scene",
+    "load_sweep",
     "lump",
     "mass_matrix",
     "modes",
     "natural_frequencies",
     "overshoot",
+    "pd_poles",
     "point_motion",
     "residual_vibration",
+    "rigid_twin",
+    "sensitivities",
     "settling_time",
     "simulate",
     "simulate_many",
     "solve_static",
     "stable_step",
+    "sweep",
     "tip_position",
     "to_mjcf",
     "to_sdf",
@@ -154,10 +188,25 @@ __all__ = [
 ]
 
 
+LATER = {
+    "Comparison": "engines.comparison",
+    "compare": "engines.comparison",
+    "InterruptedSweepError": "sweeps.sweeping",
+    "Quantity": "sweeps.measures",
+    "Sample": "sweeps.ranges",
+    "Sweep": "sweeps.plan",
+    "SweepRows": "sweeps.table",
+    "TrajectoryComparison": "engines.trajectories",
+    "compare_trajectories": "engines.trajectories",
+    "load_sweep": "sweeps.plan",
+    "sweep": "sweeps.sweeping",
+}
+"""What only those load who ask for it: comparison and sweeps, with the adapters of other engines."""
+
+
 def __getattr__(name: str) -> object:
-    """What only those load who ask for it: `compare` and its `Comparison`, with the adapters of other engines."""
-    if name in {"Comparison", "compare"}:
-        return getattr(importlib.import_module("flexlink.engines.comparison"), name)
+    if name in LATER:
+        return getattr(importlib.import_module(f"flexlink.{LATER[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -120,7 +120,7 @@ def test_locking_a_joint_turns_what_follows_as_a_free_one_at_that_angle() -> Non
 
 @pytest.mark.parametrize("axis", [tuple(row) for row in np.vstack([np.eye(3), -np.eye(3)])])
 def test_coordinate_axes_are_exact_however_long(axis) -> None:
-    nearest, R = turn_to(np.array(axis))
+    nearest, R = turn_to(tuple(axis))
     assert R[:, nearest].tolist() == list(axis)
     assert set(R.ravel()) <= {0.0, 1.0, -1.0}
     assert np.linalg.det(R) == 1.0
@@ -133,7 +133,7 @@ def test_coordinate_axes_are_exact_however_long(axis) -> None:
 @given(directions)
 def test_the_turn_to_an_axis_is_a_rotation(axis) -> None:
     direction = unit("axis", axis)
-    nearest, R = turn_to(direction)
+    nearest, R = turn_to(tuple(axis))
     np.testing.assert_allclose(R[:, nearest], direction, rtol=0, atol=4 * EPS)
     np.testing.assert_allclose(R @ R.T, np.eye(3), rtol=0, atol=16 * EPS)
 

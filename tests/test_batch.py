@@ -125,6 +125,24 @@ def test_a_prescribed_joint_behind_a_free_one_stays_prescribed() -> None:
     assert np.abs(free.q - alone.q).max() > 1e-6
 
 
+def test_neighbours_that_start_at_other_times_are_driven_by_their_own_clocks() -> None:
+    drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0, 0.0), (1000.0, 0.0)))
+    scenes = [driven(drive=drive).varied({"initial.time": t}) for t in (0.0, 0.5)]
+    for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        one = fl.simulate(scene)
+        np.testing.assert_allclose(many.q, one.q, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(many.work, one.work, rtol=1e-9)
+
+
+def test_neighbours_with_one_reference_follow_it_each_from_its_own_start() -> None:
+    """A reference leads from where the joints are."""
+    reference = fl.Reference(profile="quintic", to_deg=(60.0, 30.0), duration=0.01)
+    drive = fl.Drive(kind="pd", kp=(1e4, 0.0), kd=(10.0, 0.0), reference=reference)
+    scenes = [driven(drive=drive, initial=fl.Initial(joint_deg=(angle, 30.0))) for angle in (0.0, 40.0)]
+    for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
+        np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
+
+
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
     calm = driven().varied({"run.unstable": "allow"})
     wild = calm.varied({"initial": fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})

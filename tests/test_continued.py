@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,16 +10,23 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
+from flexlink.describe.catalogue import names
+from flexlink.describe.methods import method as load_method
 from flexlink.engines import load
 
 TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}
+PD = {"kind": "pd", "kp": [40.0, 20.0], "kd": [1.0, 0.5], "target_deg": [-80.0, -10.0]}
 DRIVES: dict[str, dict[str, Any]] = {
     "none": {"kind": "none"},
     "constant": {"kind": "constant", "torque": [2.0, -1.0]},
-    "pd": {"kind": "pd", "kp": [40.0, 20.0], "kd": [1.0, 0.5], "target_deg": [-80.0, -10.0]},
+    "pd": PD,
     "linear": TABLE,
     "smooth": {**TABLE, "smooth": True},
     "hold": {**TABLE, "hold": True},
+    "limited": {**TABLE, "effort": [1.5, 0.75]},
+    "sampled": {**PD, "gravity": "static", "effort": [3.0, 0.5], "rate": 500.0},
+    "computed": {**PD, "kind": "computed_torque"},
+    "computed, sampled": {**PD, "kind": "computed_torque", "rate": 500.0},
 }
 
 
@@ -30,28 +38,36 @@ def arm(drive: str, **changes: object) -> fl.Scene:
     return scene.varied({"drive": DRIVES[drive], "wrench.force": [1.0, -2.0, 0.0], **run, **changes})
 
 
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("method", ["RK2", "RK4", "RK10"])
-def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(drive: str, method: str) -> None:
-    scene = arm(drive, **{"run.method": method, "run.step": 5e-5 if method == "RK2" else 1e-4, "run.unstable": "allow"})
-    whole = fl.simulate(scene)
+MOTION = fl.Motion(
+    link="upper", times=(0.0, 0.0137), angle_deg=(-80.0, -78.0), rate_deg=(0.0, 50.0), acceleration_deg=(0.0, 0.0)
+)
+
+
+def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """A law to be sampled; the driven joints of `arm` are 0 and 3."""
+    return np.array([40.0 * np.sin(50.0 * t) - 20.0 * q[0] - qd[0], -10.0 * q[3] - 0.5 * qd[3]])
+
+
+@pytest.mark.parametrize("given", [*DRIVES, "motion", "law"])
+@pytest.mark.parametrize("method", names("methods"))
+def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(method: str, given: str) -> None:
+    """With Coulomb friction and a wrench; knots of tables and of the motion lie between implicit steps of 2 ms."""
+    step = 2e-3 if not load_method(method).explicit else 5e-5 if method in {"RK2", "RK3"} else 1e-4
+    drive = given if given in DRIVES else "linear" if given == "motion" else "none"
+    scene = arm(drive, **{"run.method": method, "run.step": step, "run.unstable": "allow"})
+    scene = scene.varied({"motion": (MOTION,)}) if given == "motion" else scene
+    asked = {"control": law, "rate": 500.0} if given == "law" else {}
+    whole = fl.simulate(scene, **asked)
     for k in (3, 5):
         t, q, qd = whole.state(k)
-        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01)
+        rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=(8 - k) * 0.01, **asked)
         for name in ("t", "q", "qd", "tau", "tip"):
             np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[k:], err_msg=name)
 
 
-def test_a_prescribed_motion_goes_on_where_it_was() -> None:
-    motion = fl.Motion(
-        link="upper", times=(0.0, 0.1), angle_deg=(-80.0, -60.0), rate_deg=(0.0, 50.0), acceleration_deg=(0.0, 0.0)
-    )
-    scene = arm("linear", motion=(motion,))
-    whole = fl.simulate(scene)
-    t, q, qd = whole.state(-4)
-    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.03)
-    np.testing.assert_array_equal(rest.q, whole.q[-4:])
-    np.testing.assert_array_equal(rest.tau, whole.tau[-4:])
+def test_a_prescribed_motion_that_the_start_does_not_follow_is_refused() -> None:
+    scene = arm("linear", motion=(MOTION,))
+    t, q, qd = fl.simulate(scene).state(-4)
     with pytest.raises(fl.SceneError, match=r"initial\.q\[0\] = .*'upper' follows its motion, .* at t = 0.05 s"):
         fl.simulate(scene, q0=q + 0.01, qd0=qd, t0=t, duration=0.03)
 
@@ -108,3 +124,17 @@ def test_engines_hold_torques_and_start_later_too(engine: str) -> None:
         ours, (times, angles, _) = fl.simulate(each), load(engine, fl.lump(each)).integrate(each)
         np.testing.assert_array_equal(times, ours.t)
         np.testing.assert_allclose(angles, ours.q, rtol=0, atol=1e-11)
+
+
+def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:
+    joint = fl.Joint(limits_deg=(10.0, 90.0))
+    q = tuple(np.linspace(0.2, 0.3, 9))
+    links = flexible("a", joint=joint), flexible("b", joint=fl.Joint(locked=True))
+    whole = make_scene(*links, initial=fl.Initial(q=q))
+    assert whole.initial.joint_deg == (0.0, 0.0), "where the locked joint stays; the other one's limits do not count"
+    assert fl.initial_state(whole, fl.lump(whole))[0].tolist() == list(q)
+    path = tmp_path / "whole.toml"
+    path.write_text(whole.to_toml(), encoding="utf-8")
+    assert fl.load_scene(path) == whole
+    with pytest.raises(fl.SceneError, match="joint_deg: missing; this key is required where q is not given"):
+        fl.Initial(rate_deg=(1.0,))

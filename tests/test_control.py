@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from test_continued import arm
 
 import flexlink as fl
+from flexlink.motion.simulator import OFTEN
 
 TARGET, KP, KD = np.radians([-80.0, -10.0]), np.array([40.0, 20.0]), np.array([1.0, 0.5])
 
@@ -16,15 +20,54 @@ def pd(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     return KP * (TARGET - q[[0, 3]]) - KD * qd[[0, 3]]
 
 
-def test_a_loop_of_ones_own_gives_the_numbers_of_simulate() -> None:
-    scene = arm("none")
+WAYS: dict[str, dict[str, object]] = {
+    "RK4": {"method": "RK4"},
+    "RK10": {"method": "RK10"},
+    "Gauss4": {"method": "Gauss4", "step": 5e-4},
+    "Gauss6": {"method": "Gauss6", "step": 1e-3},
+    "Radau5": {"method": "Radau5", "step": 1e-3},
+    "Radau9": {"method": "Radau9", "step": 1e-3},
+    "DOP853 within 10 µm": {"method": "DOP853", "tolerance": 1e-5},
+    "Radau5 within 10 µm": {"method": "Radau5", "tolerance": 1e-5},
+    "Radau9 within 10 µm": {"method": "Radau9", "tolerance": 1e-5},
+    "auto within 0.1 mm": {"tolerance": 1e-4},
+    "auto within 1 % of the deflection": {"relative_tolerance": 0.01, "accuracy": "deflection"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("t0", [0.0, 0.07])
+@pytest.mark.parametrize("way", WAYS)
+def test_a_loop_of_ones_own_gives_the_numbers_of_simulate(way: str, t0: float) -> None:
+    scene = arm("none").varied({"initial.time": t0, **{f"run.{key}": value for key, value in WAYS[way].items()}})
     run = fl.simulate(scene, control=pd, rate=1000.0)
     simulator = fl.Simulator(scene)
     states = [simulator.state]
-    while simulator.time < 0.0799:
+    for _ in range(80):
         states.append(simulator.step(pd(*simulator.state), duration=1e-3))
     np.testing.assert_array_equal([state.q for state in states[::10]], run.q)
     np.testing.assert_array_equal([state.qd for state in states[::10]], run.qd)
+    np.testing.assert_allclose([state.t for state in states[::10]], run.t, rtol=1e-15)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_sampled_law_drives_every_method_to_the_same_motion(way: str) -> None:
+    """Torques that are held are the same problem for all; tolerances are errors at the end [m]."""
+    wanted = fl.simulate(arm("none"), control=pd, rate=100.0)
+    run = fl.simulate(arm("none"), control=pd, rate=100.0, **WAYS[way])
+    np.testing.assert_array_equal(run.tau[0], wanted.tau[0])
+    allowed = 1e-6 if "step" in WAYS[way] or "run" in way else 2e-3 if "deflection" in way else 2 * 1e-4
+    assert np.linalg.norm(run.tip - wanted.tip, axis=1).max() < allowed
+
+
+def test_torques_of_a_sampled_law_do_not_act_before_their_instant() -> None:
+    """Steps of a tolerance that would reach past an instant end there."""
+    push = {0.0: [0.0, 0.0], 0.04: [5.0, -2.0]}
+    scene = arm("none", **{"run.sample": 0.02}).varied({"run.tolerance": 1e-4})
+    run = fl.simulate(scene, control=lambda t, q, qd: push[max(s for s in push if s <= t + 1e-12)], rate=50.0)
+    free = fl.simulate(scene, control=lambda t, q, qd: [0.0, 0.0], rate=50.0)
+    np.testing.assert_array_equal(run.q[:3], free.q[:3])
+    assert run.tau[:, run.chain.active].tolist() == [[0.0, 0.0]] * 2 + [[5.0, -2.0]] * 3
+    assert np.abs(run.q[3] - free.q[3]).max() > 1e-4
 
 
 def test_what_a_law_gave_can_be_played_back() -> None:
@@ -74,27 +117,29 @@ BROKEN = {
 }
 
 
-@pytest.mark.parametrize("rate", [100.0, None])
+@pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau9 within 10 µm", "DOP853 within 10 µm"])
 @pytest.mark.parametrize("broken", BROKEN)
-def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(broken: str, rate: float | None) -> None:
+def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(broken: str, way: str) -> None:
     law, message = BROKEN[broken]
-    with pytest.raises(fl.ControlError, match=rf"t = 0\.0\d* s: control law .*lambda.*{message}") as caught:
-        fl.simulate(arm("none"), control=law, rate=rate)
-    kept = caught.value.trajectory
-    assert kept.t.tolist() == pytest.approx([0.0, 0.01, 0.02])
-    free = fl.simulate(arm("constant", **{"drive.torque": [0.0, 0.0]}), duration=0.02)
-    np.testing.assert_allclose(kept.q, free.q, rtol=0, atol=1e-13)
+    for rate in [100.0, None] if way == "RK4" else [100.0]:
+        with pytest.raises(fl.ControlError, match=rf"t = 0\.0\d* s: control law .*lambda.*{message}") as caught:
+            fl.simulate(arm("none"), control=law, rate=rate, **WAYS[way])
+        kept = caught.value.trajectory
+        assert kept.t.tolist() == pytest.approx([0.0, 0.01, 0.02])
+        free = fl.simulate(arm("none"), control=lambda t, q, qd: [0.0, 0.0], rate=rate, **WAYS[way], duration=0.02)
+        np.testing.assert_allclose(kept.q, free.q, rtol=0, atol=1e-5 if "within" in way else 1e-13)
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"rate": 100.0}, "rate = 100.0: there is no control"),
-        ({"control": pd, "rate": 3000.0}, r"1 / rate = 0.000333333 s must be a multiple of run.step = 0.0001 s"),
+        ({"control": pd, "rate": 3000.0}, r"rate = 3000.0: 1 / rate = .*must be a multiple of run.step = 0.0001"),
         ({"control": pd, "rate": -1.0}, "rate = -1.0: must be a finite number > 0"),
         ({"control": 3.0}, "control = 3.0: expected a function"),
-        ({"control": pd, "tolerance": 1e-4}, "fixed steps of an explicit method"),
-        ({"control": pd, "rate": 100.0, "t0": 0.005}, "t0 = 0.005: must be a multiple of 1 / rate, 0.01 s"),
+        ({"control": pd, "tolerance": 1e-4}, "with a tolerance: a law that is not sampled .*; give rate"),
+        ({"control": pd, "method": "Gauss4"}, "with method = 'Gauss4', which is implicit: .*; give rate"),
+        ({"control": pd, "rate": 100.0, "t0": 0.005}, "t0 = 0.005: must be a multiple of 1 / rate = 0.01"),
     ],
 )  # fmt: skip
 def test_a_law_that_cannot_be_asked_is_refused(given: dict[str, object], message: str) -> None:
@@ -117,14 +162,59 @@ def test_a_simulator_without_torques_is_driven_by_its_scene() -> None:
     np.testing.assert_array_equal(simulator.step().q, run.q[6])
 
 
-def test_a_simulator_that_leaves_the_finite_numbers_stays_where_it_was() -> None:
+def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
-    with pytest.raises(fl.DivergenceError, match=r"no longer finite|does not balance") as caught:
+    with pytest.raises(fl.DivergenceError, match="does not balance") as caught:
         while True:
-            before = simulator.state
+            before, energies = simulator.state, vars(simulator._balance).copy()
             simulator.step([0.0, 0.0])
+    assert vars(simulator._balance) == energies
     np.testing.assert_array_equal(simulator.state.q, before.q)
     np.testing.assert_array_equal(caught.value.trajectory.q[-1], before.q)
+
+
+@pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau5 within 10 µm", "DOP853 within 10 µm"])
+def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither in the state, nor in the energies by which later calls are judged, nor in what a method remembers."""
+    scene = arm("none").varied({f"run.{key}": value for key, value in WAYS[way].items()})
+    disturbed, other = fl.Simulator(scene), fl.Simulator(scene)
+    for k in range(20):
+        if k % 5 == 3:
+            before, judged = disturbed.state, vars(disturbed._balance).copy()
+            with pytest.raises(fl.DivergenceError, match=r"after t = 0\.0"):
+                disturbed.step([1e200, -1e200], duration=0.01)
+            assert disturbed.time == before.t
+            assert vars(disturbed._balance) == judged
+            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+                patch.setattr(disturbed, "_unbalanced", interrupted)
+                disturbed._calls = OFTEN - 1
+                disturbed.step([1.0, 0.0], duration=0.01)
+            disturbed._calls = other._calls
+        torque = pd(*disturbed.state)
+        for one, same in zip(disturbed.step(torque, duration=1e-3), other.step(torque, duration=1e-3), strict=True):
+            np.testing.assert_array_equal(one, same)
+
+
+def interrupted() -> str:
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("answer", [lambda: signal.raise_signal(signal.SIGINT), interrupted])
+@pytest.mark.parametrize("way", ["RK4", "Gauss4", "Radau5 within 10 µm"])
+def test_ctrl_c_keeps_the_samples_of_a_run_under_a_law(way: str, answer: Callable[[], object]) -> None:
+    """A signal that comes while the law works, and one that the law's own handler answers by an exception."""
+
+    def law(t: float, q: np.ndarray, qd: np.ndarray) -> list[float]:
+        if t == pytest.approx(0.025):
+            answer()
+        return [0.0, 0.0]
+
+    with pytest.raises(fl.InterruptedRunError) as caught:
+        fl.simulate(arm("none"), control=law, rate=1000.0, **{**WAYS[way], "duration": 50.0})
+    kept = caught.value.trajectory
+    assert 3 <= len(kept.t) < 4000
+    free = fl.simulate(arm("none"), control=lambda t, q, qd: [0.0, 0.0], rate=1000.0, **WAYS[way], duration=0.02)
+    np.testing.assert_allclose(kept.q[:3], free.q, rtol=0, atol=1e-5 if "within" in way else 0)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +223,7 @@ def test_a_simulator_that_leaves_the_finite_numbers_stays_where_it_was() -> None
         (lambda s: s.step([1.0]), r"tau has shape \(1,\); expected \(2,\)"),
         (lambda s: s.step([np.inf, 0.0]), r"tau\[0\] = inf is not finite"),
         (lambda s: s.step(duration=0.00015), "duration = 0.00015: must be a multiple of run.step"),
+        (lambda s: s.step(duration=[1e-3]), "duration = "),
         (lambda s: s.step(duration=0.0), "duration = 0.0: must be a finite number > 0"),
         (lambda s: s.reset([0.0]), "expected one number per joint, 6"),
     ],

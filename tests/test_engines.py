@@ -129,6 +129,8 @@ def test_armature_is_in_mass_matrix_and_accelerations(name: str, rng: np.random.
     assert rounding.acceleration_error(chains[1], q, rest, tau, solutions=(qdd, solved)).max() <= 1
 
 
+NOT_FOLLOWED = {("drake", "computed_torque"), ("exudyn", "computed_torque")}
+"""Drives that an engine's own integrator cannot follow, here a sampled one: refused by name."""
 SHORT = {
     **{path.stem: shortened(load_scene(path), 0.1) for path in MODELS},
     "nasty": shortened(nasty_scene(), 0.02, step=2e-5, sample=1e-3),
@@ -153,8 +155,13 @@ SHORT = {
 def test_short_trajectories_differ_by_rounding_only(name: str, case: str) -> None:
     scene = of(name, SHORT[case])
     chain = lump(scene)
+    other = load(name, chain)
+    if (name, case) in NOT_FOLLOWED:
+        with pytest.raises(ArgumentError, match="use native, pinocchio or mujoco"):
+            other.integrate(scene)
+        return
     t, q, _ = load("native", chain).integrate(scene)
-    t2, q2, _ = load(name, chain).integrate(scene)
+    t2, q2, _ = other.integrate(scene)
     bound = rounding_bound(scene)
     assert bound < 1e-6 < np.abs(q - q[0]).max()  # the arm moves, by much more than the bound
     assert_array_equal(t2, t)

@@ -29,8 +29,9 @@ OF_A_STATE = [
 OF_OTHERS = {
     fl.simulate: ["scene"], fl.simulate_many: ["scenes"], fl.compare: ["scene"], fl.lump: ["scene"],
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
+    fl.sensitivities: ["scene", "parameters"],
     fl.beam_strain: ["scene", "q"], fl.settling_time: ["run"], fl.overshoot: ["run"], fl.residual_vibration: ["run"],
-    fl.load_scene: ["path"], load: ["name", "chain"],
+    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.sweep: ["what"], load: ["name", "chain"],
 }  # fmt: skip
 
 

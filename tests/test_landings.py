@@ -9,7 +9,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.motion.actuation import drive_arrays
+from flexlink.motion.drives import drive_arrays
 from flexlink.motion.landings import landings
 
 TIMES = np.linspace(0.0, 1.0, 241)

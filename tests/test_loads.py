@@ -45,7 +45,7 @@ def test_the_moments_in_a_cut_are_what_hinges_there_would_have_to_hold(chain: fl
     """Three more hinges in a body, held at angle zero, take n − r × f by another recursion, that of `rne`."""
     state = moving(chain, rng)
     loads = fl.internal_loads(chain, *state, tip_wrench=WRENCH)
-    for i in {0, len(chain.bodies) // 2, len(chain.bodies) - 2}:
+    for i in {0, (len(chain.bodies) - 1) // 2, len(chain.bodies) - 2}:  # the last is the tip's
         for offset in np.vstack([np.zeros(3), np.eye(3)]):
             held, added = clamped_in_the_cut(chain, i, offset)
             still = (np.insert(part, [added.start] * 3, 0.0) for part in state)
@@ -189,16 +189,16 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
     links = fl.Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
     scene = make_scene(*links, motion=(motion,), wrench=fl.Wrench(force=(1.0, 2.0, 3.0)), gravity=(0.0, -9.81, 0.0))
     run = fl.simulate(scene, duration=0.02, step=1e-4, sample=1e-3)
-    assert run.tip_wrench.tolist() == [1.0, 2.0, 3.0, 0.0, 0.0, 0.0]
+    assert run.tip_wrench.tolist() == [[1.0, 2.0, 3.0, 0.0, 0.0, 0.0]] * len(run.t)
     s = run.t
     wanted = np.pi / 2 * (1 - 9 * s + 18 * s**2 - 10 * s**3)  # the quintic's, from its four other conditions at 0
     assert run.qdd[:, 0] == pytest.approx(wanted, abs=1e-10)
     loads = run.loads
-    one = fl.internal_loads(run.chain, run.q[9], run.qd[9], run.qdd[9], tip_wrench=run.tip_wrench)
+    one = fl.internal_loads(run.chain, run.q[9], run.qd[9], run.qdd[9], tip_wrench=run.tip_wrench[9])
     assert np.array_equal(loads.moment[9], one.moment)
     assert loads.force.shape == (len(run.t), len(run.chain.bodies), 3)
     tip = fl.frames(run.chain, run.q).rotations[:, -1] @ loads.force[:, -1, :, None]
-    assert np.abs(tip[..., 0] - run.tip_wrench[:3]).max() <= 1e-14
+    assert np.abs(tip[..., 0] - run.tip_wrench[0, :3]).max() <= 1e-14
     bent = fl.beam_strain(scene, run.q, link="b", fibre=(0.02, 0.0))
     assert bent.strain.shape == (len(run.t), 2)
     assert np.array_equal(bent.strain[7], fl.beam_strain(scene, run.q[7], link="b", fibre=(0.02, 0.0)).strain)

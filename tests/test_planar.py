@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import mpmath
 import numpy as np
 import pytest
 from conftest import flexible, make_scene, random_state
@@ -13,6 +14,7 @@ from flexlink.dynamics.rounding import of_residual
 from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.planar import SIGN, planar_workspace
 from flexlink.kernels.rne import rne_workspace
+from flexlink.kernels.sincos import FAR, OFTEN, less_whole_turns
 
 EPS = np.finfo(float).eps
 TIP = fl.Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
@@ -85,3 +87,71 @@ def test_torques_in_the_plane_are_those_of_the_recursion_in_space(rng: np.random
         signs |= set(work.links[:, SIGN])
     assert signs == {1.0, -1.0}
     assert worst <= 1
+
+
+def two_links(armature: float = 0.0) -> fl.Chain:
+    links = flexible("a", segments=4), flexible("b", segments=4)
+    chain = fl.lump(make_scene(*links, tip=TIP, gravity=(3.0, -4.0, 8.0)))
+    hinges = chain.hinges.copy()
+    hinges["armature"][chain.active] = armature
+    return dataclasses.replace(chain, hinges=hinges)
+
+
+def in_space(chain: fl.Chain) -> fl.Chain:
+    """The same chain with its last hinge out of the plane by a hair: for the recursion in space."""
+    bodies = chain.bodies.copy()
+    bodies["turned"][-2], bodies["rotation"][-2] = 1, [[1.0, 0.0, 0.0], [0.0, 1.0, 1e-13], [0.0, -1e-13, 1.0]]
+    chain = dataclasses.replace(chain, bodies=bodies)
+    assert not chain.is_planar
+    return chain
+
+
+def errors_beside_space(chain: fl.Chain, q: np.ndarray, rng: np.random.Generator) -> float:
+    """Largest difference of q̈, as a part of the largest one, in a plane and in space, of one state and of many."""
+    qd, tau = rng.normal(size=(2, chain.n))
+    exact = fl.forward_dynamics(in_space(chain), q, qd, tau)
+    one, many = (fl.forward_dynamics(chain, state, qd, tau) for state in (q, np.array([q, q])))
+    return float(max(np.abs(found - exact).max() for found in (one, *many)) / np.abs(exact).max())
+
+
+@pytest.mark.parametrize("armature", [0.0, 1.0, 1e4, 1e8])
+def test_heavy_rotors_take_no_digits(armature: float, rng: np.random.Generator) -> None:
+    """Of q̈ some thousand roundings, cond(M) of the links; a lost digit a decade would leave 8 of 16."""
+    chain = two_links(armature)
+    q = random_state(chain, rng)[0]
+    assert errors_beside_space(chain, q, rng) < 1e-12
+
+
+@pytest.mark.parametrize("turns", [0.0, 1e3, 1e7, 1e12])
+def test_angles_of_any_size_keep_all_digits(turns: float, rng: np.random.Generator) -> None:
+    """An angle counts as the float that it is, however many turns, also when many links add theirs."""
+    chain = two_links()
+    q = random_state(chain, rng)[0]
+    q[chain.active] += 2 * np.pi * turns * np.array([1.0, -1.7])
+    assert errors_beside_space(chain, q, rng) < 1e-12
+    planar, spatial = (np.empty(chain.n) for _ in range(2))
+    qdd = rng.normal(size=chain.n)
+    for tau, work in ((planar, planar_workspace(*chain.arrays)), (spatial, rne_workspace(chain.arrays))):
+        inverse_dynamics_into(chain.arrays, np.zeros(6), q, np.zeros(chain.n), qdd, tau, work)
+    np.testing.assert_allclose(planar, spatial, rtol=0, atol=1e-12 * np.abs(spatial).max())
+
+
+def test_a_chain_side_by_side_with_one_that_turned_often_keeps_its_numbers_to_the_bit(rng: np.random.Generator) -> None:
+    chain = two_links()
+    q, qd, tau = rng.normal(size=(3, chain.n))
+    q[0], q[4] = 40.0, -15.0
+    beside = np.array([q, q + 1e5])
+    calm, turned = (fl.forward_dynamics(chain, state, qd, tau)[0] for state in (np.array([q, q]), beside))
+    np.testing.assert_array_equal(calm, turned)
+
+
+@pytest.mark.parametrize("scale", [1.0, 100.0, FAR, 1e12])
+def test_angles_less_whole_turns_are_right_to_an_ulp_of_pi(scale: float, rng: np.random.Generator) -> None:
+    x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi])
+    less = x.copy()
+    less_whole_turns(less)
+    with mpmath.workdps(60):
+        for angle, value in zip(x.tolist(), less.tolist(), strict=True):
+            whole = (mpmath.mpf(angle) - mpmath.mpf(value)) / (2 * mpmath.pi)
+            assert abs(whole - mpmath.nint(whole)) * 2 * mpmath.pi <= np.spacing(np.pi)
+            assert value == angle if abs(angle) < OFTEN else abs(value) <= 1.001 * np.pi

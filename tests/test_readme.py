@@ -6,6 +6,7 @@ import itertools
 import re
 import shlex
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -48,6 +49,18 @@ def test_commands_of_the_readme_run(lines: list[str], checkout: Path) -> None:
         assert all(path.exists() for path in named)
 
 
+def test_the_sweep_of_the_readme_is_the_one_that_runs() -> None:
+    (block,) = (block for kind, block in BLOCKS if kind == "toml" and "[drive]" not in block)
+    assert block == (ROOT / "models" / "sweeps" / "payload.toml").read_text(encoding="utf-8")
+
+
+def test_the_reference_of_the_readme_is_a_drive() -> None:
+    (block,) = (block for kind, block in BLOCKS if kind == "toml" and "[drive]" in block)
+    reference = fl.Drive(**tomllib.loads(block)["drive"]).reference
+    assert reference is not None
+    assert reference.course((0.0, 0.0, 0.0)).knots[-1] > 1.0
+
+
 @pytest.mark.slow
 def test_python_of_the_readme_runs(checkout: Path) -> None:
     names: dict[str, object] = {}
@@ -60,7 +73,7 @@ def test_python_of_the_readme_runs(checkout: Path) -> None:
 
 def test_the_boom_of_the_readme_gets_the_damping_that_it_asks_for() -> None:
     names: dict[str, object] = {}
-    block = next(block for kind, block in BLOCKS if kind == "python" and "at_hz" in block)
+    block = next(block for kind, block in BLOCKS if kind == "python" and "at_hz=4.23" in block)
     exec("import flexlink as fl\n" + block[: block.index("fl.simulate(")], names)
     scene = names["scene"]
     assert isinstance(scene, fl.Scene)

@@ -50,8 +50,8 @@ def test_every_arm_of_the_table_has_its_scene_and_is_judged() -> None:
 @pytest.mark.parametrize("name", ARMS)
 def test_a_stored_scene_is_what_the_import_makes(name: str) -> None:
     """Up to the rounding of other machines: a modulus follows from an eigenvalue."""
-    stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml")._document())
-    made = flat(import_known(name).scene._document())
+    stored = flat(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml").document())
+    made = flat(import_known(name).scene.document())
     assert stored.keys() == made.keys()
     for key, value in stored.items():
         assert made[key] == (pytest.approx(value, rel=1e-9, abs=1e-12) if isinstance(value, float) else value), key

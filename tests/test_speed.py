@@ -234,9 +234,9 @@ REHEARSED = """
 import numba, sys
 from msgspec.structs import replace
 from validation.case import load_cases
-from validation.runner import _kind, _rehearse
+from validation.runner import _rehearse, kind_of
 [case] = load_cases(sys.argv[1])
-kind, settings = _kind(case)
+kind, settings = kind_of(case)
 _rehearse(case)
 ready = lambda: {(name, f.py_func.__qualname__, s) for name, module in list(sys.modules.items())
                  for f in vars(module).values() if isinstance(f, numba.core.dispatcher.Dispatcher) for s in f.overloads}

@@ -17,9 +17,8 @@ from flexlink.analysis.stability import Gains, eigenvalues, fastest_eigenvalues,
 from flexlink.analysis.stability_function import stability_function, stability_polynomials
 from flexlink.common.interruption import Stop
 from flexlink.describe import methods
-from flexlink.motion.actuation import input_arrays
+from flexlink.motion.drives import drive_arrays, gains_of
 from flexlink.motion.single import SingleRun, prepare
-from flexlink.motion.watch import gains_of
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,
@@ -226,7 +225,8 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
     """About an equilibrium, within 5 %: at 0.95 of the step nothing grows, at 1.05 it grows a hundredfold in 200."""
     scene = SITUATIONS[situation]()
     chain = fl.lump(scene)
-    gains = gains_of(chain, input_arrays(scene, chain))
+    rest = np.zeros(chain.n)
+    gains = gains_of(chain, drive_arrays(scene, chain), 0.0, rest, rest)
     h = fl.stable_step(chain, np.zeros(chain.n), method="RK4", tip_wrench=scene.tip_wrench, gains=gains)
     disturbance = 1e-9 * rng.standard_normal(chain.n)
     growth = []

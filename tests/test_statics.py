@@ -23,10 +23,12 @@ from flexlink import (
     elastic_torque,
     forward_dynamics,
     lump,
+    mass_matrix,
     solve_static,
     tip_position,
 )
 from flexlink.analysis.equilibrium import LARGEST_ARC
+from flexlink.dynamics import rounding
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import hencky
@@ -302,3 +304,19 @@ def test_the_residual_is_what_is_left_at_the_end_of_the_path():
     ).max()
     assert left > 1e-9
     assert found.residual == pytest.approx(left, rel=1e-6, abs=0)
+
+
+def test_an_equilibrium_tells_the_torque_that_holds_it() -> None:
+    """T_EX = T_GC + T_FL on what is held, a bent hinge too; what was given elsewhere: nothing accelerates."""
+    chain = lump(make_scene(flexible("a", "yz"), flexible("b", "yz"), gravity=(1.0, 9.81, 2.0)))
+    wrench, given = np.arange(6.0), np.zeros(chain.n)
+    given[chain.n - 1] = 0.5
+    held = [0, 1, int(chain.active[1])]
+    start = np.full(chain.n, 0.02)
+    rest = solve_static(chain, start, tau=given, tip_wrench=wrench, locked=held)
+    assert rest.tau[chain.n - 1] == 0.5 and rest.tau[held].all()
+    zero = np.zeros(chain.n)
+    qdd = forward_dynamics(chain, rest.q, zero, rest.tau, tip_wrench=wrench)
+    limit = rounding.of_acceleration(chain, rest.q, zero, zero, rest.tau, tip_wrench=wrench)
+    left = rest.residual / np.linalg.norm(mass_matrix(chain, rest.q), -2)
+    assert np.abs(qdd).max() <= limit + np.sqrt(chain.n) * left

@@ -87,3 +87,15 @@ def test_an_error_of_the_angles_counts_as_it_moves_the_bodies(name: str) -> None
     q, work, _, shapes = prepared(name)
     counted = weighed(1e-6, q, shapes[:, 3], np.zeros_like(q), work)
     assert counted == pytest.approx(moved(shapes[:, 3], work.posture), rel=1e-12)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+@pytest.mark.parametrize("name", SCENES)
+def test_what_is_not_finite_is_no_small_error(name: str, wrong: float) -> None:
+    q, work, *_ = prepared(name)
+    for k in range(len(q)):
+        e = np.zeros_like(q)
+        e[k] = wrong
+        assert np.isnan(moved(e, work.posture))
+        assert np.isnan(weighed(1e-3, q, e, np.zeros_like(q), work))
+        assert np.isnan(weighed(1e-3, q, np.zeros_like(q), e, work))

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 import sys
+import timeit
 
 import mujoco
 import numpy as np
@@ -17,6 +18,7 @@ from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
+from validation.timing import pinocchio_models, pinocchio_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -31,7 +33,7 @@ NAMES = list(trade.scenes())
 def test_every_reference_is_of_the_scene_as_it_is_now_and_of_two_methods_that_agree(name):
     assert trade.is_of(trade.trade_scene(name), name)
     assert reference_array(trade.reference_name(name), "agree") <= trade_references.AGREE
-    assert trade.reference(name).shape == (trade.OUTPUTS + 1, 3)
+    assert {part.shape for part in trade.reference(name)} == {(trade.OUTPUTS + 1, 3)}
 
 
 def test_a_scene_with_another_stiffness_is_not_that_of_the_reference():
@@ -50,9 +52,20 @@ def test_changes_stack_and_what_is_replaced_is_gone():
 
 def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
     exact = trade.reference("paper")
-    assert trade.tip_error("paper", exact) == 0.0
-    assert trade.tip_error("paper", exact + np.array([0.0, 0.0, 0.01])) == pytest.approx(0.01 / trade.motion_of(exact))
-    assert trade.tip_error("paper", np.full_like(exact, np.nan)) == math.inf
+    assert trade.errors("paper", exact) == (0.0, 0.0)
+    moved = trade.errors("paper", exact._replace(tip=exact.tip + np.array([0.0, 0.0, 0.01])))
+    assert moved == (pytest.approx(0.01 / trade.motion_of(exact.tip)), 0.0)
+    assert trade.errors("paper", exact._replace(bend=1.25 * exact.bend)) == (0.0, pytest.approx(0.25))
+    assert trade.errors("paper", exact._replace(tip=np.full_like(exact.tip, np.nan))) == (math.inf, 0.0)
+
+
+def test_what_bends_the_tip_away_is_nothing_of_a_straight_arm_and_all_of_one_whose_joints_are_at_zero():
+    chain = fl.lump(trade.trade_scene("kick11"))
+    q = np.zeros((2, chain.n))
+    q[0, 0], q[1, 1:] = 0.3, 0.01
+    found = trade.seen(chain, q)
+    assert found.bend[0] == pytest.approx(np.zeros(3), abs=1e-15)
+    assert found.bend[1] == pytest.approx(found.tip[1] - fl.tip_position(chain, np.zeros(chain.n)))
 
 
 # other solvers
@@ -83,7 +96,7 @@ def test_a_led_joint_is_held_by_a_torque_as_the_run_leads_it():
 @pytest.fixture(scope="module")
 def beginning():
     """The first outputs of a soft link under a pulse, and how far a tip is from them, over the motion there."""
-    scene, exact = trade.trade_scene("pulse11"), trade.reference("pulse11")[:4]
+    scene, exact = trade.trade_scene("pulse11"), trade.reference("pulse11").tip[:4]
 
     def error(tip):
         return float(np.abs(tip - exact).max()) / trade.motion_of(exact)
@@ -140,9 +153,13 @@ def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_w
 def test_mujoco_with_compiled_friction_and_drive_comes_to_the_reference():
     for name, least in (("pulse11", 1e-8), ("t2", 1e-6)):
         runs = MujocoRuns(trade.trade_scene(name))
-        assert trade.tip_error(name, runs.run("RK4", 400).tip) < least
-    errors = {each: [trade.tip_error(name, runs.run(each, steps).tip) for steps in (250, 500)] for each in INTEGRATORS}
+        assert _errors_of(name, runs, "RK4", 400).tip < least
+    errors = {each: [_errors_of(name, runs, each, steps).tip for steps in (250, 500)] for each in INTEGRATORS}
     assert all(fine < 0.6 * coarse < 2e-3 for coarse, fine in errors.values())
+
+
+def _errors_of(name, runs, integrator, steps):
+    return trade.errors(name, trade.seen(runs.chain, runs.run(integrator, steps).q))
 
 
 def test_gains_are_springs_and_dampers_of_mujoco():
@@ -154,6 +171,53 @@ def test_gains_are_springs_and_dampers_of_mujoco():
         mujoco.mj_forward(runs.model, runs.data)
     f = FirstOrder(scene)
     assert runs.data.qacc == pytest.approx(f(0.0, f.start)[runs.chain.n :], abs=1e-8 * np.abs(runs.data.qacc).max())
+
+
+# Pinocchio
+
+
+def test_pinocchio_has_the_slope_of_flexlink_with_friction_springs_drive_wrench_and_led_joints():
+    for name in ("t3s4", "p2p5", "ur5"):
+        scene = trade.trade_scene(name)
+        ours, theirs = FirstOrder(scene), pinocchio_trade.PinocchioForm(scene)
+        y = ours.start + 0.01 * np.random.default_rng(0).normal(size=len(ours.start))
+        exact = ours(0.1, y)
+        assert theirs(0.1, y) == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())  # cond(M) of either is 1e5
+        assert theirs(0.1, np.vstack([y, y])) == pytest.approx(
+            np.vstack([exact, exact]), abs=1e-8 * np.abs(exact).max()
+        )
+
+
+@pytest.mark.slow
+def test_a_loop_of_rk4_in_pinocchio_is_flexlink_s_run_with_the_same_steps():
+    scene = trade.trade_scene("kick11").varied({"run.duration": 0.2})
+    run = fl.simulate(scene, method="RK4", step=scene.run.sample / 80)
+    solved = pinocchio_trade.PinocchioForm(scene).by_rk4(80)
+    assert solved.q == pytest.approx(run.q, abs=1e-11)
+    assert solved.evaluations == run.steps.evaluations
+
+
+@pytest.mark.slow
+def test_pinocchio_is_charged_with_its_evaluations_and_stops_at_the_most_it_may_take():
+    form = pinocchio_trade.PinocchioForm(trade.trade_scene("kick11"), most=500)
+    assert pinocchio_trade._by_tolerance("kick11", form, "Radau", 1e-6, [1e-2, 1e-3]) == [Point(1e-2, math.inf, 0.0)]
+    found = pinocchio_trade.points("pulse41", [1e-2], most=500, smallest=1e-8)
+    (limit,) = found["RK4"]
+    assert limit.untold
+    assert limit.evaluations > 500
+    again = pinocchio_trade.seconds_of_aba(fl.lump(trade.trade_scene("pulse41")))
+    assert 0.1 < limit.seconds / limit.evaluations / again < 10  # a slow spell of the machine meets one of them only
+
+
+def test_the_fastest_aba_is_no_slower_than_a_call_from_python():
+    chain = fl.lump(trade.trade_scene("t3s4"))
+    assert pinocchio_trade.seconds_of_aba(chain) < 3 * _call_of_aba(chain)
+
+
+def _call_of_aba(chain):
+    model, _ = pinocchio_models.build_all(chain)["spherical ZYX joints"]
+    data, q = pinocchio_models.pin.Data(model), np.zeros(model.nv)
+    return min(timeit.repeat(lambda: pinocchio_models.pin.aba(model, data, q, q, q), number=20, repeat=20)) / 20
 
 
 # work against precision
@@ -182,12 +246,13 @@ def test_flexlink_has_only_runs_that_met_the_error_and_others_their_order_and_th
         "MuJoCo": {"Euler": [Point(0.1, 1e-2, 1.0), Point(0.05, 5e-3, 2.0)]},
         "solvers": {},
     }
-    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-4, ours, others)}
+    rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-4), ours, others)}
     assert rows["RK4 / flexlink, error 0.0001"].value == 50
     assert rows["t3, MuJoCo / flexlink, error 0.0001"].value == pytest.approx(2.0 * 50 / 2.0)
     assert "by its order" in rows["MuJoCo / flexlink, error 0.0001"].note
-    assert "Radau5, tolerance 0.001 m: 2000 ms" in rows["RK4 / flexlink, error 0.0001"].note
-    rows = {row.quantity: row for row in speed_trade._rows("t3", 1e-6, ours, others)}
+    assert "Radau5, setting 0.001: 2000 ms" in rows["RK4 / flexlink, error 0.0001"].note
+    assert rows["RK4 / flexlink, error 0.0001, damped or spatial"].value == 50
+    rows = {row.quantity: row for row in speed_trade._rows("t3", speed_trade.Aim("error", 1e-6), ours, others)}
     assert rows["RK4 / flexlink, error 1e-06"].value == 0  # flexlink does not get there: no limit is met
 
 

@@ -250,6 +250,28 @@ def test_a_case_that_runs_by_its_name_waits_for_it_and_is_no_part_of_a_whole_stu
     assert set(study()[1].plan()) == {"small", "small_long"}
 
 
+def test_a_case_in_parts_is_stored_part_by_part_each_with_the_limits_of_all_and_its_own(study, monkeypatch):
+    own = '[quantity."RK4, other"]\nmetric = "m"\n'
+    text = CASE.replace('["RK2"]', '["RK2", "RK4"]').replace("settings", 'parts = "methods"\nsettings', 1)
+    study.case_file.write_text(text, encoding="utf-8")
+    assert {row.case for row in study("small-RK4")[1].rows()} == {"small-RK4"}
+    again = {"small-RK2", "small-RK4"}
+    first = study("small-RK4")[1].finished()["small-RK4"].date
+    monkeypatch.setattr(runner, "_date", lambda: datetime.datetime.now(datetime.UTC) + datetime.timedelta(hours=1))
+    finished = study("small")[1].finished()
+    assert set(finished) == again
+    assert finished["small-RK4"].date == first < finished["small-RK2"].date
+    study.case_file.write_text(text + own, encoding="utf-8")
+    assert study("small-RK2")[0] == 0  # what is named after a part is no matter of another one
+    assert study("small-RK4")[0] == 2  # which must measure it
+
+
+def test_parts_that_are_no_list_of_the_settings_are_one_line(study, capsys):
+    study.case_file.write_text(CASE.replace("settings", 'parts = "method"\nsettings', 1), encoding="utf-8")
+    assert study()[0] == 2
+    assert "parts = 'method': not a list of the settings" in capsys.readouterr().err
+
+
 def test_what_measures_time_runs_last_and_alone(monkeypatch):
     monkeypatch.setattr(runner, "measure", lambda case, key: iter([]))
     monkeypatch.setattr(runner, "WORTH_A_POOL", 1000)

@@ -58,6 +58,33 @@ def test_a_situation_reads_back_equal() -> None:
     assert max(map(len, text_.splitlines())) <= 120
 
 
+def test_a_shaped_reference_has_tables_of_its_own() -> None:
+    shaper = fl.Shaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
+    reference = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0, shaper=shaper)
+    scene = make_scene(fl.Link(name="a"), drive=fl.Drive(kind="pd", kp=(4.0,), kd=(1.0,), reference=reference))
+    text_ = scene.to_toml()
+    assert scene_from(tomllib.loads(text_)) == scene
+    assert (
+        text_[text_.index("[drive]") :]
+        == """\
+[drive]
+kind = "pd"
+kp   = [4.0]
+kd   = [1.0]
+
+[drive.reference]
+profile  = "quintic"
+to_deg   = [9.0]
+duration = 1.0
+
+[drive.reference.shaper]
+kind         = "ZVD"
+frequency_hz = [1.5, 2.0]
+damping      = [0.01, 0.0]
+"""
+    )
+
+
 UR5 = """\
 name    = "ur5_flexible"
 gravity = [0.0, 0.0, -9.81]

@@ -47,7 +47,11 @@ class Quantity(Spec, frozen=True):
 
 
 class Case(Spec, frozen=True):
-    """One TOML file in `cases/`; its name is the file's."""
+    """One TOML file in `cases/`; its name is the file's.
+
+    `parts` names a list of the settings: each of its values is then a case of its own, called NAME-VALUE, so that a
+    long study is stored, and goes on after it was stopped, value by value. The name of the file means all of them.
+    """
 
     name: str
     kind: str
@@ -57,12 +61,38 @@ class Case(Spec, frozen=True):
     scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
+    parts: str = ""
+    whole: str = ""  # of a part the name of its file
+
+    @property
+    def part(self) -> str:
+        """The value of which it is the part; "" of a whole case."""
+        return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
+
+    def divided(self) -> list[Case]:
+        """Its parts, each with the quantities that are of all of them, or "PART, …"; itself if it has none."""
+        if not self.parts:
+            return [self]
+        values = [str(value) for value in self.settings[self.parts]]
+        return [self._of(value, {other for other in values if other != value}) for value in values]
+
+    def _of(self, value: str, others: set[str]) -> Case:
+        return msgspec.structs.replace(
+            self, name=f"{self.name}-{value}", whole=self.name, parts="", title=f"{self.title}: {value}",
+            settings=self.settings | {self.parts: [value]},
+            quantity={name: each for name, each in self.quantity.items() if name.split(", ")[0] not in others},
+        )  # fmt: skip
+
+    def demands(self, quantity: str) -> bool:
+        """Whether it must measure this: of a part what is named after it, for the rest may be other parts' matter."""
+        return not self.part or quantity.startswith(f"{self.part}, ")
 
     def is_meant_by(self, pattern: str) -> bool:
         """Whether the name, the kind, or the words either begins with match a glob pattern; of `by_name` its name."""
+        names = (self.name, self.whole) if self.whole else (self.name,)
         if self.by_name:
-            return fnmatchcase(self.name, pattern)
-        return any(fnmatchcase(text, p) for text in (self.name, self.kind) for p in (pattern, f"{pattern}_*"))
+            return any(fnmatchcase(name, pattern) for name in names)
+        return any(fnmatchcase(text, p) for text in (*names, self.kind) for p in (pattern, f"{pattern}_*"))
 
     def load_scenes(self) -> list[Scene]:
         """The scenes, in order."""
@@ -71,7 +101,7 @@ class Case(Spec, frozen=True):
     @property
     def path(self) -> Path:
         """The case's file."""
-        return CASES / f"{self.name}.toml"
+        return CASES / f"{self.whole or self.name}.toml"
 
     @property
     def scene_files(self) -> list[Path]:
@@ -110,9 +140,13 @@ def load_case(path: Path) -> Case:
     """
     try:
         raw = catalogue.read_toml(path)
-        if "name" in raw:
-            raise SceneError(f"name = {raw['name']!r}: unknown key; the name of a case is its file's")
-        return decode(raw | {"name": path.stem}, Case)
+        for key in ("name", "whole"):
+            if key in raw:
+                raise SceneError(f"{key} = {raw[key]!r}: unknown key; the name of a case is its file's")
+        case: Case = decode(raw | {"name": path.stem}, Case)
+        if case.parts and not isinstance(case.settings.get(case.parts), list):
+            raise SceneError(f"parts = {case.parts!r}: not a list of the settings")
+        return case
     except SceneError as error:
         raise DataFileError(f"{path}: {error}") from None
 
@@ -129,7 +163,7 @@ def load_cases(*wanted: str) -> list[Case]:
     ArgumentError
         One of `wanted` means none.
     """
-    cases = [load_case(path) for path in sorted(CASES.glob("*.toml"))]
+    cases = [part for path in sorted(CASES.glob("*.toml")) for part in load_case(path).divided()]
     for pattern in wanted:
         if not any(case.is_meant_by(pattern) for case in cases):
             known = ", ".join(case.name for case in cases)

@@ -137,7 +137,7 @@ def _all_results(case: Case, key: str) -> list[Row | Series]:
 
 
 def _rehearse(case: Case) -> None:
-    kind, settings = _kind(case)
+    kind, settings = kind_of(case)
     if rehearsal := getattr(kind, "rehearsal", None):
         deque(kind.run(case, rehearsal(settings)), maxlen=0)
 
@@ -150,8 +150,8 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     FlexlinkError
         The case cannot be run, or does not measure all that it wants judged.
     """
-    kind, settings = _kind(case)
-    missing = set(case.quantity)
+    kind, settings = kind_of(case)
+    missing = {quantity for quantity in case.quantity if case.demands(quantity)}
     start = time.perf_counter()
     for result in kind.run(case, settings):
         if isinstance(result, Series):
@@ -164,7 +164,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
         raise DataFileError(f"{case.path}: quantity.{min(missing)}: kind {case.kind!r} does not measure this here")
 
 
-def _kind(case: Case) -> tuple[Kind, Any]:
+def kind_of(case: Case) -> tuple[Kind, Any]:
     """The kind of a case, and its settings."""
     kind = KINDS.get(case.kind)
     if kind is None:

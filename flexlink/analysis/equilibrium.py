@@ -23,6 +23,7 @@ from flexlink.analysis.tangent import load_torque, stiffness_matrix, tangent, un
 from flexlink.chain.arguments import Joints, flag, given, positive, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ConvergenceError
+from flexlink.dynamics.terms import elastic_torque
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -40,6 +41,9 @@ class Equilibrium:
     ----------
     q
         Angles [rad], shape (n,).
+    tau
+        T_EX with which it rests, shape (n,) [N m]: T_GC + T_FL where a coordinate is locked or its motion prescribed,
+        what holds it there; elsewhere as given. About it, `linearize(chain, rest.q, tau=rest.tau)` has ẋ = 0.
     residual
         Largest torque left over on a coordinate that is not locked [N m].
     stable
@@ -50,6 +54,7 @@ class Equilibrium:
     """
 
     q: Array
+    tau: Array
     residual: float
     stable: bool
     path: Array
@@ -145,10 +150,14 @@ def solve_static(
             load=lost.part,
         ) from None
     end = path[-1]
+    posture = whole(end[1:])
+    holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
+    holding[free] = drive[free]
     return Equilibrium(
-        whole(end[1:]),
+        posture,
+        holding,
         float(np.abs(equations.value(end)).max()),
-        not tangent(chain, whole(end[1:]), rates, wrench, free, follower).falls,
+        not tangent(chain, posture, rates, wrench, free, follower).falls,
         np.array([[point[0], *whole(point[1:])] for point in path]),
     )
 

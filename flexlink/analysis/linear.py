@@ -15,13 +15,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
 
-from flexlink.chain.arguments import choice, given, sequence, vector
+from flexlink.analysis.tangent import stiffness_matrix
+from flexlink.chain.arguments import choice, flag, given, sequence, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
+from flexlink.kernels.slopes import turned_with_tip
 
 Array = NDArray[np.float64]
 Output = tuple[tuple[str, ...], Array, Array, Array]
@@ -44,6 +47,8 @@ class LinearModel:
         ẋ = (q̇, q̈) there, shape (2n,); zero at an equilibrium.
     states, inputs, outputs
         Their names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
+    eigenvalues
+        Of A [1/s], shape (2n,), slowest first, the slow ones, too, to 1e-10 of themselves.
     """
 
     A: Array
@@ -62,6 +67,23 @@ class LinearModel:
         for array in (self.A, self.B, self.C, self.D, self.x, self.u, self.y, self.rate):
             array.flags.writeable = False
 
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """λ of A [1/s], shape (2n,), slowest first.
+
+        Stiff arms have λ from 1/100 to 1e5 1/s. An eigenvalue solver moves each by eps ‖A‖, of the slowest by 1e-9
+        and more; where rows shrink downwards, each by its own row. Angles are counted in units of 1/ω, so that
+        A = | 0 ω | −ω 0 |, and joints stand in the order of their ω² = |∂q̈_k/∂q_k|, each angle beside its rate.
+        """
+        n = len(self.A) // 2
+        ω = np.sqrt(np.abs(np.diag(self.A[n:, :n])))
+        ω[ω == 0] = ω[ω > 0].min(initial=1.0)
+        scale, fast = np.concatenate([ω, np.ones(n)]), np.argsort(-ω, kind="stable")
+        order = np.column_stack([fast, n + fast]).ravel()
+        graded = (self.A * scale[:, None] / scale)[np.ix_(order, order)]
+        λ = np.diag(linalg.schur(graded, output="complex")[0])
+        return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
+
     def __repr__(self) -> str:
         return f"<LinearModel: {len(self.x)} states, {len(self.u)} inputs, {len(self.y)} outputs>"
 
@@ -69,25 +91,30 @@ class LinearModel:
 def linearize(
     chain: Chain,
     q: ArrayLike,
-    qd: ArrayLike,
-    tau: ArrayLike,
+    qd: ArrayLike | None = None,
+    tau: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
     outputs: Sequence[str] = ("tip",),
 ) -> LinearModel:
     """Linear model about any state, exact up to rounding: springs, friction, gravity, rates and loads counted.
 
     M δq̈ = δT_EX − ∂(M q̈ + T_GC + T_FL + T_FR)/∂q δq − ∂(T_GC + T_FR)/∂q̇ δq̇ (`forward_dynamics_derivatives`). About an
-    equilibrium (`solve_static`; tau its holding torque) its eigenvalues are those of `modes`.
+    equilibrium, `linearize(chain, rest.q, tau=rest.tau)` of `rest = solve_static(…)`, its eigenvalues are those of
+    `modes`.
 
     Parameters
     ----------
     chain
         The chain.
     q, qd, tau
-        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,).
+        Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); without rates at rest, without torques
+        not driven.
     tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m]; it keeps its direction there.
+        Force and moment on the tip, shape (6,) [N, N m]; it keeps its direction in frame 0.
+    follower
+        The wrench is given in axes of the tip frame and turns with it.
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
         angles [rad] and rates [rad/s] of the driven joints; "state", x itself; one below the other.
@@ -106,23 +133,32 @@ def linearize(
         A joint moves no inertia of its own here.
     """
     n = given("chain", chain, Chain).n
-    q, qd, tau = vector("q", q, n), vector("qd", qd, n), vector("tau", tau, n)
+    q = vector("q", q, n)
+    qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
     wanted = [choice("outputs", name, OUTPUTS) for name in _names(outputs)]
-    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench)
+    wrench = given_wrench = wrench_vector(tip_wrench)
+    if flag("follower", follower):
+        wrench = turned_with_tip(chain.arrays, given_wrench, q)
+    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
+    dq = slopes.dq
+    if follower:
+        dead, turns = (stiffness_matrix(chain, q, qd, F, f) for F, f in ((wrench, False), (given_wrench, True)))
+        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+        dq = dq - slopes.dtau[:, free] @ (turns - dead)[free]
     names, values, by_angle, by_rate = zip(*(output(chain, q, qd) for output in wanted), strict=True)
     C = np.hstack([np.vstack(by_angle), np.vstack(by_rate)])
     driven, still = chain.active, np.zeros((n, n))
     given_motion = chain.hinges["prescribed"][driven] != 0
     B = np.vstack([still, slopes.dtau])[:, driven]
     return LinearModel(
-        A=np.block([[still, np.eye(n)], [slopes.dq, slopes.dqd]]),
+        A=np.block([[still, np.eye(n)], [dq, slopes.dqd]]),
         B=B,
         C=C,
         D=np.zeros((len(C), len(driven))),
         x=np.concatenate([q, qd]),
         u=np.where(given_motion, 0.0, tau[driven]),
         y=np.concatenate(values),
-        rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench)]),
+        rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)]),
         states=_of_joints(chain, range(n), "q {} [rad]") + _of_joints(chain, range(n), "qd {} [rad/s]"),
         inputs=tuple(
             f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} {'[rad/s²]' if motion else '[N m]'}"

@@ -18,12 +18,12 @@ from scipy import linalg
 from flexlink.analysis.extremes import inertia_alone
 from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_mass
 from flexlink.analysis.stability_function import stable_reach
-from flexlink.analysis.tangent import gyroscopic_matrix, stiffness_matrix
-from flexlink.chain.arguments import given, vector, wrench_vector
+from flexlink.analysis.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
+from flexlink.chain.arguments import flag, given, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.describe import methods
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.terms import bias_torque, inverse_dynamics
+from flexlink.dynamics.terms import inverse_dynamics
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -36,10 +36,25 @@ NUDGE = 1e-4
 
 
 class Gains(NamedTuple):
-    """Slopes of a drive: T_EX = … − k_p q − k_d q̇, each (n,) [N m/rad, N m s/rad]."""
+    """Slopes of a drive: T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) where joints act on others' [N m/rad, …]."""
 
     kp: Array
     kd: Array
+
+    def matrices(self) -> tuple[Array, Array]:
+        """Both as (n, n)."""
+        kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
+        return kp, kd
+
+    def diagonals(self) -> tuple[Array, Array]:
+        """Both as (n,), of every joint its own."""
+        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
+        return kp, kd
+
+
+def _along(slope: Array, φ: Array) -> Array:
+    """The symmetric part of a slope of gains times φ."""
+    return slope * φ if slope.ndim == 1 else np.asarray(slope @ φ + slope.T @ φ) / 2
 
 
 class _State(NamedTuple):
@@ -48,6 +63,7 @@ class _State(NamedTuple):
     q: Array
     qd: Array
     wrench: Array
+    follower: bool
     gains: Gains
     free: NDArray[np.intp]  # joints that are not prescribed
 
@@ -58,6 +74,7 @@ def eigenvalues(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
     gains: Gains | None = None,
 ) -> Complex:
     """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints do not take part.
@@ -71,9 +88,11 @@ def eigenvalues(
     q, qd
         Posture [rad] and rates [rad/s], shape (n,); default: at rest.
     tip_wrench
-        Constant force and moment on the tip, frame 0, shape (6,) [N, N m].
+        Force and moment on the tip, shape (6,) [N, N m], constant in frame 0.
+    follower
+        The wrench is given in axes of the tip frame and turns with it.
     gains
-        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) each.
+        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
 
     Raises
     ------
@@ -82,7 +101,7 @@ def eigenvalues(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, gains))
+    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, follower, gains))
 
 
 def fastest_eigenvalues(
@@ -91,6 +110,7 @@ def fastest_eigenvalues(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
     gains: Gains | None = None,
 ) -> Complex:
     """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
@@ -99,33 +119,38 @@ def fastest_eigenvalues(
     forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
     which it is under Kelvin-Voigt damping. Arguments and errors as in `eigenvalues`.
     """
-    state = _state(chain, q, qd, tip_wrench, gains)
+    state = _state(chain, q, qd, tip_wrench, follower, gains)
     if chain.n <= DENSE:
         return _all_eigenvalues(chain, state)
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
-    slope = damping_slope(chain) + state.gains.kd
-    δ = _largest_ratio(chain, state, lambda φ: slope * φ)
+    friction, brakes = damping_slope(chain), state.gains.kd
+    δ = _largest_ratio(chain, state, lambda φ: friction * φ + _along(brakes, φ))
     pair = np.roots([1.0, δ, square]).astype(complex)
     return np.concatenate([pair, [1j * np.sqrt(square), -1j * np.sqrt(square), -δ]])
 
 
 def _state(
-    chain: Chain, q: ArrayLike, qd: ArrayLike | None, tip_wrench: ArrayLike | None, gains: Gains | None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None,
+    tip_wrench: ArrayLike | None,
+    follower: bool,
+    gains: Gains | None,
 ) -> _State:
     n = given("chain", chain, Chain).n
     zero = np.zeros(n)
     rates = zero if qd is None else vector("qd", qd, n)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     gains = Gains(zero, zero) if gains is None else gains
-    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), gains, free)
+    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), flag("follower", follower), gains, free)
 
 
 def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
-    block = np.ix_(state.free, state.free)
+    block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
     M = regular_mass(chain, state.q, state.free)
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench)[block] + np.diag(state.gains.kp[state.free])
-    brakes = np.diag(damping_slope(chain) + state.gains.kd)
-    C = (gyroscopic_matrix(chain, state.q, state.qd) + brakes)[block]
+    kp, kd = state.gains.matrices()
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block] + kp[block]
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)) + kd)[block]
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
         values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
         return values
@@ -139,8 +164,9 @@ def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
     if size == 0:
         return np.zeros_like(φ)
     step = NUDGE / size * φ
-    ahead, behind = (bias_torque(chain, state.q + s * step, state.qd, tip_wrench=state.wrench) for s in (1, -1))
-    return np.asarray((chain.stiffness + state.gains.kp) * φ + (ahead - behind) * (size / (2 * NUDGE)))
+    ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
+    held = chain.stiffness * φ + _along(state.gains.kp, φ)
+    return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
 
 
 def _largest_ratio(chain: Chain, state: _State, apply: Callable[[Array], Array]) -> float:
@@ -176,6 +202,7 @@ def stable_step(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
     gains: Gains | None = None,
     method: str = "RK4",
 ) -> float:
@@ -191,7 +218,7 @@ def stable_step(
         The chain.
     q, qd
         Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
-    tip_wrench, gains
+    tip_wrench, follower, gains
         As in `eigenvalues`.
     method
         Name or file of a Runge-Kutta method.
@@ -211,7 +238,8 @@ def stable_step(
         A coordinate moves no inertia of its own at this posture.
     """
     q = np.zeros(given("chain", chain, Chain).n) if q is None else q
-    return stable_step_of(fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, gains=gains), method)
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, follower=follower, gains=gains)
+    return stable_step_of(λ, method)
 
 
 def stable_step_of(λ: Complex, method: str) -> float:

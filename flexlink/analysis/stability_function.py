@@ -71,17 +71,19 @@ def stable_reach(method: Method, directions: Complex) -> Array:
     if is_stable_everywhere(method):
         return np.full(directions.shape, np.inf)
     if method.explicit:
-        return _reach_of_polynomial(method, directions)
+        return _reach_of_polynomial(method, tuple(directions.tolist()))
     P, Q = (_float64(p) for p in stability_polynomials(method))
     return np.array([_first_zero(SQUARE * _square(Q, d) - _square(P, d)) for d in directions])
 
 
-def _reach_of_polynomial(method: Method, directions: Complex) -> Array:
+@functools.lru_cache(maxsize=64)
+def _reach_of_polynomial(method: Method, all_directions: tuple[complex, ...]) -> Array:
     """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so that 2 s + 1 values tell all of it.
 
     In powers of x the terms of E_d cancel, more with every stage; values of R by the stages themselves do not. There is
     an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality).
     """
+    directions = np.array(all_directions, dtype=complex)
     end, degree = 2 * method.stages**2, 2 * method.stages
     reach, beyond = np.full(directions.shape, float(end)), np.full(directions.shape, True)
     nodes = np.polynomial.chebyshev.chebpts1(degree + 1)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Coordinate
+from flexlink.chain.chain import BODY, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
 from flexlink.describe.rigid_body import Payload
 
@@ -26,8 +26,16 @@ class Body:
     def record(self) -> tuple[object, ...]:
         """One row of dtype `BODY`."""
         (R, p), (mass, center, I) = self.place, self.rigid
-        symmetric = np.triu(I) + np.triu(I, 1).T  # R I Rᵀ is so up to rounding only
-        return self.first, self.stop, int(not np.array_equal(R, np.eye(3))), R, p, mass, center, symmetric
+        return self.first, self.stop, 1, R, p, mass, center, I
+
+
+def recorded(bodies: list[Body]) -> NDArray[np.void]:
+    """The bodies as an array of dtype `BODY`."""
+    records = np.array([body.record() for body in bodies], dtype=BODY)
+    I = records["inertia"]
+    records["inertia"] = np.triu(I) + np.triu(I, 1).transpose(0, 2, 1)  # R I Rᵀ is symmetric up to rounding only
+    records["turned"] = (records["rotation"] != np.eye(3)).any(axis=(1, 2))
+    return records
 
 
 class Builder:
@@ -41,11 +49,12 @@ class Builder:
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
-        self.running = self.running.then(Pose(np.eye(3) if rotation is None else rotation, translation))
+        R, p = self.running
+        self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
-        self.running = self.running.then(Pose(rotation, np.zeros(3)))
+        self.running = Pose(self.running.R @ rotation, self.running.p)
 
     def start_body(self) -> None:
         """A new body begins in the running frame, with no hinges yet."""
@@ -74,10 +83,13 @@ class Builder:
         self.bodies[-1].stop += 1
 
     def add_payload(self, payload: Payload) -> None:
-        """Join a body that is described in the running frame to the current one."""
+        """Join a body that is described in the running frame to the current one; most links have none."""
+        if not payload.mass and not any(payload.inertia):
+            return
         self.add(RigidBody(payload.mass, np.array(payload.center), payload.matrix))
 
     def add(self, body: RigidBody) -> None:
         """The same of a rigid body."""
         current = self.bodies[-1]
-        current.rigid = current.rigid.plus(body.moved(self.running))
+        moved = body if self.running is HERE else body.moved(self.running)
+        current.rigid = moved if current.rigid is NOTHING else current.rigid.plus(moved)

@@ -55,6 +55,7 @@ HINGE = np.dtype(
 
 
 # Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
+EPS = float(np.finfo(np.float64).eps)
 BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
 
 
@@ -149,13 +150,12 @@ class Chain:
     @functools.cached_property
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
-        rotation = np.eye(3)
+        rotation, axis = np.eye(3), self.hinges["axis"]
         axes = np.empty((self.n, 3))
-        for body in self.bodies:
-            if body["turned"]:
-                rotation = rotation @ body["rotation"]
-            for k in range(body["first"], body["stop"]):
-                axes[k] = rotation[:, self.hinges["axis"][k]]
+        fields = (self.bodies[name] for name in ("first", "stop", "turned", "rotation"))
+        for first, stop, turned, R in zip(*fields, strict=True):
+            rotation = rotation @ R if turned else rotation
+            axes[first:stop] = rotation.T[axis[first:stop]]
         axes.flags.writeable = False
         return axes
 
@@ -165,7 +165,9 @@ class Chain:
         Within 16 ulp per mount rotation, the rounding of the rotations themselves.
         """
         turns = 1 + int(self.bodies["turned"].sum())
-        return bool(np.abs(np.cross(self.axes, direction)).max() <= 16 * turns * np.finfo(float).eps)
+        x, y, z = direction
+        across = self.axes @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # axis × direction
+        return bool(np.abs(across).max() <= 16 * turns * EPS)
 
     @functools.cached_property
     def is_planar(self) -> bool:

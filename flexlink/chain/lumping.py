@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
-from flexlink.chain.builder import Builder
-from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
+from flexlink.chain.builder import Builder, recorded
+from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rigid import RigidBody
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
@@ -57,12 +58,10 @@ def lump(scene: Scene) -> Chain:
             _add_line(builder, arm, link, k + 1, *placed[k])
         builder.add_payload(arm.tip)
     builder.start_body()
-    bodies = np.array([body.record() for body in builder.bodies[1:]], dtype=BODY)  # bodies[0] is the fixed base
+    bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
-        for field in array.dtype.names or ():
-            if field not in {"lower", "upper"} and not np.isfinite(array[field]).all():
-                raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
+        _check_finite(name, array)
     return Chain(
         name=name,
         bodies=bodies,
@@ -71,6 +70,14 @@ def lump(scene: Scene) -> Chain:
         coordinates=tuple(builder.coordinates),
         link_names=tuple(link.name for link in arm.links),
     )
+
+
+def _check_finite(name: str, array: NDArray[np.void]) -> None:
+    if np.isfinite(array.view(np.float64)).all():  # whole numbers seen so are finite, too; only limits need not be
+        return
+    for field in array.dtype.names or ():
+        if field not in {"lower", "upper"} and not np.isfinite(array[field]).all():
+            raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
 
 
 def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
@@ -90,7 +97,7 @@ def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
 def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, prescribed: bool) -> None:
     """Joint, gear and hub of a link."""
     joint = link.joint
-    axis, turn = turn_to(joint.direction)
+    axis, turn = turn_to(joint.axis)
     builder.turn(turn)
     if joint.locked:
         builder.turn(about_axis_deg(axis, locked_deg))
@@ -131,12 +138,10 @@ def _add_segments(
     rule = lumping_rule(link.lumping)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
-    stiffnesses = beam.rigidities(nodes) / (weights * beam.length)
+    stiffnesses, segments = _cut(beam, nodes.tobytes(), weights.tobytes())
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
-    edges = np.array([0.0, *nodes, 1.0])
-    slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
-    for segment, (mass, center, inertia, length) in enumerate(slices):
+    for segment, (body, end) in enumerate(segments):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
@@ -145,9 +150,9 @@ def _add_segments(
                 rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
-        if length > 0:  # a hinge at the very root has nothing before it
-            builder.add(RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)))
-        builder.move(np.array([length, 0, 0]))
+        if body is not None:
+            builder.add(body)
+        builder.move(end)
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -170,6 +175,23 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
             )
         A = A * rotors[i] / (A + rotors[i])
     return rotors
+
+
+@functools.lru_cache(maxsize=256)
+def _cut(beam: _Beam, nodes: bytes, weights: bytes) -> tuple[Array, list[tuple[RigidBody | None, Array]]]:
+    """Spring constants, shape (3, N) [N m/rad], and of each segment its body and its end [m]; links alike share them.
+
+    A hinge at the very root has nothing before it.
+    """
+    x, w = np.frombuffer(nodes), np.frombuffer(weights)
+    edges = np.array([0.0, *x, 1.0])
+    slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
+    segments = [
+        (RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
+         np.array([length, 0, 0]))
+        for mass, center, inertia, length in slices
+    ]  # fmt: skip
+    return beam.rigidities(x) / (w * beam.length), segments
 
 
 @dataclasses.dataclass(frozen=True)

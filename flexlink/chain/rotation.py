@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.describe.directions import unit
+
 Array = NDArray[np.float64]
 
 
+@functools.lru_cache(maxsize=256)
 def matrix_from_rpy_deg(rpy_deg: tuple[float, float, float]) -> Array:
-    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in degrees; multiples of 90° give exact zeros and ones."""
-    return _composed(*map(cos_sin_deg, rpy_deg))
+    """R = Rz(yaw) Ry(pitch) Rx(roll), angles in degrees; multiples of 90° give exact zeros and ones. Read-only."""
+    return read_only(_composed(*map(cos_sin_deg, rpy_deg)))
 
 
 def matrix_from_rpy(rpy: tuple[float, float, float]) -> Array:
@@ -39,16 +43,24 @@ def _about_axis(axis: int, c: float, s: float) -> Array:
     return R
 
 
-def turn_to(direction: Array) -> tuple[int, Array]:
-    """The coordinate axis nearest to a unit vector, and the smallest rotation R that takes it there: R e = direction.
+@functools.lru_cache(maxsize=256)
+def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
+    """The coordinate axis nearest to a direction, and the smallest rotation R that takes it there: R e = direction.
 
     R = 1 + [v]× + [v]×²/(1 + c) with v = e × direction, c = e · direction; exact for every coordinate axis, and the
-    identity for X, Y and Z.
+    identity for X, Y and Z. R is read-only.
     """
+    direction = unit("axis", towards)
     axis = int(np.argmax(direction))
     c, v = direction[axis], np.cross(np.eye(3)[axis], direction)
     V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return axis, np.eye(3) + V + V @ V / (1 + c)
+    return axis, read_only(np.eye(3) + V + V @ V / (1 + c))
+
+
+def read_only(array: Array) -> Array:
+    """The array, which many share from here on."""
+    array.flags.writeable = False
+    return array
 
 
 def cos_sin_deg(angle: float) -> tuple[float, float]:

@@ -21,6 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.motion.cost import cost, evaluation_time, step_time
 from flexlink.motion.notes import notes
 from flexlink.motion.start import initial_state
+from flexlink.motion.tip_wrench import initial_wrench
 
 Complex = NDArray[np.complex128]
 
@@ -63,7 +64,8 @@ def _show(scene: Scene) -> None:
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
     _show_steps(evaluation_time(scene, chain), chain.is_planar, λ, free)
     if bare is not chain and chain.n <= LARGEST_MODAL:
-        found = modes(chain, q0, tip_wrench=scene.tip_wrench)
+        wrench, follower = initial_wrench(scene, chain)
+        found = modes(chain, q0, tip_wrench=wrench, follower=follower)
         print("structural damping about the start, with gravity:")
         print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
 

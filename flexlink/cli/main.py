@@ -1,4 +1,4 @@
-"""`flexlink info | simulate | modes | export | compare | import | robots`: one line on errors, exit code 2."""
+"""`flexlink info | simulate | advise | modes | export | compare | import | robots | sweep`: one line on errors."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from typing import NoReturn
 import numpy as np
 
 from flexlink import __version__
-from flexlink.cli.compare import compare_engines
+from flexlink.cli.advise import advise_scene
+from flexlink.cli.compare import SAMPLES, compare_engines
 from flexlink.cli.export import export_scenes
 from flexlink.cli.import_robot import import_scene
 from flexlink.cli.info import show_info
 from flexlink.cli.modes import show_modes
 from flexlink.cli.robots import list_robots
 from flexlink.cli.simulate import simulate_scene
+from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import finish
@@ -34,19 +36,27 @@ EXAMPLES = """examples:
   flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
   flexlink simulate models/t3_spatial.toml --tolerance 1e-4
   flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
+  flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+  flexlink compare models/t3_spatial.toml --trajectory --duration 0.1
   flexlink compare models/t3_spatial.toml --file theirs.xml
   flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
   flexlink robots --out models/robots
+  flexlink sweep sweep.toml --out sweep.db
+  flexlink sweep sweep.toml --workers 4 --export csv
+  flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
   flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
 """
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0 done, 1 engines disagree, 2 error, 130 Ctrl-C, 143 SIGTERM."""
+    """Run the command line; returns the exit code.
+
+    0 done, 1 engines disagree or no model is good enough, 2 error, 130 Ctrl-C, 143 SIGTERM.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # q̈ on a terminal that cannot show it
@@ -132,6 +142,10 @@ def _parser() -> argparse.ArgumentParser:
         "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
     )
 
+    _advice_options(
+        add("advise", advise_scene, "Find the smallest model that keeps the tip within a tolerance, and check it.")
+    )
+
     shapes = add("modes", show_modes, "Natural frequencies and mode shapes about the initial posture, with gravity.")
     shapes.add_argument("scene", type=Path, help="scene file (.toml)")
     shapes.add_argument(
@@ -151,13 +165,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
 
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
-    check.add_argument("scene", type=Path, help="scene file (.toml)")
-    check.add_argument(
-        "--engines", nargs="+", help="default: pinocchio mujoco, of a file the one for its format; also drake, exudyn"
-    )
-    check.add_argument("--file", type=Path, help="MJCF, URDF or SDF of the same arm: what is wrong in it, if anything")
-    check.add_argument("--samples", type=int, default=200, help="number of states (default: 200)")
-    check.add_argument("--seed", type=int, default=0, help="seed of the random states (default: 0)")
+    _of_compare(check)
 
     robot = add("import", import_scene, "Make a scene of a robot's URDF: the arm between two links, some bending.")
     robot.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
@@ -174,9 +182,47 @@ def _parser() -> argparse.ArgumentParser:
     ):
         robot.add_argument(f"--{option}", action="append", default=[], metavar=form, help=text)
 
-    robots = add("robots", list_robots, "List the arms of example-robot-data that `flexlink import` takes by name.")
-    robots.add_argument("--out", type=Path, help="folder to write their scenes to")
+    add_options(add("sweep", sweep_members, "Run all variants of a scene that a sweep file names, into a database."))
+
+    add(
+        "robots", list_robots, "List the arms of example-robot-data that `flexlink import` takes by name."
+    ).add_argument("--out", type=Path, help="folder to write their scenes to")
     return parser
+
+
+def _advice_options(advice: argparse.ArgumentParser) -> None:
+    advice.add_argument(
+        "scene", type=Path, help="scene file (.toml); its flex, segments, lumping, steps have no effect"
+    )
+    advice.add_argument(
+        "--tip", default="1e-3", metavar="ERROR",
+        help="allowed error of the tip, a part of how far it moves, or a length as 2mm; default: 1e-3",
+    )  # fmt: skip
+    advice.add_argument(
+        "--deflection", action="store_true", help="the error is a part of how far the links bend the tip"
+    )
+    advice.add_argument("--band", type=float, metavar="HZ", help="vibrations faster than this do not count")
+    advice.add_argument(
+        "--budget", type=float, default=1.0, metavar="S", help="CPU time that one run may take [s]; default: 1"
+    )
+    advice.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
+
+
+def _of_compare(check: argparse.ArgumentParser) -> None:
+    """Options of `compare`."""
+    check.add_argument("scene", type=Path, help="scene file (.toml)")
+    check.add_argument(
+        "--engines", nargs="+",
+        help="default: pinocchio mujoco, of a file the one for its format; also drake, exudyn; of --trajectory all",
+    )  # fmt: skip
+    check.add_argument("--file", type=Path, help="MJCF, URDF or SDF of the same arm: what is wrong in it, if anything")
+    for option, text in (("samples", f"number of states (default: {SAMPLES})"), ("seed", "of them (default: 0)")):
+        check.add_argument(f"--{option}", type=int, help=text)
+    check.add_argument(
+        "--trajectory", action="store_true",
+        help="compare the scene's run, step by step, with that of every engine that is installed and can run it",
+    )  # fmt: skip
+    check.add_argument("--duration", type=float, help="of --trajectory: simulated time [s]; default: the scene's")
 
 
 if __name__ == "__main__":

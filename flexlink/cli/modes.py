@@ -12,6 +12,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.motion.result import plotting
 from flexlink.motion.start import initial_state
+from flexlink.motion.tip_wrench import initial_wrench
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -35,7 +36,9 @@ def show_modes(options: argparse.Namespace) -> int:
         chain = lump(scene)
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
-        found = modes(chain, initial_state(scene, chain)[0], locked=locked, tip_wrench=scene.tip_wrench)
+        wrench, follower = initial_wrench(scene, chain)
+        posture = initial_state(scene, chain)[0]
+        found = modes(chain, posture, locked=locked, tip_wrench=wrench, follower=follower)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     if options.plot is not None:
         draw(plotting().plot_modes(found, scene.name, options.count), options.plot)

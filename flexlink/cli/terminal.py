@@ -45,23 +45,23 @@ class Line:
 
 
 class Progress(Line):
-    """How far a run is, for how long it has been running, and how long it will take."""
+    """How far a run is, for how long it has been running, and how long it will take; `done` was done before."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, done: float = 0.0) -> None:
         super().__init__()
-        self._name, self._started, self._next = name, time.perf_counter(), 0.0
+        self._name, self._done, self._started, self._next = name, done, time.perf_counter(), 0.0
 
     def __call__(self, fraction: float) -> None:
         """Show that `fraction` of the work is done."""
         now = time.perf_counter()
         if now >= self._next or fraction == 1:
             self._next = now + REDRAWN
-            self.draw(progress_text(self._name, fraction, now - self._started, self.width))
+            self.draw(progress_text(self._name, fraction, now - self._started, self.width, self._done))
 
 
-def progress_text(name: str, fraction: float, elapsed: float, width: int) -> str:
-    """The line of a run that has done `fraction` of its work in `elapsed` seconds, at most `width` letters."""
-    left = f", {clock(elapsed / fraction - elapsed)} left" if fraction > 0 else ""
+def progress_text(name: str, fraction: float, elapsed: float, width: int, done: float = 0.0) -> str:
+    """The line of a run that has gone from `done` to `fraction` of its work in `elapsed` s, at most `width` letters."""
+    left = f", {clock(elapsed * (1 - fraction) / (fraction - done))} left" if fraction > done else ""
     tail = f"{fraction:4.0%} {clock(elapsed)}{left}"
     room = width - len(tail) - 1
     if len(name) > room // 2:

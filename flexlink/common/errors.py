@@ -29,6 +29,10 @@ class SingularMassError(FlexlinkError, ArithmeticError):
     """The mass matrix is not positive definite at this posture: some joint moves no inertia."""
 
 
+class AdviceError(FlexlinkError, RuntimeError):
+    """No two models of a scene can be run, so that none can be judged; the message says what became of the last one."""
+
+
 class OutputError(FlexlinkError, OSError):
     """A result that could not be written; the message says where it was kept instead."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Annotated, Literal
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from flexlink.common.errors import SceneError
 from flexlink.describe import catalogue
-from flexlink.describe.directions import Line, line_of
+from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.names import link_number
 from flexlink.describe.rigid_body import Payload
@@ -197,9 +198,7 @@ class Link(Spec, frozen=True):
     @property
     def beam(self) -> Line:
         """Where the beam runs: start, length and axes; of a link without length a point in its joint."""
-        if self.line is None and not any(self.stop):
-            return Line(np.zeros(3), 0.0, np.eye(3))
-        return line_of(self.line or ((0.0, 0.0, 0.0), self.stop), self.up, self.joint.direction)
+        return _beam(self.line, self.stop, self.up, self.joint.axis)
 
     @property
     def stop(self) -> Vector3:
@@ -207,6 +206,17 @@ class Link(Spec, frozen=True):
         if self.line is not None:
             return self.line[1]
         return self.dh.end if self.dh is not None and not self.length else (self.length, 0.0, 0.0)
+
+
+@functools.lru_cache(maxsize=256)
+def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3) -> Line:
+    """Read-only: links of one geometry share it."""
+    if line is None and not any(stop):
+        found = Line(np.zeros(3), 0.0, np.eye(3))
+    else:
+        found = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
+    found.start.flags.writeable = found.frame.flags.writeable = False
+    return found
 
 
 class Arm(Spec, frozen=True):

@@ -53,9 +53,10 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SceneError(f"{path}: not TOML: {error}") from None
 
 
-def names(folder: str) -> list[str]:
+@functools.cache
+def names(folder: str) -> tuple[str, ...]:
     """Names that come with flexlink in `folder` ("methods" or "lumping")."""
-    return sorted(path.stem for path in (DATA / folder).glob("*.toml"))
+    return tuple(sorted(path.stem for path in (DATA / folder).glob("*.toml")))
 
 
 def load(folder: str, key: str, name: str, kind: type[T]) -> T:
@@ -79,18 +80,22 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     DataFileError
         A file that is missing, or not a valid description.
     """
-    known = names(folder)
-    if not isinstance(name, str) or not (is_own(name) or name in known):
+    if not isinstance(name, str) or not (is_own(name) or _is_ours(folder, name)):
+        known = names(folder)
         raise ArgumentError(
             f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
             f"{meant(name, known)}"
         )
-    path = Path(absolute(name)) if is_own(name) else DATA / folder / f"{name}.toml"
     try:
-        found: T = _decoded(path, _version(path), cast("Any", kind))
+        found: T = _of_user(name, kind) if is_own(name) else _of_ours(folder, name, cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {short(name)}: {error}") from None
     return found
+
+
+def _is_ours(folder: str, name: str) -> bool:
+    """Whether a description of this name comes with flexlink: a look at one file, not at all of a folder."""
+    return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
 
 
 def is_own(name: object) -> bool:
@@ -101,6 +106,17 @@ def is_own(name: object) -> bool:
 def absolute(name: str, folder: Path = Path()) -> str:
     """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
     return str((folder / name).absolute()) if is_own(name) else name
+
+
+@functools.cache
+def _of_ours(folder: str, name: str, kind: Any) -> Any:
+    return _decoded(DATA / folder / f"{name}.toml", (), kind)
+
+
+def _of_user(name: str, kind: Any) -> Any:
+    """Read again where it has changed."""
+    path = Path(absolute(name))
+    return _decoded(path, _version(path), kind)
 
 
 def _version(path: Path) -> tuple[int, ...]:

@@ -113,8 +113,7 @@ class Method(Spec, frozen=True):
     @property
     def arrays(self) -> tuple[Array, Array, Array]:
         """A (s, s), b (s,), c (s,), each rounded once to float64."""
-        A, b, c = self.exact
-        return _float64(A), _float64(b), _float64(c)
+        return _rounded(self)
 
     @property
     def error(self) -> Array:
@@ -249,6 +248,12 @@ def check_method(run: Run) -> None:
 def _check_number(where: str, x: str) -> None:
     if not COEFFICIENT.fullmatch(x):
         raise SceneError(f"{where}: {short(x)}: a coefficient is a decimal or a fraction such as '1/6'")
+
+
+@functools.lru_cache(maxsize=64)
+def _rounded(method: Method) -> tuple[Array, Array, Array]:
+    A, b, c = method.exact
+    return _float64(A), _float64(b), _float64(c)
 
 
 @functools.lru_cache(maxsize=64)

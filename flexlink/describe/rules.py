@@ -8,6 +8,7 @@ no rule is of higher order than 4 in bending, and of 2 in twist (see `twist_iner
 
 from __future__ import annotations
 
+import functools
 from typing import Annotated
 
 import msgspec
@@ -210,11 +211,18 @@ def _stands_alone(link: Link) -> bool:
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
     count = link.segments - 1
     try:
-        nodes, weights = rule.hinges(count)
-        if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
-            raise ArgumentError("puts them closer, or gives them less weight, than float64 can tell from zero")
+        return _placed(rule, count)
     except ArgumentError as error:
         raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {link.lumping!r} {error}") from None
+
+
+@functools.lru_cache(maxsize=64)
+def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
+    """Nodes and weights, read-only: scenes of a sweep share them."""
+    nodes, weights = rule.hinges(count)
+    if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
+        raise ArgumentError("puts them closer, or gives them less weight, than float64 can tell from zero")
+    nodes.flags.writeable = weights.flags.writeable = False
     return nodes, weights
 
 

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+from collections.abc import Container, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
+import msgspec
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.arm import Arm, Link
+from flexlink.describe.course import Course
 from flexlink.describe.methods import check_method
+from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
 from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
-from flexlink.describe.vary import changed, parsed
+from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
 from flexlink.describe.writing import said, toml_of
 
 Array = NDArray[np.float64]
@@ -40,6 +46,8 @@ class Scene(Spec, frozen=True):
         if not self.name:
             raise SceneError("name = '': must not be empty")
         links = len(self.arm.links)
+        if not self.initial.joint_deg:
+            self._put_joints_at_zero()
         per_link: dict[str, tuple[float, ...] | None] = {
             "initial.joint_deg": self.initial.joint_deg,
             "initial.rate_deg": self.initial.rate_deg,
@@ -47,30 +55,55 @@ class Scene(Spec, frozen=True):
             "drive.kp": self.drive.kp,
             "drive.kd": self.drive.kd,
             "drive.target_deg": self.drive.target_deg,
+            "drive.effort": self.drive.effort,
             **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
         }
         for key, values in per_link.items():
             if values is not None and len(values) != links:
                 raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
-                if link.joint.locked and values and values[k] and key not in {"initial.joint_deg", "drive.target_deg"}:
+                if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         if not self.run.controlled:
-            whole("initial.time", self.initial.time, "run.step", self.run.step)
-            for k, time in enumerate(self.drive.times or () if self.drive.hold else ()):
-                whole(f"drive.times[{k}]", time, "run.step", self.run.step)
+            self._check_grid()
+        self._check_rate()
         for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
-            _check_limits(link, f"initial.joint_deg[{k}]", angle)
+            if self.initial.q is None or link.joint.locked:
+                _check_limits(link, f"initial.joint_deg[{k}]", angle)
+        self._check_reference()
+        self._check_motions()
+
+    def __repr__(self) -> str:
+        run = self.run
+        return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+
+    def _check_motions(self) -> None:
+        """Each link moves by one motion, and is not driven by gains."""
         moved: set[int] = set()
         for k, motion in enumerate(self.motion):
             number = self._check_motion(motion, f"motion[{k}]")
             if number in moved:
                 raise SceneError(f"motion[{k}].link = {motion.link!r}: has two motions")
             moved.add(number)
+            for name in ("kp", "kd"):
+                gains = getattr(self.drive, name)
+                if gains is not None and gains[number - 1]:
+                    said = f"drive.{name}[{number - 1}] = {gains[number - 1]!r}"
+                    raise SceneError(f"{said}: the motion of {motion.link!r} is prescribed; only 0 fits")
 
-    def __repr__(self) -> str:
-        run = self.run
-        return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+    def _check_grid(self) -> None:
+        """Fixed steps end where the run starts, and where a held row gives way to the next."""
+        whole("initial.time", self.initial.time, "run.step", self.run.step)
+        for name, table in (("drive", self.drive), ("wrench", self.wrench)):
+            for k, time in enumerate(table.times or () if table.hold else ()):
+                whole(f"{name}.times[{k}]", time, "run.step", self.run.step)
+
+    def _put_joints_at_zero(self) -> None:
+        """Of a scene that starts from a whole state; but then nobody has said where a reference starts."""
+        if self.drive.reference is not None and self.drive.reference.from_initial:
+            raise SceneError("drive.reference.from_deg: missing; initial.joint_deg, its default, is not given")
+        joint_deg = (0.0,) * len(self.arm.links)
+        msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
     def _check_motion(self, motion: Motion, path: str) -> int:
         """Number of the link that moves."""
@@ -91,9 +124,70 @@ class Scene(Spec, frozen=True):
             _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
         return number
 
+    def _check_rate(self) -> None:
+        """A law is asked at ends of steps, at the start of a run, and at every sample or as many samples apart."""
+        rate, run = self.drive.rate, self.run
+        if rate is None:
+            return
+        apart = 1 / rate
+        long, short_one = ("run.sample", run.sample), ("1 / rate", apart)
+        if apart > run.sample:
+            long, short_one = short_one, long
+        try:
+            if not run.controlled:
+                whole("1 / rate", apart, "run.step", run.step)
+            whole("initial.time", self.initial.time, "1 / rate", apart)
+            whole(*long, *short_one)
+        except SceneError as error:
+            raise SceneError(f"drive.rate = {rate!r}: {error}") from None
+
+    def _check_reference(self) -> None:
+        """The reference stays within the joints' limits, at every extreme of a piece, and jumps at ends of steps."""
+        course, run = self.course, self.run
+        if course is None:
+            return
+        try:
+            refuse_beyond(
+                course, [(link.name, link.joint.limits_deg) for link in self.arm.links if not link.joint.locked]
+            )
+            for time in [] if run.controlled or self.drive.rate else course.jumps:
+                whole("jumps, or its rate does: t", float(f"{time:.12g}"), "run.step", run.step)
+        except SceneError as error:
+            raise SceneError(f"drive.reference {error}") from None
+
+    @property
+    def course(self) -> Course | None:
+        """Where the drive's reference leads the joints that are not locked [rad], one column each; None without one.
+
+        Raises
+        ------
+        SceneError
+            An angle changes faster than float64 can hold, or the reference does not fit the arm.
+        DataFileError
+            The file of its shaper is not valid.
+        """
+        if self.drive.reference is None:
+            return None
+        free = [k for k, link in enumerate(self.arm.links) if not link.joint.locked]
+        try:
+            return self.drive.reference.course(self.initial.joint_deg, free)
+        except (SceneError, DataFileError) as error:
+            raise type(error)(f"drive.reference.{error}") from None
+
     @property
     def tip_wrench(self) -> Array:
-        """Force and moment on the tip, frame 0, shape (6,)."""
+        """Constant force and moment on the tip, frame 0, shape (6,).
+
+        Raises
+        ------
+        SceneError
+            They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
+        """
+        if self.wrench.varies:
+            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {short(self.wrench.times)}"
+            raise SceneError(
+                f"wrench.{said}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
+            )
         return np.array([*self.wrench.force, *self.wrench.moment])
 
     def varied(self, changes: Mapping[str, object]) -> Scene:
@@ -130,9 +224,24 @@ class Scene(Spec, frozen=True):
         """
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
-        varied = scene_from(changed(self._document(), FIELDS, changes))
+        anew = touched(changes)
+        seen = {} if "link" in anew else {"link": _document_of(self.arm.links)}
+        document = changed({**self.document(anew), **seen}, FIELDS, changes)
+        parts = {**_parts(self), **_parts(self.arm)}
+        kept = {key: value for key, value in parts.items() if key not in anew}
+        varied = scene_from({key: value for key, value in document.items() if key in anew}, kept)
         check_named(varied)
         return varied
+
+    def values_at(self, path: str) -> list[Any]:
+        """What stands at a path of `varied`, as in a TOML file: one value, or, with `*`, several; None for nothing.
+
+        Raises
+        ------
+        SceneError
+            The path leads nowhere.
+        """
+        return values_at(self.document(), FIELDS, path)
 
     def to_toml(self) -> str:
         """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
@@ -140,11 +249,17 @@ class Scene(Spec, frozen=True):
         document |= document.pop("arm")
         return toml_of({key: document[key] for key in ORDER if key in document})
 
-    def _document(self) -> dict[str, Any]:
-        """What a TOML parser returns of this scene, with all defaults written out."""
-        document: dict[str, Any] = parsed(self)
-        document |= document.pop("arm")
-        return document
+    def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
+        """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
+        parts = {**_parts(self), **_parts(self.arm)}
+        del parts["arm"]
+        return {
+            key: parsed(value) for key, value in parts.items() if (keys is None or key in keys) and value is not None
+        }
+
+
+OF_LOCKED_TOO = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
+"""Numbers per link that may be said of a link whose joint is locked."""
 
 
 def _check_limits(link: Link, key: str, angle: float) -> None:
@@ -179,6 +294,7 @@ def load_scene(path: str | Path) -> Scene:
     path = catalogue.given_path("path", path)
     raw = catalogue.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
+    _find_beside(path, said_below(raw, "drive", "reference", "shaper"), "kind")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
     try:
@@ -190,7 +306,7 @@ def load_scene(path: str | Path) -> Scene:
 
 
 def _find_beside(scene: Path, table: object, key: str) -> None:
-    """A rule's or method's own file is named from the folder of the scene, wherever the program was started."""
+    """A rule's, method's or shaper's own file is named from the folder of the scene, wherever it was started."""
     if isinstance(table, dict) and isinstance(table.get(key), str):
         table[key] = catalogue.absolute(table[key], scene.parent)
 
@@ -209,8 +325,19 @@ def check_named(scene: Scene) -> None:
     check_method(scene.run)
 
 
-def scene_from(raw: dict[str, Any]) -> Scene:
-    """The scene of a parsed file.
+@functools.lru_cache(maxsize=16)
+def _document_of(links: tuple[Link, ...]) -> Any:
+    """Links as a TOML parser returns them, to look at only: variants of a scene share them."""
+    return parsed(links)
+
+
+def _parts(spec: Spec) -> dict[str, Any]:
+    """The fields of a description by their keys in a file."""
+    return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
+
+
+def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({})) -> Scene:
+    """The scene of a parsed file, and of parts of another scene, which have been checked.
 
     Raises
     ------
@@ -222,9 +349,9 @@ def scene_from(raw: dict[str, Any]) -> Scene:
             allowed = ", ".join(FIELDS) + meant(key, FIELDS)
             raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
     for key, field in (_OWN | _OF_ARM).items():
-        if field.required and key not in raw:
+        if field.required and key not in raw and key not in kept:
             raise SceneError(f"{key}: missing; this key is required")
-    values = {key: decode(value, FIELDS[key], key) for key, value in raw.items()}
+    values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
     return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in _OWN})
 

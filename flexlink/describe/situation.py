@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.describe import catalogue
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
+from flexlink.describe.reference import Reference
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, rising, short
 
 Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
@@ -28,10 +29,11 @@ class Initial(Spec, frozen=True):
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
     `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
-    `time` [s] does of t = 0: the state from which another run is continued.
+    `time` [s] does of t = 0: the state from which another run is continued. Beside `q`, `joint_deg` is where the locked
+    joints stay, and may be left out: zero in a scene.
     """
 
-    joint_deg: tuple[float, ...]
+    joint_deg: tuple[float, ...] = ()
     rate_deg: tuple[float, ...] | None = None  # default: at rest
     passive: Literal["zero", "static"] = "zero"
     q: tuple[float, ...] | None = None  # rad
@@ -40,6 +42,8 @@ class Initial(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not self.joint_deg and self.q is None:
+            raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
             raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
         if self.qd is not None and self.rate_deg is not None:
@@ -52,42 +56,51 @@ class Initial(Spec, frozen=True):
 
 
 class Drive(Spec, frozen=True):
-    """Drive torque T_EX at the active joints, one column per link [N m, N m/rad, N m s/rad, deg].
+    """Drive torque T_EX at the active joints, one column per link.
 
-    constant: T_EX = torque.  table: `torques`, one row per time, held outside, in between linear or, if `smooth`, a
-    cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time, as a
-    sampled controller holds it.
-    pd: T_EX = kp (target − q) − kd q̇.
+    constant: T_EX = torque [N m].  table: `torques`, one row per time, held outside, in between linear or, if `smooth`,
+    a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time.
+    pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g, r the `target_deg`, or in time the `reference` [N m/rad, N m s/rad]; g by
+    `gravity`: "none", the torque that holds the rigid arm at r against gravity ("rigid"), or that holds the arm as
+    gravity bends it, its joints at r ("static").
+    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC of the rigid arm, q and q̇ the driven joints'
+    [1/s², 1/s].
+    `effort`: the largest torque of each drive [N m], beyond which it stays there; also of laws in Python.
+    With `rate` [Hz] the law is asked at instants t = k / rate, and what it gives is held in between.
     """
 
-    kind: Literal["none", "constant", "table", "pd"] = "none"
+    kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
     torque: tuple[float, ...] | None = None
     times: tuple[float, ...] | None = None  # s
     torques: tuple[tuple[float, ...], ...] | None = None
     kp: tuple[NonNegative, ...] | None = None
     kd: tuple[NonNegative, ...] | None = None
     target_deg: tuple[float, ...] | None = None
+    reference: Reference | None = None
+    gravity: Literal["none", "rigid", "static"] = "none"
     smooth: bool = False
     hold: bool = False
+    effort: tuple[Positive, ...] | None = None  # N m
+    rate: Positive | None = None  # Hz
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        towards = "target_deg" if self.reference is None else "reference"
         wanted = {
-            "none": (), "constant": ("torque",), "table": ("times", "torques"), "pd": ("kp", "kd", "target_deg"),
+            "none": (), "constant": ("torque",), "table": ("times", "torques"),
+            "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
         }[self.kind]  # fmt: skip
-        for name in ("torque", "times", "torques", "kp", "kd", "target_deg"):
+        for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "reference"):
             if (getattr(self, name) is not None) != (name in wanted):
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
+                takes = takes.replace("target_deg", "target_deg or reference")
                 said = ": missing;" if value is None else f" = {short(value)}:"
                 raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
-        if self.times is not None and (not self.times or np.any(np.diff(self.times) <= 0)):
-            raise SceneError(f"times = {short(self.times)}: must increase")
-        if self.smooth and len(self.times or ()) < 2:
-            raise SceneError(f"smooth = {self.smooth}: needs a table with at least 2 times")
-        if self.hold and (self.smooth or self.times is None):
-            raise SceneError(f"hold = {self.hold}: takes a table that is not smooth")
-        if self.times is not None and self.torques is not None and len(self.torques) != len(self.times):
-            raise SceneError(f"torques has {len(self.torques)} rows: expected one per time, {len(self.times)}")
+        check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
+        if self.gravity != "none" and self.kind != "pd":
+            raise SceneError(f"gravity = {self.gravity!r}: takes drive kind 'pd'")
+        if self.rate is not None and self.kind == "none":
+            raise SceneError(f"rate = {self.rate!r}: drive kind 'none' has no law that could be sampled")
 
 
 class Motion(Spec, frozen=True):
@@ -105,8 +118,9 @@ class Motion(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.times[0] != 0 or np.any(np.diff(self.times) <= 0):
-            raise SceneError(f"times = {short(self.times)}: must start at 0 and increase")
+        if self.times[0] != 0:
+            raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
+        rising("times", self.times)
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
             if len(getattr(self, name)) != len(self.times):
                 raise SceneError(
@@ -115,10 +129,45 @@ class Motion(Spec, frozen=True):
 
 
 class Wrench(Spec, frozen=True):
-    """Constant force [N] and moment [N m] on the tip, in frame 0, acting at the tip frame's origin."""
+    """Force [N] and moment [N m] on the tip, acting at the tip frame's origin.
+
+    Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
+    and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's.
+    """
 
     force: Vector3 = (0.0, 0.0, 0.0)
     moment: Vector3 = (0.0, 0.0, 0.0)
+    frame: Literal["world", "tip"] = "world"
+    times: tuple[float, ...] | None = None  # s
+    forces: tuple[Vector3, ...] | None = None
+    moments: tuple[Vector3, ...] | None = None
+    smooth: bool = False
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tables = {"forces": self.forces, "moments": self.moments}
+        check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
+        if self.times is None:
+            for name, rows in tables.items():
+                if rows is not None:
+                    raise SceneError(f"{name} = {short(rows)}: needs times, one per row")
+            return
+        if self.forces is None and self.moments is None:
+            raise SceneError(f"times = {short(self.times)}: takes forces, moments or both, one row per time")
+        for name in ("force", "moment"):
+            if any(getattr(self, name)):
+                raise SceneError(f"{name} = {short(getattr(self, name))}: times are given, too; a table takes {name}s")
+
+    @property
+    def varies(self) -> bool:
+        """Whether it may change in frame 0."""
+        return self.times is not None or (self.frame == "tip" and self.acts)
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything pulls or turns at any time."""
+        return any(self.force) or any(self.moment) or any(map(any, (*(self.forces or ()), *(self.moments or ()))))
 
 
 class Run(Spec, frozen=True):
@@ -176,6 +225,11 @@ class Run(Spec, frozen=True):
         return round(self.sample / self.step)
 
     @property
+    def between(self) -> float:
+        """Time between two stored samples [s]: of fixed steps what their number takes."""
+        return self.sample if self.controlled else self.steps_per_sample * self.step
+
+    @property
     def samples(self) -> int:
         """Number of stored samples, the initial one included."""
         return round(self.duration / self.sample) + 1
@@ -187,26 +241,55 @@ class Run(Spec, frozen=True):
 
     def times_from(self, start: float) -> Array:
         """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
-        between = self.sample if self.controlled else self.steps_per_sample * self.step
-        first = start / between
-        if abs(first - round(first)) <= 1e-9 * max(1.0, first):
-            first = round(first)
-        return (first + np.arange(self.samples, dtype=np.float64)) * between
+        return multiples(start, self.between, self.samples)
 
 
-def whole(name: str, value: float, unit_name: str, unit: float) -> None:
-    """Check that `value` is a whole number of `unit`s, up to the rounding of decimal input.
+def check_table(
+    times: tuple[float, ...] | None, tables: Mapping[str, Sequence[object] | None], *, smooth: bool, hold: bool
+) -> None:
+    """Check that times increase, each with a row of every table by name, and how the rows are joined.
 
     Raises
     ------
     SceneError
-        It is not, or the number is beyond the integers of float64.
+        The message names the row.
     """
+    if times is not None:
+        rising("times", times)
+    if smooth and len(times or ()) < 2:
+        raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times")
+    if hold and (smooth or times is None):
+        raise SceneError(f"hold = {hold}: takes a table that is not smooth")
+    for name, rows in tables.items():
+        if times is not None and rows is not None and len(rows) != len(times):
+            raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
+
+
+def multiples(start: float, between: float, count: int) -> Array:
+    """Times [s] from a start, so far apart: whole multiples of the time between them, if the start is one."""
+    return (parts(start, between) + np.arange(count, dtype=np.float64)) * between
+
+
+def parts(value: float, unit: float) -> float:
+    """How many `unit`s a value is: a whole number, if it is one up to the rounding of decimal input."""
     ratio = value / unit
-    if not ratio < 2**53:
-        raise SceneError(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
-    if abs(ratio - round(ratio)) > 1e-9 * max(1.0, ratio) or (value > 0 and round(ratio) == 0):
-        raise SceneError(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+    return round(ratio) if abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio) else ratio
+
+
+def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
+    """How many `unit`s `value` is, which must be a whole number, up to the rounding of decimal input.
+
+    Raises
+    ------
+    SceneError
+        It is not, or the number is beyond the integers of float64; in its place `error`.
+    """
+    if not value / unit < 2**53:
+        raise error(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
+    number = parts(value, unit)
+    if number != round(number) or (value > 0 and number == 0):
+        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+    return round(number)
 
 
 def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import functools
+import itertools
 import math
 import re
 import reprlib
@@ -27,7 +28,7 @@ BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
-class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True):
     """Frozen record whose fields are checked against their annotations, however it is built.
 
     Raises
@@ -196,6 +197,23 @@ def _check_finite(value: object, path: str) -> None:
     elif isinstance(value, list | tuple):
         for k, item in enumerate(value):
             _check_finite(item, f"{path}[{k}]")
+
+
+def rising(name: str, times: Sequence[float]) -> None:
+    """Check that the times of a table's rows increase.
+
+    Raises
+    ------
+    SceneError
+        There is none, or one does not; the message names the row.
+    """
+    if not times:
+        raise SceneError(f"{name} = (): a table has one row or more")
+    for k, (before, time) in enumerate(itertools.pairwise(times), 1):
+        if not time > before:
+            raise SceneError(
+                f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase"
+            )
 
 
 def _lower(reason: str) -> str:

@@ -9,7 +9,7 @@ for all: of links, for those on which the key has an effect.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, get_origin
 
 import msgspec
@@ -24,6 +24,8 @@ OF_BEAMS = {"material", "section", "section_tip", "up"}
 ALSO_OF_LOCKED = ["axis"], ["locked"], ["gear_stiffness"], ["gear_damping"], ["limits_deg"]
 PER_LINK = {
     "initial.joint_deg", "initial.rate_deg", "drive.torque", "drive.kp", "drive.kd", "drive.target_deg",
+    "drive.effort", "drive.reference.to_deg", "drive.reference.from_deg", "drive.reference.max_rate_deg",
+    "drive.reference.max_acceleration_deg", "drive.reference.max_jerk_deg",
 }  # fmt: skip
 """Lists of one number per link; one that is not there yet starts with zeros."""
 
@@ -52,8 +54,31 @@ def changed(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping
     for path, value in changes.items():
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {short(path)}: expected a path such as 'run.step'")
-        _Change(document, path, value).put(document, kinds, 0)
+        change = _Change(document, path, value)
+        for node, key in change.places(document, kinds, 0):
+            if change.drops and isinstance(node, dict):
+                node.pop(key, None)
+            else:
+                node[key] = change.value
     return document
+
+
+def touched(changes: Mapping[str, object]) -> set[str]:
+    """Keys at the top of a scene's file that the paths of changes begin with: nothing else may change."""
+    paths = changes if isinstance(changes, Mapping) else ()
+    return {part for path in paths if isinstance(path, str) for part in PART.findall(path)[:1]}
+
+
+def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
+    """What stands at a path: one value, or, with `*`, several; None where nothing does. Arguments as of `changed`.
+
+    Raises
+    ------
+    SceneError
+        The path leads nowhere.
+    """
+    places = _Change(document, path, None).places(document, kinds, 0)
+    return [node.get(key) if isinstance(node, dict) else node[key] for node, key in places]
 
 
 def parsed(value: object) -> Any:
@@ -82,17 +107,16 @@ class _Change:
     def error(self, reason: str) -> SceneError:
         return SceneError(f"{short(self.path)[1:-1]} = {short(self.value)}: {reason}")
 
-    def put(self, node: Any, kind: Any, depth: int) -> None:
-        """From a table or list of this kind follow the rest of the path, and set the value at its end."""
+    def places(self, node: Any, kind: Any, depth: int) -> Iterator[tuple[Any, Any]]:
+        """From a table or list of this kind follow the rest of the path: tables or lists at its end, and their keys."""
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
                 if isinstance(node, dict) and key not in node:
                     node[key] = [0.0] * len(self.links) if self._above(depth + 1) in PER_LINK else {}
-                self.put(node[key], kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key)), depth + 1)
-            elif self.drops and isinstance(node, dict):
-                node.pop(key, None)
+                below = kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key))
+                yield from self.places(node[key], below, depth + 1)
             else:
-                node[key] = self.value
+                yield node, key
 
     def _above(self, depth: int) -> str:
         return ".".join(self.parts[:depth])
@@ -108,9 +132,11 @@ class _Change:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
         if isinstance(node, list) and above == "motion":
-            return self._numbers(part, [str(_said(motion, "link")) for motion in node], [True] * len(node))
+            return self._numbers(part, [str(said_below(motion, "link")) for motion in node], [True] * len(node))
         if isinstance(node, list) and (above == "link" or above in PER_LINK):
-            return self._numbers(part, [str(_said(link, "name")) for link in self.links], self._concerned(above, depth))
+            return self._numbers(
+                part, [str(said_below(link, "name")) for link in self.links], self._concerned(above, depth)
+            )
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | list[str]) -> str:
@@ -134,17 +160,17 @@ class _Change:
     def _concerned(self, above: str, depth: int) -> list[bool]:
         """The links on which the key has an effect."""
         below = self.parts[depth + 1 :]
-        free = [not _said(link, "joint", "locked") for link in self.links]
+        free = [not said_below(link, "joint", "locked") for link in self.links]
         if above != "link":
             return [True] * len(free) if above == "initial.joint_deg" else free
         if below and below[0] in OF_FLEXIBLE_LINKS:
-            return [(_said(link, "flex") or "rigid") != "rigid" for link in self.links]
+            return [(said_below(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in OF_BEAMS:
-            return [_said(link, "material") is not None for link in self.links]
+            return [said_below(link, "material") is not None for link in self.links]
         return free if below[:1] == ["joint"] and below[1:] not in ([], *ALSO_OF_LOCKED) else [True] * len(free)
 
 
-def _said(table: Any, *keys: str) -> Any:
+def said_below(table: Any, *keys: str) -> Any:
     """What stands below the keys; None if nothing does, also where an earlier change put something else."""
     for key in keys:
         table = table.get(key) if isinstance(table, dict) else None

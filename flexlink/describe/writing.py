@@ -38,21 +38,22 @@ def said(value: Any, always: frozenset[str] = frozenset()) -> Any:
 
 
 def toml_of(document: Mapping[str, Any]) -> str:
-    """The TOML text of a document whose tables hold values, or, one level deep, named tables or a list of tables."""
+    """The TOML text of a document; what stands in a list of tables stands inline."""
     return "\n\n".join("\n".join(block) for block in _blocks(document)) + "\n"
 
 
-def _blocks(document: Mapping[str, Any]) -> Iterator[list[str]]:
-    """First what stands in no table, then table by table."""
-    tables = {key: value for key, value in document.items() if _is_table(value) or _are_tables(value)}
-    yield _lines({key: value for key, value in document.items() if key not in tables})
-    for key, value in tables.items():
+def _blocks(table: Mapping[str, Any], path: str = "") -> Iterator[list[str]]:
+    """First what stands in the table itself, then table by table what stands below."""
+    below = {key: value for key, value in table.items() if _is_table(value) or _are_tables(value)}
+    own = {key: value for key, value in table.items() if key not in below}
+    if own or not (path and below):
+        yield [*([f"[{path}]"] if path else []), *_lines(own)]
+    for key, value in below.items():
+        there = f"{path}.{_key(key)}".lstrip(".")
         if _are_tables(value):
-            yield from ([f"[[{key}]]", *_lines(item)] for item in value)
-        elif _are_tables(list(value.values())):
-            yield from ([f"[{key}.{_key(name)}]", *_lines(item)] for name, item in value.items())
+            yield from ([f"[[{there}]]", *_lines(item)] for item in value)
         else:
-            yield [f"[{key}]", *_lines(value)]
+            yield from _blocks(value, there)
 
 
 def _is_table(value: object) -> bool:

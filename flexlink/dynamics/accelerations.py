@@ -13,7 +13,7 @@ from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.situation import Dynamics
-from flexlink.dynamics.batches import about_state, is_batch, rows
+from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
 from flexlink.kernels import forward
 from flexlink.kernels.finite import is_finite
@@ -48,7 +48,7 @@ def forward_dynamics(
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states, a part of shape
         (n,) being the same in all: "articulated" then takes eight states side by side.
     tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+        Force and moment on the tip, frame 0, shape (6,) [N, N m], or one row per state, (b, 6).
     method
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
@@ -68,7 +68,7 @@ def forward_dynamics(
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
         solver = solver_for(chains[0], method)
-        return _forward_dynamics_of_many(chains, solver, wrench_vector(tip_wrench), q, qd, tau)
+        return _forward_dynamics_of_many(chains, solver, tip_wrench, q, qd, tau)
     n, solver = chain.n, solver_for(chain, method)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = wrench_vector(tip_wrench)
@@ -89,7 +89,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 
 
 def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: forward.Solver, wrench: Array, *state: ArrayLike
+    chains: Sequence[Chain], solver: forward.Solver, tip_wrench: ArrayLike | None, *state: ArrayLike
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
@@ -100,24 +100,26 @@ def _forward_dynamics_of_many(
         raise ArgumentError(f"chain: {len(chains)} chains; expected one, or one per state, {b}")
     if b == 0:
         return np.zeros((b, n))
-    qdd = _side_by_side(chains, solver, wrench, states)
+    wrenches = wrench_rows(tip_wrench, b)
+    qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
         culprit = chains[k % len(chains)]
-        raise about_state(k, no_acceleration(culprit, solver, wrench, *(part[k] for part in states)))
+        raise about_state(k, no_acceleration(culprit, solver, wrenches[k], *(part[k] for part in states)))
     return qdd
 
 
-def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, wrench: Array, states: Sequence[Array]) -> Array:
+def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, states: Sequence[Array]) -> Array:
+    """Of wrenches (b, 6), angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
-        return np.array([solver.accelerations(chain.arrays, wrench, *state) for chain, state in singles])
+        return np.array([solver.accelerations(chain.arrays, *state) for chain, state in singles])
     b = len(states[0])
     size = b if len(chains) == 1 else LANES  # states that one scratch serves
     parts = [slice(start, start + size) for start in range(0, b, size)]
     works = (lanes_workspace(solver, chains[part]) for part in parts)
     many = forward.accelerations_of_many
-    qdd = [many(work, wrench, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
+    qdd = [many(work, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
     return np.concatenate(qdd)
 
 

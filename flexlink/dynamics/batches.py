@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import dimensions, given, real_array
+from flexlink.chain.arguments import dimensions, given, real_array, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
 
@@ -47,13 +47,36 @@ def rows(n: int, state: dict[str, ArrayLike]) -> list[Array]:
     return [np.array(np.broadcast_to(part, (b, n))) for part in parts.values()]
 
 
+def wrench_rows(tip_wrench: ArrayLike | None, b: int) -> Array:
+    """The tip wrench of each of b states, shape (b, 6): the same in all, or one row per state.
+
+    Raises
+    ------
+    ArgumentError
+        It has another shape, is not real or not finite.
+    """
+    if tip_wrench is None or not is_batch(tip_wrench):
+        return np.array(np.broadcast_to(wrench_vector(tip_wrench), (b, 6)))
+    wrenches = real_array("tip_wrench", tip_wrench, (6,))
+    if wrenches.shape != (b, 6):
+        raise ArgumentError(f"tip_wrench has shape {wrenches.shape}; expected (6,), or ({b}, 6), one row per state")
+    return np.array([vector(f"tip_wrench[{k}]", row, 6) for k, row in enumerate(wrenches)]).reshape(b, 6)
+
+
 def about_state(k: int, error: FlexlinkError) -> FlexlinkError:
     """An error of one state of many, which says of which."""
     error.args = (f"state {k}: {error}", *error.args[1:])
     return error
 
 
-def each(function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], **options: object) -> R:
+def each(
+    function: Callable[..., R],
+    chain: Chain,
+    state: dict[str, ArrayLike],
+    *,
+    tip_wrench: ArrayLike | None = None,
+    **options: object,
+) -> R:
     """What a `function` of a chain and one state finds of b states, along a new first axis; of a NamedTuple, per field.
 
     Row by row the results are those of single states, to the bit.
@@ -66,6 +89,8 @@ def each(function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], 
         The chain.
     state
         Its parts by name, in order; see `rows`.
+    tip_wrench
+        Of a `function` that takes one; see `wrench_rows`.
     options
         The same for all states.
 
@@ -77,7 +102,10 @@ def each(function: Callable[..., R], chain: Chain, state: dict[str, ArrayLike], 
     found: list[R] = []
     many = rows(given("chain", chain, Chain).n, state)
     b = len(many[0])
+    wrenches = wrench_rows(tip_wrench, b)
     for k in range(max(b, 1)):  # the first of none shows the shape
+        if tip_wrench is not None and b:
+            options["tip_wrench"] = wrenches[k]
         try:
             found.append(function(chain, *(part[k] if b else np.zeros(chain.n) for part in many), **options))
         except FlexlinkError as error:

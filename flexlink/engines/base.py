@@ -21,11 +21,14 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ReadBack
-from flexlink.kernels.inputs import drive_torque
-from flexlink.motion.actuation import DriveArrays, drive_arrays, input_arrays
+from flexlink.kernels.inputs import ask, drive_torque
+from flexlink.kernels.tip_wrench import put_given
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.drives import Drive, drive_arrays
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.start import initial_state
+from flexlink.motion.tip_wrench import initial_wrench, wrench_table
 from flexlink.motion.watch import judge_step
 
 Array = NDArray[np.float64]
@@ -94,9 +97,14 @@ class DriveTorque:
         Middle of the step that t belongs to [s], by which a torque that is held is sought; None: t itself.
     """
 
-    def __init__(self, drive: DriveArrays, n: int) -> None:
+    def __init__(self, drive: Drive, n: int) -> None:
         self.middle: float | None = None
         self._drive, self._tau = drive, np.zeros(n)
+
+    def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
+        """A step from t = number · h begins, of length h, in state q, q̇: at its instants a sampled law is asked."""
+        self.middle = (number + 0.5) * h
+        ask(self._drive, number * h, self.middle, q, qd, self._tau)
 
     def __call__(self, t: float, q: Array, qd: Array) -> Array:
         """T_EX; the array is overwritten by the next call."""
@@ -111,16 +119,59 @@ def drive_function(scene: Scene) -> DriveTorque | None:
     return DriveTorque(drive, chain.n) if len(drive.joints) else None
 
 
+class TipWrench:
+    """The scene's tip wrench as a function of time, force and moment (6,) in axes of frame 0 or of the tip.
+
+    Attributes
+    ----------
+    follows
+        Its axes are those of the tip frame: the engine turns it, by its own kinematics.
+    constant
+        It is the same at all times.
+    middle
+        As in `DriveTorque`.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.middle: float | None = None
+        chain = lump(scene)
+        self._table, (self._now, self.follows) = wrench_table(scene, chain), initial_wrench(scene, chain)
+        self.constant = scene.wrench.times is None
+
+    def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
+        """As of `DriveTorque`."""
+        self.middle = (number + 0.5) * h
+
+    def __call__(self, t: float) -> Array:
+        """Force and moment; the array is overwritten by the next call."""
+        if self._table is not None:
+            put_given(self._table, t, t if self.middle is None else self.middle, self._now)
+        return self._now
+
+
+def turned(rotation: Array, wrench: Array) -> Array:
+    """Force and moment (6,) in axes that `rotation` turns them into."""
+    return (wrench.reshape(2, 3) @ rotation.T).ravel()
+
+
+def wrench_function(scene: Scene) -> TipWrench | None:
+    """The scene's tip wrench as a function of time, or None if it never acts."""
+    return TipWrench(scene) if scene.wrench.acts else None
+
+
 def refuse_held(engine: str, scene: Scene) -> None:
     """Of an engine whose steps we do not see one by one, or that starts at t = 0.
 
     Raises
     ------
     ArgumentError
-        The drive holds its torques between times, or the run starts later.
+        The drive or the tip wrench is held between times, or the run starts later.
     """
-    if scene.drive.hold or scene.initial.time:
-        what = "drive.hold = True" if scene.drive.hold else f"initial.time = {scene.initial.time!r}"
+    held = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
+    held += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
+    if (course := scene.course) is not None and (scene.drive.kind != "pd" or course.jumps.size):
+        held.append("drive.reference, whose derivatives jump")
+    for what in [*held, *([f"initial.time = {scene.initial.time!r}"] if scene.initial.time else [])]:
         raise ArgumentError(f"{what}: {engine} cannot follow it; use native, pinocchio or mujoco")
 
 

@@ -2,7 +2,7 @@
 
 M, T_GC, springs, dampers, rotors and q̈ are Drake's own. It ignores the world's gravity and dry friction, both of which
 the file holds: gravity is set, and the smooth Coulomb law c tanh(q̇/w) joins the drive in a system of ours that every
-stage of Drake's integrators sees. The tip wrench is an external force on the last link.
+stage of Drake's integrators sees. The tip wrench is an external force on the last link, in a run of such a system, too.
 """
 
 from __future__ import annotations
@@ -10,10 +10,11 @@ from __future__ import annotations
 import importlib.metadata
 import re
 from collections.abc import Callable, Mapping
-from typing import Self
+from typing import Any, Self
 from xml.etree import ElementTree as ET
 
 import numpy as np
+from pydrake.common.value import Value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
@@ -32,12 +33,15 @@ from flexlink.engines.base import (
     DriveTorque,
     File,
     Samples,
+    TipWrench,
     diverged,
     drive_function,
     refuse_held,
     refuse_methods,
     refuse_motion,
     start,
+    turned,
+    wrench_function,
 )
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
@@ -165,7 +169,8 @@ class DrakeEngine:
         self._place(q, qd)
         plant, context = self.plant, self.context
         plant.get_applied_generalized_force_input_port().FixValue(context, tau - self._coulomb(qd))
-        self._pull(plant, context, tip_wrench)
+        force = self.pull(NO_WRENCH if tip_wrench is None else tip_wrench)
+        plant.get_applied_spatial_force_input_port().FixValue(context, [force])
         return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
 
     def integrate(self, scene: Scene) -> Samples:
@@ -177,7 +182,6 @@ class DrakeEngine:
         samples = t, q, qd = start(scene)
         simulator, plant = self._simulator(scene)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        self._pull(plant, state, scene.tip_wrench)
         plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
         integrator = ResetIntegratorFromFlags(simulator, METHODS[run.method], run.step)
         integrator.set_fixed_step_mode(True)
@@ -202,7 +206,7 @@ class DrakeEngine:
         return plant
 
     def _simulator(self, scene: Scene) -> tuple[Simulator, MultibodyPlant]:
-        """A simulator of a plant with the scene's drive and the Coulomb friction, and that plant."""
+        """A simulator of a plant with the scene's drive, tip wrench and the Coulomb friction, and that plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
         drive = drive_function(scene)
@@ -210,6 +214,11 @@ class DrakeEngine:
             torques = builder.AddSystem(_Torques(self.n, drive, self._coulomb))
             builder.Connect(plant.get_state_output_port(), torques.get_input_port())
             builder.Connect(torques.get_output_port(), plant.get_applied_generalized_force_input_port())
+        wrench = wrench_function(scene)
+        if wrench is not None:
+            pull = builder.AddSystem(_Pull(self, wrench))
+            builder.Connect(plant.get_state_output_port(), pull.get_input_port())
+            builder.Connect(pull.get_output_port(), plant.get_applied_spatial_force_input_port())
         return Simulator(builder.Build()), plant
 
     def _place(self, q: Array, qd: Array) -> None:
@@ -222,14 +231,19 @@ class DrakeEngine:
         self.plant.CalcForceElementsContribution(self.context, forces)
         return np.array(forces.generalized_forces())
 
-    def _pull(self, plant: MultibodyPlant, context: Context, wrench: Array | None) -> None:
+    def pull(self, wrench: Array) -> ExternallyAppliedSpatialForce:
         """Force and moment on the tip, in axes of frame 0."""
         force = ExternallyAppliedSpatialForce()
         force.body_index = self.tip.body().index()
         force.p_BoBq_B = self.tip.GetFixedPoseInBodyFrame().translation()
-        f, m = np.split(NO_WRENCH if wrench is None else wrench, 2)
+        f, m = np.split(wrench, 2)
         force.F_Bq_W = SpatialForce(m, f)
-        plant.get_applied_spatial_force_input_port().FixValue(context, [force])
+        return force
+
+    def tip_rotation(self, q: Array) -> Array:
+        """Axes of the tip frame, in frame 0."""
+        self._place(q, np.zeros(self.n))
+        return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
     def _coulomb(self, qd: Array) -> Array:
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
@@ -251,3 +265,19 @@ class _Torques(LeafSystem):  # type: ignore[misc]  # pydrake is not looked into 
         if self._drive is not None:
             torque += self._drive(context.get_time(), q, qd)
         output.SetFromVector(torque)
+
+
+class _Pull(LeafSystem):  # type: ignore[misc]
+    """Force and moment on the tip."""
+
+    def __init__(self, engine: DrakeEngine, wrench: TipWrench) -> None:
+        super().__init__()
+        self._engine, self._wrench = engine, wrench
+        self.DeclareVectorInputPort("state", 2 * engine.n)
+        self.DeclareAbstractOutputPort("forces", Value[list[ExternallyAppliedSpatialForce]], self._write)
+
+    def _write(self, context: Context, output: Any) -> None:
+        now, engine = self._wrench(context.get_time()), self._engine
+        if self._wrench.follows:
+            now = turned(engine.tip_rotation(self.get_input_port().Eval(context)[: engine.n]), now)
+        output.set_value([engine.pull(now)])

@@ -33,12 +33,15 @@ from flexlink.describe.situation import Run
 from flexlink.engines.base import (
     Array,
     Samples,
+    TipWrench,
     diverged,
     drive_function,
     refuse_held,
     refuse_methods,
     refuse_motion,
     start,
+    turned,
+    wrench_function,
 )
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
@@ -48,6 +51,7 @@ JOINTS = exu.JointType.RevoluteX, exu.JointType.RevoluteY, exu.JointType.Revolut
 METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}
 """The methods of ours that Exudyn has, too."""
 TorqueFunction = Callable[..., Array]
+LoadFunction = Callable[..., Array]
 CURRENT, INITIAL = exu.ConfigurationType.Current, exu.ConfigurationType.Initial
 NO_VECTOR = np.zeros(3)
 
@@ -108,8 +112,8 @@ class ExudynEngine:
         refuse_methods("Exudyn", run.method, METHODS)
         samples = t, q, qd = start(scene)
         whole = self._whole
-        whole.load(np.zeros(self.n), scene.tip_wrench)
-        with whole.driven(self._torque_function(scene)):
+        whole.load(np.zeros(self.n), None)
+        with whole.driven(self._torque_function(scene), wrench_function(scene)):
             for row in range(1, len(t)):
                 began = (row - 1) * run.steps_per_sample * run.step
                 q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], began, run)
@@ -150,7 +154,7 @@ class _System:
         )
         self.tree = mbs.AddObject(_kinematic_tree(chain, node))
         mbs.AddObject(ObjectGenericODE2(nodeNumbers=[node], massMatrix=np.diag(chain.hinges["armature"])))
-        place = chain.bodies[-1]["translation"]
+        place, self.tip_rotation = chain.bodies[-1]["translation"], np.array(chain.bodies[-1]["rotation"])
         tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=place)
         marker = mbs.AddMarker(tip)
         self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=NO_VECTOR))
@@ -200,13 +204,27 @@ class _System:
         return data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
 
     @contextlib.contextmanager
-    def driven(self, torques: TorqueFunction | None) -> Iterator[None]:
-        """With torques that Exudyn asks for at every stage."""
+    def driven(self, torques: TorqueFunction | None, wrench: TipWrench | None) -> Iterator[None]:
+        """With torques and a tip wrench that Exudyn asks for at every stage."""
         try:
             self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
+            for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
+                self._ask(load, None if wrench is None else self._part(wrench, part))
+                self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
             yield
         finally:
             self.mbs.SetObjectParameter(self.tree, "forceUserFunction", 0)
+            for load in (self.force, self.moment):
+                self._ask(load, None)
+                self.mbs.SetLoadParameter(load, "bodyFixed", False)
+
+    def _ask(self, load: int, function: LoadFunction | None) -> None:
+        self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
+
+    def _part(self, wrench: TipWrench, part: slice) -> LoadFunction:
+        """Force or moment as Exudyn asks for it, of a wrench that follows in axes of the last link."""
+        rotation = self.tip_rotation if wrench.follows else np.eye(3)
+        return lambda _mbs, t, _vector: turned(rotation, wrench(t))[part]
 
     def _place(self, q: Array, qd: Array, configuration: Any) -> None:
         self.mbs.systemData.SetODE2Coordinates(q, configuration)

@@ -1,8 +1,8 @@
 """MuJoCo, from the exported MJCF.
 
 Springs and dampers are MuJoCo's own, in `qfrc_passive`. A callback adds the smooth Coulomb law c tanh(q̇/w), another
-the drive, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external force on the massless body
-`tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
+the drive and a tip wrench that changes, so that every stage of MuJoCo's RK4 sees them. The tip wrench is an external
+force on the massless body `tip`, whose centre is its origin; MuJoCo, too, applies it at every stage.
 """
 
 from __future__ import annotations
@@ -27,11 +27,14 @@ from flexlink.engines.base import (
     DriveTorque,
     File,
     Samples,
+    TipWrench,
     diverged,
     drive_function,
     refuse_methods,
     refuse_motion,
     start,
+    turned,
+    wrench_function,
 )
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
@@ -169,16 +172,20 @@ class MujocoEngine:
         data = self.data
         mujoco.mj_resetData(model, data)
         model.opt.timestep = run.step
-        data.qpos[:], data.qvel[:], data.xfrc_applied[self.tip] = q[0], qd[0], scene.tip_wrench
-        data.time, drive = scene.initial.time, drive_function(scene)
-        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": _drive_callback(drive)}
+        data.qpos[:], data.qvel[:], data.time = q[0], qd[0], scene.initial.time
+        drive, wrench, origin = drive_function(scene), wrench_function(scene), round(scene.initial.time / run.step)
+        if wrench is not None and wrench.constant and not wrench.follows:
+            data.xfrc_applied[self.tip], wrench = wrench(0.0), None
+        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": self._control_callback(drive, wrench)}
+        in_time = [given for given in (drive, wrench) if given is not None]
         with _installed(hooks | QUIET):
             for row in range(1, len(t)):
-                if drive is None or not scene.drive.hold:
+                if not in_time:
                     mujoco.mj_step(model, data, run.steps_per_sample)
                 else:
-                    for _ in range(run.steps_per_sample):
-                        drive.middle = data.time + run.step / 2
+                    for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
+                        for given in in_time:
+                            given.begin(origin + number, run.step, data.qpos, data.qvel)
                         mujoco.mj_step(model, data)
                 restarted = abs(data.time - t[row]) > run.step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
@@ -207,15 +214,19 @@ class MujocoEngine:
 
         return passive
 
+    def _control_callback(self, drive: DriveTorque | None, wrench: TipWrench | None) -> Callback:
+        """What MuJoCo asks for at every stage, when it knows where the tip is."""
+        if drive is None and wrench is None:
+            return None
 
-def _drive_callback(drive: DriveTorque | None) -> Callback:
-    if drive is None:
-        return None
+        def control(_: Any, data: Any) -> None:
+            if drive is not None:
+                data.qfrc_applied[:] = drive(data.time, data.qpos, data.qvel)
+            if wrench is not None:
+                now = wrench(data.time)
+                data.xfrc_applied[self.tip] = turned(data.xmat[self.tip].reshape(3, 3), now) if wrench.follows else now
 
-    def control(_: Any, data: Any) -> None:
-        data.qfrc_applied[:] = drive(data.time, data.qpos, data.qvel)
-
-    return control
+        return control
 
 
 def _ignore(_: str) -> None:

@@ -24,7 +24,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.engines import pinocchio_reader
-from flexlink.engines.base import Array, File, Samples, diverged, drive_function, start
+from flexlink.engines.base import Array, File, Samples, TipWrench, diverged, drive_function, start, wrench_function
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
@@ -162,25 +162,30 @@ class PinocchioEngine:
 
     def _step(self, scene: Scene) -> Callable[[int, Array], Array]:
         """The state (q, q̇) at (number + 1) · h from the one at number · h."""
-        n, h, wrench = self.n, scene.run.step, scene.tip_wrench if scene.tip_wrench.any() else None
+        n, h, wrench = self.n, scene.run.step, wrench_function(scene)
         A, b, c = method(scene.run.method).arrays
         drive, motion = drive_function(scene), motion_arrays(scene, lump(scene))
         F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 
         def step(number: int, y: Array) -> Array:
-            if drive is not None:
-                drive.middle = (number + 0.5) * h
+            for given_in_time in (drive, wrench):
+                if given_in_time is not None:
+                    given_in_time.begin(number, h, y[:n], y[n:])
             for i in range(len(c)):
                 t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
                 follow(motion, t, x[:n], x[n:], given)
                 torque = tau if drive is None else drive(t, x[:n], x[n:])
                 F[i, :n] = x[n:]
-                F[i, n:] = self._accelerations(x[:n], x[n:], torque, wrench, given)
+                F[i, n:] = self._accelerations(x[:n], x[n:], torque + self._pull(wrench, t, x[:n]), None, given)
             y = y + h * b @ F
             follow(motion, (number + 1) * h, y[:n], y[n:], given)
             return y
 
         return step
+
+    def _pull(self, wrench: TipWrench | None, t: float, q: Array) -> Array:
+        """Jᵀ F of the scene's wrench at time t."""
+        return np.zeros(self.n) if wrench is None else self._wrench_torque(q, wrench(t), follows=wrench.follows)
 
     def _accelerations(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None, given: Array) -> Array:
         """q̈, of the prescribed joints as `given`."""
@@ -193,11 +198,11 @@ class PinocchioEngine:
         qdd[f] = np.linalg.solve(M[np.ix_(f, f)], left[f])
         return qdd
 
-    def _wrench_torque(self, q: Array, wrench: Array | None) -> Array:
-        """Jᵀ F with the Jacobian of the tip's origin in axes of frame 0, linear part first."""
+    def _wrench_torque(self, q: Array, wrench: Array | None, *, follows: bool = False) -> Array:
+        """Jᵀ F with the Jacobian of the tip's origin in axes of frame 0 or of the tip, linear part first."""
         if wrench is None:
             return np.zeros(self.n)
-        frame = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        frame = pin.ReferenceFrame.LOCAL if follows else pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         return np.array(pin.computeFrameJacobian(self.model, self.data, q, self.tip, frame).T @ wrench)
 
 

@@ -56,7 +56,12 @@ FEATURES = {
     ),
     "prescribed motion": Feature(lambda scene, _: bool(scene.motion), _for_all("nothing: the joint is free")),
     "drive torques": Feature(lambda scene, _: scene.drive.kind != "none", _for_all("a motor without a torque")),
-    "tip wrench": Feature(lambda scene, _: bool(scene.tip_wrench.any()), _for_all("nothing")),
+    "control law": Feature(
+        lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
+        _for_all("nothing: reference, gains and rate are the scene's"),
+    ),
+    "torque limits": Feature(lambda scene, _: scene.drive.effort is not None, _for_all("nothing: any torque fits")),
+    "tip wrench": Feature(lambda scene, _: scene.wrench.acts, _for_all("nothing")),
     "initial state": Feature(
         _starts_elsewhere,
         {"urdf": "nothing: zero angles", "sdf": "nothing: zero angles"},

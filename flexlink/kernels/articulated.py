@@ -83,7 +83,7 @@ def articulated(wrench, q, qd, tau, qdd, work):
     lost = take_off_dry_friction(hinges, work.dry, qd, TORQUE)
     cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
     f, n, turning = outward(layout, work.axes, bodies, hinges, wrench, qd, trig[1], trig[2])
-    inward(layout, given, bodies, hinges, n, f, qdd, trig[1])
+    inward(layout, work.axes, given, bodies, hinges, n, f, qdd, trig[1])
     return turning + accelerate(work.gravity, layout, given, bodies, hinges, qd, tau, qdd, power) - lost
 
 
@@ -103,7 +103,8 @@ def prepare(q, qd, tau, hinges, angles):
 def outward(layout, axes, bodies, hinges, wrench, qd, cosines, sines):
     """Axes, and what the rates alone ask for; returns −wrench in the last working axes, and its moment's power m·ω."""
     o = zero_of(qd)
-    f, n = (o - wrench[0], o - wrench[1], o - wrench[2]), (o - wrench[3], o - wrench[4], o - wrench[5])
+    zero = (o, o, o)
+    f, n = sub(zero, vec(wrench, 0)), sub(zero, vec(wrench, 3))
     x, y, z = (1.0 + o, o, o), (o, 1.0 + o, o), (o, o, 1.0 + o)
     ω = (o, o, o)
     for i in range(len(layout)):
@@ -192,7 +193,7 @@ def pair_axes(bodies, i, hinges, k, axes, cosines, sines):
 
 
 @inlined
-def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
+def inward(layout, axes, given, bodies, hinges, n, f, qdd, cosines):
     """What each body and all beyond it demand at its hinge point, from the n and f that the tip demands."""
     o = zero_of(qdd)
     zero = (o, o, o)
@@ -218,12 +219,12 @@ def inward(layout, given, bodies, hinges, n, f, qdd, cosines):
                 j, h, t, M, n, f = take_out_pair(bodies, i, hinges, k, *take_on_any(bodies, i, J, H, M, n, f))
         elif way != TIP:
             J, H = in_full(o, behind, J, H, j, h, t)
-            J, H, M, n, f = through_hinges(layout, i, given, bodies, hinges, qdd, J, H, M, n, f)
+            J, H, M, n, f = through_hinges(layout, i, axes, given, bodies, hinges, qdd, J, H, M, n, f)
         behind = way
 
 
 @inlined
-def through_hinges(layout, i, given, bodies, hinges, qdd, J, H, M, n, f):
+def through_hinges(layout, i, axes, given, bodies, hinges, qdd, J, H, M, n, f):
     """J, H, M, n, f before body `i`, whose hinges go one after another; where q̈ is given, it adds to n and f."""
     J, H, M, n, f = take_on(bodies, i, J, H, M, n, f)
     if layout[i, WAY] == ALONG:
@@ -233,7 +234,8 @@ def through_hinges(layout, i, given, bodies, hinges, qdd, J, H, M, n, f):
             if given[k]:
                 n, f = take_on_motion(hinges, k, at(qdd, k), J, H, n, f)
             else:
-                J, H, M, n, f = take_out_hinge(hinges, k, J, H, M, n, f)
+                again = k + 1 < layout[i, STOP] and axes[k] == axes[k + 1] and not given[k + 1]
+                J, H, M, n, f = take_out_hinge(hinges, k, again, J, H, M, n, f)
     ζ = vec_of(bodies, i, ZETA)
     n, f = add(n, sym_apply(J, ζ)), add(f, place(ζ, H[0], H[1], H[2]))
     if layout[i, ANEW]:
@@ -263,7 +265,7 @@ def torque_lacking(hinges, k, acceleration, α, a):
 def accelerate(gravity, layout, given, bodies, hinges, qd, tau, qdd, power):
     """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
 
-    Returns the power with that of these torques.
+    Returns the power with that of these torques. The rows of the bodies keep α for ζ and a, with −g, for b.
     """
     o = zero_of(qdd)
     α, a = (o, o, o), scale(-1.0, vec(gravity, 0))
@@ -294,7 +296,10 @@ def accelerate(gravity, layout, given, bodies, hinges, qd, tau, qdd, power):
                     more = torque_lacking(hinges, k, at(qdd, k), α, a)
                     put_at(tau, at(tau, k) + more, k)
                     power += at(qd, k) * more
-        a = add(add(a, cross(α, vec_of(bodies, i, R))), vec_of(bodies, i, B))
+        b = vec_of(bodies, i, B)
+        put_vec_of(bodies, α, i, ZETA)
+        put_vec_of(bodies, a, i, B)
+        a = add(add(a, cross(α, vec_of(bodies, i, R))), b)
     return power
 
 

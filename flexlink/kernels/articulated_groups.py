@@ -72,10 +72,17 @@ def with_mass(M, m):
 
 
 @inlined
-def take_out_hinge(hinges, k, J, H, M, n, f):
-    """J, H, M, n, f before a hinge from those behind it."""
+def take_out_hinge(hinges, k, again, J, H, M, n, f):
+    """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
+
+    Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
+    nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
+    """
     e = vec_of(hinges, k, AXIS)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    if again:
+        left = at(hinges, k + 1, ARMATURE) * at(hinges, k + 1, INVERSE)
+        Je, He = scale(left, vec_of(hinges, k + 1, JE)), scale(left, vec_of(hinges, k + 1, HE))
     T, inverse = at(hinges, k, TORQUE) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, ARMATURE))
     keep_hinge(hinges, k, Je, He, T, inverse)
     u = scale(inverse, Je)

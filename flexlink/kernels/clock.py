@@ -10,8 +10,9 @@ DEFLECTION, SLOWEST, PASSES, ROUNDING, WORK, POWER, CONTRACTION, CLOCK_SIZE = ra
 # moves a body by in one [m]; of the step that was just taken the work up to its end, the power there, and by how much
 # its iteration contracted (0: not known).
 
-TAKEN, REJECTED, FAILED, ITERATIONS, KNOT, ROW, COUNTS = range(7)
-# Steps, steps refused for their error and for their iteration, passes of it, numbers of the next knot and sample.
+TAKEN, REJECTED, FAILED, ITERATIONS, KNOT, ROW, PATIENCE, COUNTS = range(8)
+# Steps, steps refused for their error and for their iteration, passes of it, numbers of the next knot and sample; how
+# many iterations may fail before Python is asked.
 
 TOO_FAR_OFF, NOT_SOLVED = 1.0, 2.0
 # Why a step was refused: for its error, and for an iteration that did not end.

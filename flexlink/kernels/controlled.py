@@ -6,7 +6,8 @@ and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, 
 II, IV.8). A step ends where an input has a knot, of which no polynomial knows, and is not soon longer than one that
 failed. Between the ends of a step the motion is the quintic polynomial that has their q, q̇ and q̈.
 
-With a tolerance of infinity all steps are as long as the largest.
+With a tolerance of infinity all steps are as long as the largest, and nothing but the state is remembered past a knot:
+who starts from the state there goes on with the same numbers.
 """
 
 import math
@@ -17,6 +18,7 @@ from numba.extending import overload
 from flexlink.kernels.clock import (
     ACCEPTED,
     CEILING,
+    CONTRACTION,
     DEFLECTION,
     ERROR,
     FAILED,
@@ -24,6 +26,7 @@ from flexlink.kernels.clock import (
     KNOT,
     LAST,
     NOT_SOLVED,
+    PATIENCE,
     POWER,
     REFUSED,
     REJECTED,
@@ -38,9 +41,9 @@ from flexlink.kernels.clock import (
 )
 from flexlink.kernels.compiler import RECURSION, entry, inlined, kernel, recursion
 from flexlink.kernels.embedded import EmbeddedWork, embedded_step
-from flexlink.kernels.forward import forward_dynamics
+from flexlink.kernels.forward import forward_under
 from flexlink.kernels.implicit import ImplicitWork, implicit_step
-from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.inputs import ask, drive_torque, follow
 from flexlink.kernels.shifted import displacement, place_bodies
 
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
@@ -87,6 +90,8 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
             refuse(h, error / tolerance, p, clock, count)
             if clock[STEP] <= smallest:
                 return STUCK
+            if count[FAILED] == count[PATIENCE]:
+                return GOES_ON
             continue
         sample(t, h, inputs, state, work, count, samples, tau)
         wanted = following(h, error / tolerance, p, iterations, clock)
@@ -97,7 +102,10 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         clock[DEFLECTION] = max(clock[DEFLECTION], deflection(state[0], tau, work))
         if ends:
             count[KNOT] += 1
+            if absolute == math.inf:
+                forget(clock)
             if count[KNOT] == len(knots):
+                ask(inputs.drive, end, end, state[0], state[1], tau)
                 return ENDED
             begin(end, inputs, state, tau, forward)
     return GOES_ON
@@ -136,8 +144,9 @@ def begin(t, inputs, state, tau, forward):
     for k in range(len(tau)):
         tau[k] = 0.0
     follow(inputs.motion, t, q, qd, qdd)
+    ask(inputs.drive, t, t, q, qd, tau)
     drive_torque(inputs.drive, t, t, q, qd, tau)
-    done[1] = forward_dynamics(inputs.wrench, q, qd, tau, qdd, forward)
+    done[1] = forward_under(inputs, t, t, q, qd, tau, qdd, forward)
 
 
 @inlined
@@ -148,6 +157,12 @@ def take_on(state, work):
         q[k], qd[k], qdd[k] = work.new[0, k], work.new[1, k], work.new[2, k]
     done[0], done[1] = work.clock[WORK], work.clock[POWER]
     work.clock[ACCEPTED] = 1.0
+
+
+@inlined
+def forget(clock):
+    """The next step is as one that follows none."""
+    clock[LAST] = clock[ERROR] = clock[ACCEPTED] = clock[CONTRACTION] = 0.0
 
 
 @recursion

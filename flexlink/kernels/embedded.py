@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from flexlink.kernels.clock import POWER, WORK
 from flexlink.kernels.compiler import inlined, recursion
-from flexlink.kernels.forward import forward_dynamics
+from flexlink.kernels.forward import forward_under
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.runge_kutta import add_stage
 from flexlink.kernels.shifted import place_bodies
@@ -81,7 +81,7 @@ def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
         add_stage(weights[j] * h, L, K, j, angles, L[i])
     follow(inputs.motion, t, angles, L[i], K[i])
     drive_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
-    return forward_dynamics(inputs.wrench, angles, L[i], tau, K[i], work.forward)
+    return forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
 
 
 @inlined

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.articulated_layout import ANEW
-from flexlink.kernels.articulated_rows import BEFORE, articulated_workspace, axes_of
+from flexlink.kernels.articulated_rows import BEFORE, ZETA, B, articulated_workspace, axes_of
 from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
@@ -39,6 +39,7 @@ from flexlink.kernels.inverse_slopes import (
     TURNED_MOMENT,
     TURNED_OMEGA,
     TURNING,
+    Arrays,
     E,
     R,
     motion_workspace,
@@ -58,6 +59,7 @@ class SlopesWork(NamedTuple):
 
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
+    accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
     transmitted: Any  # (bodies, 6) moment and force at the hinge point, frame 0
     pushes: Any  # (bodies, 6, 8)
     r: Any  # (n, 8)
@@ -65,24 +67,24 @@ class SlopesWork(NamedTuple):
 
 
 @kernel
-def all_forward_slopes(chain, wrench, q, qd, tau, found):
+def all_forward_slopes(bodies, hinges, gravity, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
-    n, m = len(q), len(chain.bodies)
-    factors, qdd = articulated_workspace(chain.bodies, chain.hinges, chain.gravity), np.zeros(n)
+    n, m, chain = len(q), len(bodies), Arrays(bodies, hinges, gravity)
+    factors, qdd = articulated_workspace(bodies, hinges, gravity), np.zeros(n)
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, factors)
     work = SlopesWork(
-        motion_workspace(chain), np.empty((m, 9)), np.empty((m, 6)),
+        motion_workspace(chain), np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)),
         np.empty((m, 6, LANES)), np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
-    force, moment = outward(chain, wrench, False, q, qd, qdd, work.motion)
+    keep_solution(factors, work.axes, work.accelerations)
+    force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
-    keep_working_axes(factors, work.axes)
     for part in range(3):
         for first in range(0, n, LANES):
             ask(chain, qd, part, first, work)
             solve_on_articulated(work.r, work.pushes, work.x, factors)
             keep_columns(work.x, first, found[part])
-    keep_given(chain.hinges, found)
+    keep_given(hinges, found)
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
 
 
@@ -99,8 +101,8 @@ def transmit(chain, force, moment, work):
 
 
 @recursion
-def keep_working_axes(factors, axes):
-    """Working axes of `articulated` at every body, in frame 0."""
+def keep_solution(factors, axes, accelerations):
+    """Working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
         if factors.layout[i, ANEW]:
@@ -109,6 +111,8 @@ def keep_working_axes(factors, axes):
         put_vec_of(axes, x, i, 0)
         put_vec_of(axes, y, i, 3)
         put_vec_of(axes, z, i, 6)
+        put_vec_of(accelerations, place(vec_of(factors.bodies, i, ZETA), x, y, z), i, 0)
+        put_vec_of(accelerations, place(vec_of(factors.bodies, i, B), x, y, z), i, 3)
 
 
 @recursion
@@ -140,9 +144,15 @@ def ask_joints(hinges, qd, part, first, r):
 @recursion
 def keep_columns(x, first, found):
     """Copy a block of columns to its place."""
-    for k in range(len(x)):
-        for lane in range(min(LANES, len(x) - first)):
-            found[k, first + lane] = x[k, lane]
+    n = len(x)
+    if n - first >= LANES:  # a loop of known length becomes one instruction
+        for k in range(n):
+            for lane in range(LANES):
+                found[k, first + lane] = x[k, lane]
+    else:
+        for k in range(n):
+            for lane in range(n - first):
+                found[k, first + lane] = x[k, lane]
 
 
 @recursion

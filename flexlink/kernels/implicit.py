@@ -28,6 +28,7 @@ from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.joint_torques import elastic, friction
 from flexlink.kernels.shifted import INVERSE, A, displacement, factor, place_bodies, solve
 from flexlink.kernels.thrown import error_of
+from flexlink.kernels.tip_wrench import put_wrench
 
 LIKELY = 0.3  # contraction that is taken for granted in the first iteration, and
 SIMILAR = 1.5  # to how many times the last step's length that one's tells of it
@@ -219,12 +220,13 @@ def residuals(t, h, inputs, q, qd, work):
 
 @recursion
 def residual(t, middle, inputs, q, qd, qdd, R, work):
-    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power q̇·(T_EX − T_FR) + m·ω."""
+    """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of all that has no potential."""
     chain, tau = work.chain, work.vectors[TAU]
     for k in range(len(q)):
         tau[k] = 0.0
     drive_torque(inputs.drive, t, middle, q, qd, tau)
-    power = inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
+    power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
+    power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     for k in range(len(q)):
         hinge = chain.hinges[k]
         spring = elastic(hinge, q[k])

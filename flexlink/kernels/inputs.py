@@ -1,43 +1,109 @@
-"""What is given in time: drive torques and prescribed joint motions, as piecewise polynomials.
+"""What acts on a run in time: drive torques by a law, continuous or sampled, and prescribed joint motions.
 
-On piece i, from knot i to the next, value = Σ_j c_ij x^j with x = t − knot_i; before the first knot x = 0, and the last
-piece goes on for ever. Torques that are held jump at their knots: the piece of a step is then that of its middle, so
-that a stage at the end of the step does not see what follows.
+The type of the drive says which law it is, so that machine code is made for the one in use only.
 """
 
-from flexlink.kernels.compiler import entry, recursion
-from flexlink.kernels.lanes import at, put_at, zero_of
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from flexlink.kernels.compiler import INLINED, entry
+from flexlink.kernels.lanes import at, clipped, put_at, zero_of
+from flexlink.kernels.law_computed_torque import ComputedTorqueLaw, computed_torque
+from flexlink.kernels.law_pd import PdLaw, pd_torque
+from flexlink.kernels.law_pd_gravity import GravityPdLaw, pd_gravity_torque
+from flexlink.kernels.law_table import TableLaw, table_torque
+from flexlink.kernels.references import locate
+
+LATE = 1.0 + 8.0 * 2.0**-52  # an instant's number by its time, which is off by less
 
 
-@recursion
-def locate(knots, first, stop, t):
-    """Number of the piece that holds time t, among pieces first … stop − 1, by bisection."""
-    low, high = first, stop
-    while high - low > 1:
-        middle = (low + high) // 2
-        if knots[middle] <= t:
-            low = middle
-        else:
-            high = middle
-    return low
+class SampledLaw(NamedTuple):
+    """A law that is asked at instants t = k / rate, and held in between."""
+
+    law: Any
+    joints: Any  # (d,) of the law
+    effort: Any  # (d,) of the law
+    rate: Any  # [Hz]
+    held: Any  # (m, d) what the last m instants gave [N m]
+    asked: Any  # (1,) number of the instant that comes next
 
 
 @entry
-def drive_torque(drive, t, middle, q, qd, tau):
-    """T_EX = table(t) + kp (target − q) − kd q̇ at the driven joints; `tau` (n,) stays as it is elsewhere.
+def sampled_torque(drive, t, middle, q, qd, tau):
+    """Write what is held to `tau` (n,); see `drive_torque`."""
+    row = int(middle * drive.rate * LATE) % len(drive.held)
+    for d in range(len(drive.joints)):
+        tau[drive.joints[d]] = drive.held[row, d]
+
+
+LAWS = {
+    TableLaw: table_torque,
+    PdLaw: pd_torque,
+    GravityPdLaw: pd_gravity_torque,
+    ComputedTorqueLaw: computed_torque,
+    SampledLaw: sampled_torque,
+}  # by the type of their arrays
+
+
+@entry
+def limit(drive, tau):
+    """Keep T_EX within ± effort."""
+    for d in range(len(drive.joints)):
+        k = drive.joints[d]
+        put_at(tau, clipped(at(tau, k), drive.effort[d]), k)
+
+
+def drive_torque(drive: Any, t: float, middle: float, q: Any, qd: Any, tau: Any) -> None:
+    """Write T_EX at the driven joints by the drive's law, within ± effort; `tau` (n,) stays as it is elsewhere.
 
     `middle` of the step that t belongs to.
     """
-    held = drive.coefficients.shape[1] == 1
-    piece = locate(drive.knots, 0, len(drive.knots), middle if held else t)
-    x = max(0.0, t - drive.knots[piece])
-    c = drive.coefficients[piece]
+    LAWS[type(drive)](drive, t, middle, q, qd, tau)
+    limit(drive, tau)
+
+
+@overload(drive_torque, jit_options=INLINED)
+def _drive_torque(drive, t, middle, q, qd, tau):
+    law = LAWS[drive.instance_class]
+
+    def torque(drive, t, middle, q, qd, tau):
+        law(drive, t, middle, q, qd, tau)
+        limit(drive, tau)
+
+    return torque
+
+
+def ask(drive: Any, t: float, middle: float, q: Any, qd: Any, tau: Any) -> None:
+    """At an instant of a sampled law, the start of a step, hold what it gives; of others nothing is held.
+
+    `middle` of the step that begins at t; scratch `tau` (n,).
+    """
+    if type(drive) is SampledLaw and int(middle * drive.rate * LATE) >= drive.asked[0]:
+        drive_torque(drive.law, t, middle, q, qd, tau)
+        hold(drive, middle, tau)
+
+
+@overload(ask, jit_options=INLINED)
+def _ask(drive, t, middle, q, qd, tau):
+    if drive.instance_class is not SampledLaw:
+        return lambda drive, t, middle, q, qd, tau: None
+
+    def at_instants(drive, t, middle, q, qd, tau):
+        if int(middle * drive.rate * LATE) >= drive.asked[0]:
+            drive_torque(drive.law, t, middle, q, qd, tau)
+            hold(drive, middle, tau)
+
+    return at_instants
+
+
+@entry
+def hold(drive, middle, tau):
+    """Hold the torques of the driven joints, from the instant before `middle` to the next."""
+    now = int(middle * drive.rate * LATE)
     for d in range(len(drive.joints)):
-        k = drive.joints[d]
-        torque = 0.0
-        for j in range(len(c) - 1, -1, -1):
-            torque = torque * x + c[j, d]
-        put_at(tau, torque + drive.kp[d] * (drive.target[d] - at(q, k)) - drive.kd[d] * at(qd, k), k)
+        drive.held[now % len(drive.held), d] = tau[drive.joints[d]]
+    drive.asked[0] = now + 1
 
 
 @entry

@@ -31,6 +31,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
+from flexlink.kernels.finite import is_finite
 from flexlink.kernels.lanes import LANES, put_at, put_vec_of, vec_of
 from flexlink.kernels.sym3 import (
     ZERO6,
@@ -99,25 +100,42 @@ def slopes_workspace(chain):
     return InverseSlopesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
+class Arrays(NamedTuple):
+    """A chain's arrays, as `outward` takes them."""
+
+    bodies: Any
+    hinges: Any
+    gravity: Any
+
+
 @kernel
-def all_inverse_slopes(chain, wrench, q, qd, qdd):
-    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M in a new array (3, n, n)."""
-    n, work = len(q), slopes_workspace(chain)
+def all_inverse_slopes(bodies, hinges, gravity, wrench, q, qd, qdd, found):
+    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
+
+    The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
+    """
+    chain = Arrays(bodies, hinges, gravity)
+    work = slopes_workspace(chain)
     inverse_slopes(chain, wrench, False, q, qd, qdd, work)
-    found = np.empty((3, n, n))
-    for i in range(n):
-        for j in range(n):
-            block, lane = j // LANES, j % LANES
-            found[0, i, j] = work.by_angle[i, block, lane]
-            found[1, i, j] = work.by_rate[i, block, lane]
-            found[2, i, j] = work.by_acceleration[i, block, lane]
-    return found
+    keep_rows(work.by_angle, found[0])
+    keep_rows(work.by_rate, found[1])
+    keep_rows(work.by_acceleration, found[2])
+    return is_finite(found.reshape(-1))
+
+
+@kernel
+def keep_rows(slopes, found):
+    """Copy slopes by blocks of eight to a matrix."""
+    for i in range(len(found)):
+        row = slopes[i].reshape(-1)
+        for j in range(len(found)):
+            found[i, j] = row[j]
 
 
 @recursion
 def inverse_slopes(chain, wrench, follower, q, qd, qdd, work):
     """Write the slopes of τ = M q̈ + T_GC at q, q̇, q̈ (n,); wrench (6,) in frame 0, or, a follower, in tip axes."""
-    force, moment = outward(chain, wrench, follower, q, qd, qdd, work.motion)
+    force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
     inward(chain, force, moment, work)
     mirror(work.by_angle, work.by_angle_inner)
     mirror(work.by_rate, work.by_rate_inner)
@@ -125,8 +143,12 @@ def inverse_slopes(chain, wrench, follower, q, qd, qdd, work):
 
 
 @recursion
-def outward(chain, wrench, follower, q, qd, qdd, work):
-    """Motion of the bodies, and what a turn of each hinge asks for; returns force and moment of the wrench, frame 0."""
+def outward(chain, wrench, follower, q, qd, qdd, solved, work):
+    """Motion of the bodies, and what a turn of each hinge asks for; returns force and moment of the wrench, frame 0.
+
+    `solved`: α and a of the bodies (bodies, 6) where forward dynamics has found them, or None. Light segments may
+    have q̈ of which a heavy body beyond sees but a small difference: as a sum of q̈ its α would lose digits.
+    """
     rows = work.bodies
     force, moment = vector(wrench), (wrench[3], wrench[4], wrench[5])
     dead = 0.0 if follower else 1.0
@@ -138,6 +160,8 @@ def outward(chain, wrench, follower, q, qd, qdd, work):
         r = place(vector(b.translation), x, y, z)
         u = cross(ω, r)
         p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
+        if solved is not None:
+            a = vec_of(solved, i, 3)
         if b.turned:
             x, y, z = place_axes(b.rotation, x, y, z)
         for k in range(b.first, b.stop):
@@ -155,6 +179,8 @@ def outward(chain, wrench, follower, q, qd, qdd, work):
             ω, α = add_scaled(ω, qd[k], e), add_scaled(add_scaled(α, qdd[k], e), qd[k], δω)
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)
+        if solved is not None:
+            α = vec_of(solved, i, 0)
         center = place(vector(b.center), x, y, z)
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))

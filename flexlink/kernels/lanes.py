@@ -232,6 +232,28 @@ def _tanh(x):
     return each if x == lanes else (lambda x: math.tanh(x))  # noqa: PLW0108
 
 
+def clipped(x, limit):
+    """A float, or lanes, within ± limit, a float; nan stays."""
+    within = np.where(x > limit, limit, np.where(x < -limit, -limit, x))
+    return within.view(Eight) if np.ndim(x) else float(within)
+
+
+@inlined
+def clip(x, limit):
+    """As `clipped`, of a float."""
+    return limit if x > limit else (-limit if x < -limit else x)
+
+
+@overload(clipped, jit_options=INLINED)
+def _clipped(x, limit):
+    def each(x, limit):
+        for lane in range(LANES):
+            x = _with_lane(x, clip(_lane(x, lane), limit), lane)
+        return x
+
+    return each if x == lanes else (lambda x, limit: clip(x, limit))  # noqa: PLW0108
+
+
 @inlined
 def vec(array, first):
     """The 3-vector that starts at `first` of an array of shape (m,)."""

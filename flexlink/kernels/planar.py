@@ -2,15 +2,17 @@
 
 In inertial axes, with the acceleration a of the hinge point as the unknown, what a body and all beyond it demand of
 the body before it is  f = M a + f₀ : the moment is the joint torque, known. Only M (2×2) and f₀ travel inward.
-d = r turned by 90°, h = m c turned by 90°, φ and α absolute, D = inertia about the hinge point plus rotor A:
+d = r turned by 90°, h = m c turned by 90°, φ and α absolute, D = inertia about the hinge point plus rotor A; where φ is
+large, it is the sum of angles less whole turns, so that they keep all digits:
 
     outward     φ ← φ + σ q       ω ← ω + σ q̇
     inward      f₀ ← f₀ − M ω² r             H = h + M d            D = I + d·M d + A        T = σ τ − n − d·f₀
                 M ← M + m 1 − H Hᵀ / D       f₀ ← f₀ − ω² m c + H T / D
     outward     α = (T − H·a) / D            σ q̈ = α − α_before    a ← a + α d − ω² r
 
-A rotor's torque A q̈ is not known beforehand; it adds a moment that depends on motion, j α + g·a (zero if A = 0). One
-source serves one chain and eight side by side (`lanes`).
+A rotor's torque A q̈ is not known beforehand; it adds a moment that depends on motion, j α + g·a (zero if A = 0), with
+j = A (1 − A/D), and 1 − A/D as (D − A)/D, of which a large rotor takes no digits. One source serves one chain and eight
+side by side (`lanes`).
 """
 
 import math
@@ -29,7 +31,7 @@ from flexlink.kernels.joint_torques import (
     take_off_dry_friction,
 )
 from flexlink.kernels.lanes import LANES, at, put_at, vec, zero_of
-from flexlink.kernels.sincos import cos_sin_all
+from flexlink.kernels.sincos import cos_sin_all, less_whole_turns
 from flexlink.kernels.sym3 import sym_apply, symmetric
 from flexlink.kernels.vec3 import (
     ZERO,
@@ -50,9 +52,11 @@ from flexlink.kernels.vec3 import (
 )
 
 # Numbers of a link, after those of its joint. Fixed: σ, rotor A, mass, I about the hinge point, r to the next hinge (of
-# the last link to the tip) and m c at q = 0. Of the state: ω², τ, d, H / D, T / D, A / D.
-SIGN, ARMATURE, MASS, INERTIA, RX, RY, SX, SY, RATE2, TORQUE, DX, DY, UX, UY, ALPHA, BETA = range(JOINT, JOINT + 16)
-SIZE = JOINT + 16
+# the last link to the tip) and m c at q = 0. Of the state: ω², τ, d, H / D, T / D, A / D, 1 − A / D.
+SIGN, ARMATURE, MASS, INERTIA, RX, RY, SX, SY, RATE2, TORQUE, DX, DY, UX, UY, ALPHA, BETA, GAMMA = range(
+    JOINT, JOINT + 17
+)
+SIZE = JOINT + 17
 # Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0.
 U, V, NORMAL, GRAVITY = 0, 3, 6, 9
 
@@ -146,7 +150,8 @@ def planar(wrench, q, qd, tau, qdd, work):
     base, links, given, trig = work.base, work.links, work.given, work.trig
     ω, power = outward(q, qd, tau, links, trig[0])
     lost = take_off_dry_friction(links, work.dry, qd, TORQUE)
-    cos_sin_all(work.flat[0], work.flat[1], work.flat[2])
+    if cos_sin_all(work.flat[0], work.flat[1], work.flat[2]):
+        cos_sin_less_turns(q, links, work.flat, trig[0])
     inward(base, wrench, given, qdd, links, trig[1], trig[2])
     turning = ω * dot(vec(base, NORMAL), vec(wrench, 3))
     return turning + accelerate(base, given, links, qd, tau, qdd, power) - lost
@@ -171,6 +176,19 @@ def outward(q, qd, tau, links, angles):
     return ω, power
 
 
+@recursion
+def cos_sin_less_turns(q, links, flat, angles):
+    """Cosines and sines once more, of sums of joint angles less whole turns; `angles` is the memory of `flat[0]`."""
+    for k in range(len(q)):
+        put_at(angles, at(q, k), k)
+    less_whole_turns(flat[0])
+    φ = zero_of(q)
+    for k in range(len(q)):
+        φ += at(links, k, SIGN) * at(angles, k)
+        put_at(angles, φ, k)
+    cos_sin_all(flat[0], flat[1], flat[2])
+
+
 @inlined
 def inward(base, wrench, given, qdd, links, cosines, sines):
     """What each link and all beyond it demand at the link's hinge point: M, f₀ and the moment n."""
@@ -191,7 +209,7 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
         hx, hy = -s * sx - c * sy, c * sx - s * sy
         ax, ay = -w * dy, w * dx
         D = (
-            (at(links, k, INERTIA) + A + j + 2.0 * (dx * gx + dy * gy))
+            (at(links, k, INERTIA) + j + 2.0 * (dx * gx + dy * gy))
             + dx * dx * Mxx
             + dy * dy * Myy
             + (2.0 * dx * dy) * Mxy
@@ -202,16 +220,15 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
         n += dx * fx + dy * fy
         Mxx, Myy, fx, fy = Mxx + m, Myy + m, fx - w * hy, fy + w * hx
         if given[k]:  # kept for `accelerate`: the moment is n + D α + H·a once α and a are known
-            D -= A  # the rotor turns with the hinge alone, as given
             step = at(links, k, SIGN) * at(qdd, k)
-            ux, uy, α, β = Hx, Hy, n, D
+            ux, uy, α, β, γ = Hx, Hy, n, D, D  # without the rotor, which turns with the hinge alone, as given
             j, gx, gy, n = D, Hx, Hy, n + D * step
             fx, fy = fx + Hx * step, fy + Hy * step
         else:
-            inverse, T = 1.0 / D, τ - n
-            ux, uy, α, β = Hx * inverse, Hy * inverse, T * inverse, A * inverse
+            inverse = 1.0 / (D + A)
+            ux, uy, α, β, γ = Hx * inverse, Hy * inverse, (τ - n) * inverse, A * inverse, D * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
-            j, gx, gy, n = A * (1.0 - β), β * Hx, β * Hy, τ - A * α
+            j, gx, gy, n = β * D, β * Hx, β * Hy, γ * τ + β * n
             fx, fy = fx + Hx * α, fy + Hy * α
         put_at(links, dx, k, DX)
         put_at(links, dy, k, DY)
@@ -219,13 +236,14 @@ def inward(base, wrench, given, qdd, links, cosines, sines):
         put_at(links, uy, k, UY)
         put_at(links, α, k, ALPHA)
         put_at(links, β, k, BETA)
+        put_at(links, γ, k, GAMMA)
 
 
 @inlined
 def accelerate(base, given, links, qd, tau, qdd, power):
     """Absolute accelerations, and their differences at the hinges; where these are given, the torque they take.
 
-    Returns the power with that of these torques.
+    Returns the power with that of these torques. The rows of the links keep α for T / D.
     """
     ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
     before = zero_of(qdd)
@@ -240,7 +258,9 @@ def accelerate(base, given, links, qd, tau, qdd, power):
             power += at(qd, k) * more
         else:
             α = (at(links, k, ALPHA) + at(links, k, BETA) * before) - pull
-            put_at(qdd, at(links, k, SIGN) * (α - before), k)
+            step = (at(links, k, ALPHA) - at(links, k, GAMMA) * before) - pull
+            put_at(qdd, at(links, k, SIGN) * step, k)
+        put_at(links, α, k, ALPHA)
         ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
         before = α
     return power

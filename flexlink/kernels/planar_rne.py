@@ -29,6 +29,7 @@ from flexlink.kernels.planar import (
     SY,
     UX,
     UY,
+    cos_sin_less_turns,
     in_plane,
 )
 from flexlink.kernels.sincos import cos_sin_all
@@ -49,7 +50,8 @@ def planar_rne(wrench, q, qd, qdd, tau, work):
         φ += links[k, SIGN] * q[k]
         ω += links[k, SIGN] * qd[k]
         trig[0, k] = φ
-    cos_sin_all(trig[0], trig[1], trig[2])
+    if cos_sin_all(trig[0], trig[1], trig[2]):
+        cos_sin_less_turns(q, links, trig, trig[0])
     forward(base, links, trig[1], trig[2], qd, qdd, tau)
     backward(base, links, wrench, qdd, tau)
     return ω * dot(vec(base, NORMAL), vec(wrench, 3))

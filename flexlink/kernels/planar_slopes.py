@@ -18,19 +18,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel, recursion
+from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.finite import is_finite
 from flexlink.kernels.forward import forward_dynamics
-from flexlink.kernels.forward_slopes import INPUT, ask_joints, keep_columns, keep_given
+from flexlink.kernels.forward_slopes import ANGLE, INPUT, SPEEDS, ask_joints, keep_columns, keep_given
 from flexlink.kernels.lanes import LANES, at, put_at, vec, zero_of
+from flexlink.kernels.planar import ALPHA as FOUND
 from flexlink.kernels.planar import ARMATURE, GRAVITY, INERTIA, MASS, SIGN, in_plane, planar_workspace
-from flexlink.kernels.shifted_plane import PlanePosture, place_in_plane
+from flexlink.kernels.shifted_plane import PlanePosture, turn_levers
 from flexlink.kernels.vec3 import scale
 
 # Numbers of a link: factors of M; what is beyond passes inward; motion; force through the next hinge; then n, f, b of
 # the three kinds of changes.
-INVERSE, HX, HY, BETA, MXX, MXY, MYY, GX, GY, OMEGA, ALPHA, AX, AY, FX, FY, PUSH = range(16)
-PUSHES, SIZE = 5, 31
+INVERSE, HX, HY, BETA, GAMMA, MXX, MXY, MYY, GX, GY, OMEGA, ALPHA, AX, AY, FX, FY, PUSH = range(17)
+PUSHES, SIZE = 5, 32
 PN, PX, PY, BX, BY = range(5)
 
 
@@ -39,33 +40,34 @@ class PlanarSlopesWork(NamedTuple):
 
     posture: PlanePosture
     rows: Any  # (n, SIZE)
-    weights: Any  # (9, 8) σ of the first columns of a block, 0 of the others
-    r: Any  # (n, 8)
-    x: Any  # (n, 8)
+    turned: Any  # (9, 8) row t: σ of the first t columns of a block, 0 of the others
+    given: Any  # (9, 8) the same of the columns of prescribed joints
+    r: Any  # (3, n, 8)
+    x: Any  # (3, n, 8)
 
 
 @kernel
-def all_planar_slopes(chain, wrench, q, qd, tau, found):
+def all_planar_slopes(bodies, hinges, gravity, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n) as `all_forward_slopes`; whether all is finite."""
-    n, planar = len(q), planar_workspace(chain.bodies, chain.hinges, chain.gravity)
-    qdd = np.zeros(n)
+    n, planar = len(q), planar_workspace(bodies, hinges, gravity)
+    qdd, levers, lanes = np.zeros(n), np.empty((2, n, 2)), np.empty((6, n, LANES))
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, planar)
-    posture = PlanePosture(planar.links, planar.given, planar.trig, np.empty((n, 2)), np.empty((n, 2)))
-    work = PlanarSlopesWork(
-        posture, np.empty((n, SIZE)), np.zeros((LANES + 1, LANES)), np.empty((n, LANES)), np.empty((n, LANES))
-    )
-    place_in_plane(q, posture)
+    posture = PlanePosture(planar.links, planar.given, planar.trig, levers[0], levers[1])
+    weights = np.zeros((2, LANES + 1, LANES))
+    work = PlanarSlopesWork(posture, np.empty((n, SIZE)), weights[0], weights[1], lanes[:3], lanes[3:])
+    turn_levers(posture)
     factor(work)
-    move(planar.base, wrench, qd, qdd, work)
+    move(planar.base, wrench, qd, work)
     for k in range(n):
         push(k, work)
-    for part in range(3):
-        for first in range(0, n, LANES):
-            ask_joints(chain.hinges, qd, part, first, work.r)
-            weigh(chain.hinges, part, first, work)
-            solve(part, first, work)
-            keep_columns(work.x, first, found[part])
-    keep_given(chain.hinges, found)
+    for first in range(0, n, LANES):
+        for part in range(3):
+            ask_joints(hinges, qd, part, first, work.r[part])
+        weigh(hinges, first, work)
+        solve(first, work)
+        for part in range(3):
+            keep_columns(work.x[part], first, found[part])
+    keep_given(hinges, found)
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
 
 
@@ -87,18 +89,19 @@ def factor(work):
             inverse = 1.0 / (D + A)
             β = A * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
-            j, gx, gy = A * (1.0 - β), β * Hx, β * Hy
-            rows[k, INVERSE], rows[k, HX], rows[k, HY], rows[k, BETA] = inverse, Hx, Hy, β
+            j, gx, gy = β * D, β * Hx, β * Hy
+            rows[k, INVERSE], rows[k, HX], rows[k, HY] = inverse, Hx, Hy
+            rows[k, BETA], rows[k, GAMMA] = β, D * inverse
 
 
 @recursion
-def move(base, wrench, qd, qdd, work):
-    """Absolute rates and accelerations, and the forces that hinges transmit."""
+def move(base, wrench, qd, work):
+    """Absolute rates and accelerations, α as `planar` has found it, and the forces that hinges transmit."""
     links, d, h, rows = work.posture.links, work.posture.d, work.posture.h, work.rows
-    ω = α = 0.0
+    ω = 0.0
     ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
     for k in range(len(rows)):
-        ω, α = ω + links[k, SIGN] * qd[k], α + links[k, SIGN] * qdd[k]
+        ω, α = ω + links[k, SIGN] * qd[k], links[k, FOUND]
         rows[k, OMEGA], rows[k, ALPHA], rows[k, AX], rows[k, AY] = ω, α, ax, ay
         ax, ay = ax + α * d[k, 0] - ω * ω * d[k, 1], ay + α * d[k, 1] + ω * ω * d[k, 0]
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
@@ -131,42 +134,72 @@ def demand(row, first, dx, dy, bx, by, fx, fy, n):
 
 
 @recursion
-def weigh(hinges, part, first, work):
-    """Row t of `weights`: σ of the first t columns of a block, of accelerations only where they are given."""
+def weigh(hinges, first, work):
+    """σ of the first columns of a block, and of those that are given alone."""
     for j in range(LANES):
-        k, σ = first + j, 0.0
-        if k < len(hinges) and (part != INPUT or hinges[k].prescribed):
+        k, σ, given = first + j, 0.0, 0.0
+        if k < len(hinges):
             σ = work.posture.links[k, SIGN]
-        for t in range(LANES + 1):
-            work.weights[t, j] = σ if t > j else 0.0
+            given = σ * hinges[k].prescribed
+        work.turned[LANES, j], work.given[LANES, j] = σ, given
+    for t in range(LANES):
+        for j in range(LANES):
+            work.turned[t, j] = work.turned[LANES, j] if t > j else 0.0
+            work.given[t, j] = work.given[LANES, j] if t > j else 0.0
 
 
 @recursion
-def solve(part, first, work):
-    """x of a block of columns."""
-    links, given, d, rows = work.posture.links, work.posture.given, work.posture.d, work.rows
-    p = PUSH + part * PUSHES
-    o = zero_of(work.x)
-    fx = fy = n = o
-    for k in range(len(rows) - 1, -1, -1):
-        weight = at(work.weights, max(0, min(LANES, k + 1 - first)))
-        n += d[k, 0] * fx + d[k, 1] * fy + rows[k, p + PN] * weight
-        fx, fy = fx + rows[k, p + PX] * weight, fy + rows[k, p + PY] * weight
-        if not given[k]:
-            τ = links[k, SIGN] * at(work.r, k)
-            α = (τ - n) * rows[k, INVERSE]
-            put_at(work.x, α, k)
-            n = τ - links[k, ARMATURE] * α
-            fx, fy = fx + rows[k, HX] * α, fy + rows[k, HY] * α
-    ax = ay = before = o
-    for k in range(len(rows)):
-        weight = at(work.weights, max(0, min(LANES, k + 1 - first)))
-        if given[k]:
-            put_at(work.x, o, k)
-        else:
-            pull = rows[k, HX] * ax + rows[k, HY] * ay
-            α = at(work.x, k) + rows[k, BETA] * before - rows[k, INVERSE] * pull
-            put_at(work.x, links[k, SIGN] * (α - before), k)
-            before = α
-        ax = ax + before * d[k, 0] + rows[k, p + BX] * weight
-        ay = ay + before * d[k, 1] + rows[k, p + BY] * weight
+def solve(first, work):
+    """x of a block of columns, of all three kinds of changes: steps of one do not wait for those of another."""
+    o = zero_of(work.turned)
+    at_rest = o, o, o
+    angle, speed, input = at_rest, at_rest, at_rest
+    for k in range(len(work.rows) - 1, -1, -1):
+        turned, given = weights_of(k, first, work)
+        angle = load(k, ANGLE, turned, work, *angle)
+        speed = load(k, SPEEDS, turned, work, *speed)
+        input = load(k, INPUT, given, work, *input)
+    angle, speed, input = at_rest, at_rest, at_rest
+    for k in range(len(work.rows)):
+        turned, given = weights_of(k, first, work)
+        angle = turn(k, ANGLE, turned, work, *angle)
+        speed = turn(k, SPEEDS, turned, work, *speed)
+        input = turn(k, INPUT, given, work, *input)
+
+
+@inlined
+def weights_of(k, first, work):
+    """σ of the columns of a block that turn link k, and of those whose acceleration does."""
+    columns = max(0, min(LANES, k + 1 - first))
+    return at(work.turned, columns), at(work.given, columns)
+
+
+@inlined
+def load(k, part, weight, work, n, fx, fy):
+    """n and f before link k from those behind it; x keeps T / D."""
+    links, given, d, rows, p = work.posture.links, work.posture.given, work.posture.d, work.rows, PUSH + part * PUSHES
+    n += d[k, 0] * fx + d[k, 1] * fy + rows[k, p + PN] * weight
+    fx, fy = fx + rows[k, p + PX] * weight, fy + rows[k, p + PY] * weight
+    if not given[k]:
+        τ = links[k, SIGN] * at(work.r, part, k)
+        α = (τ - n) * rows[k, INVERSE]
+        put_at(work.x, α, part, k)
+        n = rows[k, GAMMA] * τ + rows[k, BETA] * n
+        fx, fy = fx + rows[k, HX] * α, fy + rows[k, HY] * α
+    return n, fx, fy
+
+
+@inlined
+def turn(k, part, weight, work, before, ax, ay):
+    """α of link k, and a behind it, from those before it; x keeps its part of the joint."""
+    links, given, d, rows, p = work.posture.links, work.posture.given, work.posture.d, work.rows, PUSH + part * PUSHES
+    if given[k]:
+        put_at(work.x, zero_of(work.turned), part, k)
+    else:
+        pull = rows[k, HX] * ax + rows[k, HY] * ay
+        α = at(work.x, part, k) - rows[k, INVERSE] * pull
+        put_at(work.x, links[k, SIGN] * (α - rows[k, GAMMA] * before), part, k)
+        before = α + rows[k, BETA] * before
+    ax = ax + before * d[k, 0] + rows[k, p + BX] * weight
+    ay = ay + before * d[k, 1] + rows[k, p + BY] * weight
+    return before, ax, ay

@@ -3,7 +3,8 @@
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
 
-The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, is integrated with the same method:
+The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, and + f·ṗ of a force on the tip that changes
+(`tip_wrench`), is integrated with the same method:
 
 W ← W + h Σ b_i P_i
 """
@@ -14,8 +15,8 @@ import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.finite import is_finite
-from flexlink.kernels.forward import forward_dynamics
-from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.forward import forward_under
+from flexlink.kernels.inputs import ask, drive_torque, follow
 from flexlink.kernels.lanes import at, put_at
 
 NEVER = 2**62
@@ -52,6 +53,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
     qs, qds, works = samples
     stages = step_workspace(tableau, q)
     for number in range(first, last):
+        ask_at(inputs, h, origin + number, state, stages)
         step(work, tableau, inputs, h, origin + number, state, stages)
         if not (is_finite(q) and is_finite(qd)):
             return number
@@ -59,7 +61,14 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
             row = (number + 1) // every
             qs[row], qds[row] = q, qd
             put_at(works, at(done, 0), row)
+    ask_at(inputs, h, origin + last, state, stages)
     return last
+
+
+@inlined
+def ask_at(inputs, h, number, state, stages):
+    """Ask a sampled law before the step from t = number · h, if that is an instant of it."""
+    ask(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
 @recursion
@@ -78,7 +87,7 @@ def step(work, tableau, inputs, h, number, state, stages):
             add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
         follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
         drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, q_dot, tau)
-        power = forward_dynamics(inputs.wrench, q_stage, q_dot, tau, q_dot_dot, work)
+        power = forward_under(inputs, t, (number + 0.5) * h, q_stage, q_dot, tau, q_dot_dot, work)
         put_at(done, at(done, 0) + b[i] * h * power, 0)
     for i in range(len(c)):
         add_stage(b[i] * h, L, K, i, q, qd)
@@ -86,10 +95,13 @@ def step(work, tableau, inputs, h, number, state, stages):
 
 
 @kernel
-def stage(work, inputs, t, q, qd, tau, qdd):
-    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential."""
+def stage(work, inputs, t, middle, q, qd, tau, qdd):
+    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential.
+
+    `middle` of the step that t belongs to.
+    """
     follow(inputs.motion, t, q, qd, qdd)
-    return forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+    return forward_under(inputs, t, middle, q, qd, tau, qdd, work)
 
 
 @inlined

@@ -6,8 +6,8 @@ import numpy as np
 
 from flexlink.kernels.compiler import kernel
 from flexlink.kernels.energy import energies_of
-from flexlink.kernels.forward import forward_dynamics
-from flexlink.kernels.inputs import drive_torque, follow
+from flexlink.kernels.forward import forward_under
+from flexlink.kernels.inputs import ask, drive_torque, follow
 from flexlink.kernels.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.runge_kutta import step, step_workspace
 from flexlink.kernels.vec3 import dot, sub, vector
@@ -30,10 +30,11 @@ def drive_torques(work, inputs, ts, qs, qds, taus):
     taus[:] = 0.0
     for row in range(len(ts)):
         q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
+        ask(inputs.drive, ts[row], ts[row], q, qd, tau)  # of a run by another engine
         drive_torque(inputs.drive, ts[row], ts[row], q, qd, tau)
         if len(inputs.motion.joints) > 0:
             follow(inputs.motion, ts[row], q, qd, qdd)
-            forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+            forward_under(inputs, ts[row], ts[row], q, qd, tau, qdd, work)
 
 
 @kernel

@@ -144,4 +144,4 @@ def displacement_in_space(δ, posture):
             φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
         p = add(p, cross(φ, vec_of(rs, i, 0)))
         largest = max(largest, dot(p, p))
-    return math.sqrt(largest)
+    return math.sqrt(largest + (φ[0] - φ[0]))  # nan, which `max` passes by, if a δ is not finite

@@ -14,6 +14,11 @@ LIMIT = 1e5  # rad, k < 2¹⁶: well within the 2²⁰ up to which the products 
 TWO_OVER_PI = 0.6366197723675814
 HALF_PI = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)  # 33 bits, 33 bits, the rest
 
+FAR = 4e8  # rad, fewer than 2²⁶ turns: their products with parts of 26 bits are exact
+OFTEN = 64.0  # rad, from where an angle takes a digit of a sum of angles
+TURNS = 0.15915494309189535
+TURN = (6.283185243606567, 6.357301884918343e-08, 2.4492935982947064e-16)  # 2π: 26 bits, 26 bits, the rest
+
 
 @inlined
 def cos_sin_reduced(y, tail):
@@ -51,9 +56,29 @@ def cos_sin_bounded(x):
 
 @entry
 def cos_sin_all(x, cosines, sines):
-    """Write cos x and sin x of an array, any finite x."""
+    """Write cos x and sin x of an array, any finite x; returns whether some |x| is beyond half of `OFTEN`."""
     for k in range(len(x)):
         cosines[k], sines[k] = cos_sin_bounded(x[k])
+    often = False
     for k in range(len(x)):
-        if not abs(x[k]) < LIMIT:
-            cosines[k], sines[k] = math.cos(x[k]), math.sin(x[k])
+        if not abs(x[k]) < 0.5 * OFTEN:
+            often = True
+            if not abs(x[k]) < LIMIT:
+                cosines[k], sines[k] = math.cos(x[k]), math.sin(x[k])
+    return often
+
+
+@entry
+def less_whole_turns(x):
+    """Take whole turns off those of an array of angles beyond `OFTEN`, any finite x, within an ulp of π.
+
+    Whoever adds up angles and finds no sum beyond half of that has none of them: for him nothing changes, whatever
+    others stand beside.
+    """
+    for k in range(len(x)):
+        turns = np.floor(x[k] * TURNS + 0.5)
+        less = ((x[k] - turns * TURN[0]) - turns * TURN[1]) - turns * TURN[2]
+        x[k] = less if OFTEN <= abs(x[k]) < FAR else x[k]
+    for k in range(len(x)):
+        if not abs(x[k]) < FAR:
+            x[k] = math.atan2(math.sin(x[k]), math.cos(x[k]))

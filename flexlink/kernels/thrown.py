@@ -10,6 +10,7 @@ is 0.3 to 0.5 of e_v/ω, how far it goes, and of what is free to turn e_v/ω₁.
 counts fast vibrations hundreds of times; weighing them by h lets any error of a slow one pass at small steps.
 """
 
+import math
 from typing import Any, NamedTuple
 
 from flexlink.kernels.clock import SLOWEST
@@ -39,6 +40,8 @@ def error_of(h, e_q, e_v, work):
     free = displacement(springs.δ, work.posture) / longest
     if longest * free <= at_once:
         return at_once
+    if not free < math.inf:
+        return math.nan
     τ, largest = longest, max(at_once, h * free)
     while τ * free > largest and τ > h:
         largest = max(largest, thrown(τ, e_v, work))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -11,20 +12,12 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Motion
+from flexlink.kernels.tip_wrench import wrenches
+from flexlink.motion.drives import Drive, drive_arrays
+from flexlink.motion.tip_wrench import GivenWrench, WrenchTable, given_at, wrench_table
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-
-
-class DriveArrays(NamedTuple):
-    """T_EX = Σ_j c_j x^j + kp (target − q) − kd q̇ at the driven joints, x = time since the last knot."""
-
-    joints: Indices  # (d,)
-    knots: Array  # (m,) [s]
-    coefficients: Array  # (m, order + 1, d) [N m / s^j]
-    kp: Array  # (d,) [N m/rad]
-    kd: Array  # (d,) [N m s/rad]
-    target: Array  # (d,) [rad]
 
 
 class MotionArrays(NamedTuple):
@@ -39,60 +32,32 @@ class MotionArrays(NamedTuple):
 class Inputs(NamedTuple):
     """All that acts on a run from outside."""
 
-    drive: DriveArrays
+    drive: Drive
     motion: MotionArrays
-    wrench: Array  # (6,) [N, N m]
+    wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
+    table: WrenchTable | None
+
+    def given_wrench(self, t: float) -> GivenWrench:
+        """The wrench at time t [s], in the axes that it is given in."""
+        return GivenWrench(self.wrench, False) if self.table is None else given_at(self.table, t)
+
+    @property
+    def potential_force(self) -> Array:
+        """A constant force, which has a potential and whose work runs do not integrate, shape (3,); else zero."""
+        return self.wrench[:3] if self.table is None else np.zeros(3)
+
+    def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
+        """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
+        found = np.array(np.broadcast_to(self.wrench, (len(t), 6)))
+        wrenches(self.table, t, q, qd, found)
+        return found
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
-    """All that acts on a run of this scene from outside; errors as in `drive_arrays` and `motion_arrays`."""
-    return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), scene.tip_wrench)
-
-
-def drive_arrays(scene: Scene, chain: Chain) -> DriveArrays:
-    """The scene's drive; no driven joint at all where it has nothing to say.
-
-    Raises
-    ------
-    SceneError
-        The torques change by more than float64 can hold.
-    """
-    drive = scene.drive
-    joints = chain.active.copy() if drive.kind != "none" else np.empty(0, dtype=np.intp)
-    links = [chain.coordinate(int(k)).link - 1 for k in joints]
-    zero = (0.0,) * len(scene.arm.links)
-    times = np.array(drive.times or (0.0,))
-    torques = np.array(drive.torques or (drive.torque or zero,))[:, links]
-    if drive.hold:
-        return held(chain, times, torques)
-    degree = 3 if drive.smooth else 1
-    coefficients = np.zeros((len(times), degree + 1, len(joints)))
-    coefficients[:, 0] = torques
-    with np.errstate(over="ignore", invalid="ignore"):
-        coefficients[:-1, 1] = np.diff(torques, axis=0) / np.diff(times)[:, None]
-        if drive.smooth and np.isfinite(coefficients).all():
-            from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
-
-            coefficients[:-1] = CubicSpline(times, torques).c[::-1].transpose(1, 0, 2)
-    if not np.isfinite(coefficients).all():
-        raise SceneError("drive.torques: change faster from one time to the next than float64 can hold")
-
-    def of_joints(per_link: tuple[float, ...] | None) -> Array:
-        return np.array(per_link or zero)[links]
-
-    return DriveArrays(
-        joints, times, coefficients, of_joints(drive.kp), of_joints(drive.kd), np.radians(of_joints(drive.target_deg))
-    )
-
-
-def held(chain: Chain, times: Array, torques: Array) -> DriveArrays:
-    """A drive of torques (m, d) at the driven joints, each row held until the next time.
-
-    The times are rounded down by more than what a sample's time may be off by: a sample at a time sees what follows.
-    """
-    zero = np.zeros(len(chain.active))
-    knots = times * (1 - 8 * np.finfo(float).eps)
-    return DriveArrays(chain.active.copy(), knots, np.ascontiguousarray(torques[:, None]), zero, zero, zero)
+    """All that acts on a run of this scene from outside; errors as in the functions for the three."""
+    table = wrench_table(scene, chain)
+    wrench = scene.tip_wrench if table is None else np.full(6, np.nan)  # until a stage writes it
+    return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), wrench, table)
 
 
 def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
@@ -118,8 +83,9 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
     )
 
 
+@functools.lru_cache(maxsize=64)
 def _pieces(motion: Motion) -> Array:
-    """Quintic Hermite pieces, then one that goes on at the final rate."""
+    """Quintic Hermite pieces, then one that goes on at the final rate; found once for all models of a scene."""
     columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
     pieces = np.zeros((len(motion.times), 6))
     if len(motion.times) > 1:
@@ -128,4 +94,5 @@ def _pieces(motion: Motion) -> Array:
         quintic = PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.times, np.column_stack(columns)))
         pieces[:-1] = quintic.c[::-1].T
     pieces[-1, 0], pieces[-1, 1] = columns[0][-1], columns[1][-1]
+    pieces.flags.writeable = False
     return pieces

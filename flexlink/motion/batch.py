@@ -13,26 +13,30 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import all_given, integer
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.lanes import LANES
+from flexlink.motion.drives import same_law
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.result import Steps, Trajectory
-from flexlink.motion.single import SingleRun, prepare
+from flexlink.motion.single import SingleRun, room_for
 from flexlink.motion.watch import Watch
 
 Array = NDArray[np.float64]
-Outcome = Trajectory | DivergenceError | InterruptedRunError
+Ended = Trajectory | DivergenceError | InterruptedRunError
+Outcome = Ended | FlexlinkError
 
 
 def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajectory]:
     """Simulate many scenes; neighbours in the list that are alike run eight side by side.
 
     Alike are scenes that differ in initial state, dimensions, materials and gravity only: same layout of bodies and
-    hinges, same drive, motion, wrench and run settings, with dynamics "articulated". Others run one by one. The numbers
-    are those of single runs, and so are the judgements.
+    hinges, same drive, motion, wrench, constant in frame 0, and run settings, with dynamics "articulated", and with a
+    drive that neither is sampled nor knows the rigid arm. Others run one by one. The numbers are those of single runs,
+    and so are the judgements.
 
     Parameters
     ----------
@@ -59,16 +63,33 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     """
     scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop:
+        members = list(map(_Preparing(), scenes))
         with ThreadPoolExecutor(threads) as pool:
-            blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(_members(scenes))))
-            outcomes = [outcome for block in blocks for outcome in block]
-        runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in outcomes]
+            blocks = pool.map(lambda block: _simulate_block(block, stop), list(_blocks(members)))
+            ends = [outcome for block in blocks for outcome in block]
+        runs = [outcome if isinstance(outcome, Trajectory) else outcome.trajectory for outcome in ends]
         for kind in (InterruptedRunError, DivergenceError):
-            for outcome in outcomes:
+            for outcome in ends:
                 if isinstance(outcome, kind):
                     outcome.runs = runs
                     raise outcome
     return runs
+
+
+def outcomes(scenes: Sequence[Scene], stop: Stop) -> list[Outcome]:
+    """What becomes of every scene, of those that are refused, too; neighbours that are alike run side by side.
+
+    The numbers of one do not depend on which others there are, to the bit.
+    """
+    ready, members = _Preparing(), []
+    found: dict[int, Outcome] = {}
+    for k, scene in enumerate(scenes):
+        try:
+            members.append(ready(scene))
+        except FlexlinkError as error:
+            found[k] = error
+    ends = (outcome for block in _blocks(members) for outcome in _simulate_block(block, stop))
+    return [found[k] if k in found else next(ends) for k in range(len(scenes))]
 
 
 class Member(NamedTuple):
@@ -82,7 +103,7 @@ class Member(NamedTuple):
         """What moves."""
         return self.watch.record.chain
 
-    def run(self, stop: Stop) -> Outcome:
+    def run(self, stop: Stop) -> Ended:
         """Alone."""
         try:
             return SingleRun(self.scene, self.watch).finish(stop)
@@ -90,15 +111,18 @@ class Member(NamedTuple):
             return error
 
 
-def _members(scenes: Sequence[Scene]) -> Iterator[Member]:
-    """Scenes, ready to run; neighbours that differ in nothing a chain is made of share one."""
-    made_of: tuple[object, ...] = ()
-    for scene in scenes:
+class _Preparing:
+    """Makes scenes ready to run; neighbours that differ in nothing a chain is made of share one."""
+
+    def __init__(self) -> None:
+        self.made_of: tuple[object, ...] = ()
+
+    def __call__(self, scene: Scene) -> Member:
         locked = [a for a, link in zip(scene.initial.joint_deg, scene.arm.links, strict=True) if link.joint.locked]
         parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
-        if parts != made_of:
-            made_of, chain = parts, lump(scene)
-        yield Member(scene, prepare(scene, chain))
+        if parts != self.made_of:
+            self.chain, self.made_of = lump(scene), parts
+        return Member(scene, room_for(scene, self.chain))
 
 
 def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
@@ -113,14 +137,24 @@ def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
 
 
 def _alike(a: Member, b: Member) -> bool:
-    shared = ("run", "drive", "motion", "wrench")
-    return all(getattr(a.scene, name) == getattr(b.scene, name) for name in shared) and a.chain.same_layout(b.chain)
+    shared = ("run", "motion", "wrench")
+    if a.scene.initial.time != b.scene.initial.time:  # one clock for all
+        return False
+    if a.scene.drive.reference is not None and a.scene.initial != b.scene.initial:  # each begins where its joints are
+        return False
+    if a.scene.wrench.varies:  # where each tip is, only its own chain tells
+        return False
+    same = all(getattr(a.scene, name) == getattr(b.scene, name) for name in shared)
+    return same and a.chain.same_layout(b.chain) and same_law(*(m.watch.record.inputs.drive for m in (a, b)))
 
 
-def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
+def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
+    """Also one alone goes in lanes: its numbers are those that it has beside any others."""
     run, chain = block[0].scene.run, block[0].chain
     solver = solver_for(chain, run.dynamics)
-    if len(block) == 1 or solver.lanes_workspace is None or not block[0].watch.explicit:
+    drive = block[0].watch.record.inputs.drive
+    alone = not block[0].watch.explicit or block[0].scene.wrench.varies or not same_law(drive, drive)
+    if solver.lanes_workspace is None or alone:
         return [member.run(stop) for member in block]
     eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
     chains = [member.chain for member in eight]
@@ -135,7 +169,9 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
         if stop.asked:
             break
     if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
-        return [member.run(stop) for member in block]
+        if len(block) == 1:
+            return [block[0].run(stop)]
+        return [ended for member in block for ended in _simulate_block([member], stop)]
     rows = done // run.steps_per_sample + 1
     return [
         _outcome(member.watch, stop, steps_up_to(run, done), *(array[:rows, ..., lane] for array in samples))
@@ -143,7 +179,7 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Outcome]:
     ]
 
 
-def _outcome(watch: Watch, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Outcome:
+def _outcome(watch: Watch, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Ended:
     """What became of a member, whose first samples are given."""
     record, rows = watch.record, len(works)
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works

@@ -42,7 +42,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
     """
     chain, q = record.chain, record.q[0]
-    duration, part = float(record.t[-1] - record.t[0]), tolerance / rounding.reach(chain)
+    duration, part = record.run.duration, tolerance / rounding.reach(chain)
     fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -12,11 +13,11 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.methods import method, steps_explicitly
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
+from flexlink.describe.situation import Run, multiples, parts, whole
 from flexlink.describe.spec import short
 from flexlink.kernels.inputs import follow
 from flexlink.kernels.runge_kutta import integrate, stage
-from flexlink.motion.actuation import held
+from flexlink.motion.drives import effort_of, held
 from flexlink.motion.endings import LawFailure
 from flexlink.motion.pace import Pace
 from flexlink.motion.result import Record
@@ -24,6 +25,8 @@ from flexlink.motion.result import Record
 Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], ArrayLike]
 """T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,)."""
+Tableau = tuple[Array, Array, Array]
+"""A, b and c of a method."""
 
 
 class Control:
@@ -31,24 +34,28 @@ class Control:
 
     Attributes
     ----------
-    every
-        Number of steps between two samples of the law; 0: it is continuous.
+    apart
+        Number of fixed steps between two instants; of steps with a tolerance there are no numbers.
+    times
+        Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
     drive
         What it gave at its instants, held: so far, 0 later.
     """
 
     def __init__(self, law: Law, rate: float | None, scene: Scene, chain: Chain) -> None:
-        run, self.law, self.chain = scene.run, law, chain
-        self.every = 0 if rate is None else steps_between(rate, run)
-        self.origin = round(scene.initial.time / run.step)
-        if self.every and self.origin % self.every:
-            raise ArgumentError(
-                f"t0 = {scene.initial.time!r}: must be a multiple of 1 / rate, {1 / positive('rate', rate):.6g} s"
-            )
-        apart = self.every or run.steps_per_sample
-        self.instants = range(0, (run.samples - 1) * run.steps_per_sample + 1, apart)
-        times = (self.origin + np.array(self.instants)) * run.step
-        self.drive = held(chain, times, np.zeros((len(times), self.joints)))
+        run, start, self.law, self.chain = scene.run, scene.initial.time, law, chain
+        self.effort = effort_of(scene, chain)
+        self.sampled, self.origin = rate is not None, round(start / run.step)
+        between = run.sample if rate is None else 1 / positive("rate", rate)
+        if self.sampled:
+            whole("t0", start, "1 / rate", between, ArgumentError)
+        if run.controlled:
+            self.times = multiples(start, between, math.floor(parts(run.duration, between)) + 1)
+        else:
+            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.step, ArgumentError)
+            last = (run.samples - 1) * run.steps_per_sample
+            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
+        self.drive = held(chain, self.times, np.zeros((len(self.times), self.joints)))
 
     @property
     def joints(self) -> int:
@@ -56,7 +63,7 @@ class Control:
         return len(self.chain.active)
 
     def torque(self, t: float, q: Array, qd: Array) -> Array:
-        """What the law gives, shape (d,).
+        """What the law gives, within the drive's `effort`, shape (d,).
 
         Raises
         ------
@@ -73,12 +80,11 @@ class Control:
                 f"t = {t:.6g} s: control law {name} gave {short(given.tolist())}; expected one finite number per "
                 f"driven joint, shape ({self.joints},)"
             )
-        return given.astype(np.float64)
+        return np.clip(given.astype(np.float64), -self.effort, self.effort)
 
-    def note(self, number: int, t: float, q: Array, qd: Array) -> None:
-        """Ask the law at the instant of step `number`, if it is one, and hold what it gives from there."""
-        if number in self.instants:
-            self.drive.coefficients[self.instants.index(number), 0] = self.torque(t, q, qd)
+    def note(self, k: int, q: Array, qd: Array) -> None:
+        """Ask the law at instant `k`, and hold what it gives from there."""
+        self.drive.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
 
     def pieces(self, record: Record, run: Run, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.
@@ -88,38 +94,45 @@ class Control:
         LawFailure
             As in `torque`; the samples before that instant are there.
         """
-        last, apart = (run.samples - 1) * run.steps_per_sample, self.instants.step
-        advance, pace, number = self._sampled if self.every else self._continuous, Pace(), 0
-        yield advance(record, run, state, 0, 0)
+        last, advance = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
+        tableau, pace, number = method(run.method).arrays, Pace(), 0
+        yield advance(record, tableau, state, 0, 0)
         while number < last:
-            stop = min(number + apart, last)
+            stop = min(number + self.apart, last)
             try:
-                number = advance(record, run, state, number, stop)
+                number = advance(record, tableau, state, number, stop)
                 if number < stop:
                     yield number
                     return
-                self.note(number, (self.origin + number) * run.step, *state[:2])
-            except LawFailure:
-                yield stop - 1
+                if number % self.apart == 0:
+                    self.note(number // self.apart, *state[:2])
+            except (LawFailure, KeyboardInterrupt):
+                yield stop - 1 if number == stop else number
                 raise
             if pace.over or number == last:
                 yield number
                 pace.start()
 
-    def _sampled(self, record: Record, run: Run, state: tuple[Array, Array, Array], first: int, stop: int) -> int:
-        fixed = record.scratch, method(run.method).arrays, record.inputs, run.step, record.origin
-        samples = record.q, record.qd, record.works
+    def _sampled(
+        self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
+    ) -> int:
+        run, samples = record.run, (record.q, record.qd, record.works)
+        fixed = record.scratch, tableau, record.inputs, run.step, record.origin
         return int(integrate(*fixed, first, stop, run.steps_per_sample, state, samples))
 
-    def _continuous(self, record: Record, run: Run, state: tuple[Array, Array, Array], first: int, stop: int) -> int:
+    def _continuous(
+        self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
+    ) -> int:
         """As `integrate`, the law asked at every stage."""
-        (A, b, c), h, inputs = method(run.method).arrays, run.step, record.inputs
+        (A, b, c), run, inputs = tableau, record.run, record.inputs
+        h = run.step
         (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))
         for number in range(self.origin + first, self.origin + stop):
             for i in range(len(c)):
                 t, Q, L[i] = (number + c[i]) * h, q + h * A[i, :i] @ L[:i], qd + h * A[i, :i] @ K[:i]
                 follow(inputs.motion, t, Q, L[i], K[i])
-                work += h * b[i] * stage(record.scratch, inputs, t, Q, L[i], self._spread(t, Q, L[i]), K[i])
+                tau, middle = self._spread(t, Q, L[i]), (number + 0.5) * h
+                work += h * b[i] * stage(record.scratch, inputs, t, middle, Q, L[i], tau, K[i])
             q += h * b @ L
             qd += h * b @ K
             follow(inputs.motion, (number + 1) * h, q, qd, K[0])
@@ -136,31 +149,14 @@ class Control:
         return tau
 
 
-def steps_between(rate: float, run: Run) -> int:
-    """Number of steps between two samples of a law, taken `rate` times a second.
-
-    Raises
-    ------
-    ArgumentError
-        The time between is no multiple of the step.
-    """
-    between = 1 / positive("rate", rate)
-    steps = round(between / run.step)
-    if steps < 1 or abs(between / run.step - steps) > 1e-9 * steps:
-        raise ArgumentError(
-            f"rate = {rate!r}: 1 / rate = {between:.6g} s must be a multiple of run.step = {run.step!r} s"
-        )
-    return steps
-
-
 def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) -> Control | None:
     """The law of a run, checked, or None.
 
     Raises
     ------
     ArgumentError
-        It cannot be called, the scene has a drive, too, the rate does not fit the step, or steps are not those that a
-        law can be asked in.
+        It cannot be called, the scene has a drive, too, the rate does not fit the step, or stages are not those that a
+        law can be asked at.
     """
     callable_or_none("control", law)
     if law is None:
@@ -170,6 +166,10 @@ def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) 
     run = scene.run
     if scene.drive.kind != "none":
         raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; drop one of both")
-    if not steps_explicitly(run):
-        raise ArgumentError(f"control: method = {run.method!r}: a law takes fixed steps of an explicit method")
+    if rate is None and not steps_explicitly(run):
+        what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
+        raise ArgumentError(
+            f"control: asked at every stage, with {what}: a law that is not sampled takes fixed steps of an explicit "
+            "method, such as RK4; give rate"
+        )
     return Control(law, rate, scene, chain)

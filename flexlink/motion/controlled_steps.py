@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.analysis.stability import stable_step
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.describe.methods import Method, method
 from flexlink.describe.situation import AUTO, Run
@@ -16,17 +18,22 @@ from flexlink.dynamics import rounding
 from flexlink.kernels import clock, controlled, implicit
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.machine_code import direct
 from flexlink.kernels.planar import planar_workspace
 from flexlink.kernels.rne import rne_workspace
 from flexlink.kernels.shifted import FACTORS
 from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
 from flexlink.kernels.thrown import Springs
+from flexlink.motion.actuation import Inputs
 from flexlink.motion.choice import Choice, cheapest
-from flexlink.motion.landings import LINEAR, landings
+from flexlink.motion.control import Control
+from flexlink.motion.drives import gains_of
+from flexlink.motion.endings import LawFailure
+from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
-from flexlink.motion.watch import LONG, Watch, gains_of
+from flexlink.motion.watch import LONG, Watch
 
 Array = NDArray[np.float64]
 
@@ -55,17 +62,14 @@ EXACT = 1e-13
 FEW_PASSES, MANY_PASSES = 12, 50
 """Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
 
-OF_A_TABLE = 0.1
-"""Torque, over the largest, that may come and go between the stages of a step, as a part of tolerance over reach."""
-
 EXPLICIT, OFTEN = "DOP853", 20
 """The method with which a run goes on whose iteration fails, and how often it fails before this is thought of."""
 
-ON_THE_GRID = 1e-6
-"""Part of a fixed step within which a time is one of its ends."""
+NEVER = 2**62
+"""Steps, or failures, that do not end anything."""
 
-SHORTEST = 1e-14
-"""Part of the duration below which a step is none."""
+NEAR = 1e-9
+"""Part of the time between samples within which two times are one."""
 
 
 class ControlledSteps:
@@ -73,28 +77,88 @@ class ControlledSteps:
 
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
-        self.failure, self.record, self.run = "", record, run
-        self.slowest = slowest_frequency(record.chain, record.q[0])
+        self.failure, self.record, self.run, self.control, self.inputs = "", record, run, watch.control, record.inputs
+        start, self.ends = pieces(record, watch.control)
+        self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
-        self.count, self.evaluations_before, self.looked_at = np.zeros(clock.COUNTS, np.int64), 0, 0
-        self.count[clock.ROW] = 1
+        self.tau = np.zeros(record.chain.n)
+        self.count, self.evaluations_before = np.zeros(clock.COUNTS, np.int64), 0
+        self.count[clock.ROW], self.count[clock.PATIENCE] = 1, OFTEN if run.method == AUTO else NEVER
         self.samples = record.t, record.q, record.qd, record.works
-        controlled.begin(float(record.t[0]), record.inputs, self.state, np.zeros(record.chain.n), record.scratch)
-        self._take(choose(run, record, self.slowest))
-        controlled.first_step(self.work, self.state, self.settings, run.duration)
+        self._take(choose(run, record, self.slowest), start)
+        self._aim(start, start)
+        if run.controlled:
+            controlled.first_step(self.work, self.state, self.settings, run.duration)
+        else:
+            self.work.clock[clock.STEP] = run.step
 
     def __iter__(self) -> Iterator[Reached]:
-        duration, pace, how = self.run.duration, Pace(), controlled.GOES_ON
-        yield Reached(1, 0.0 if duration else 1.0)
-        while duration and how == controlled.GOES_ON:
-            how = self._advance(pace.start())
-            pace.end()
-            if self._explicit_is_cheaper(how):
-                how = self._go_on_explicitly()
+        yield Reached(1, 0.0 if self.ends else 1.0)
+        pace, start = Pace(), float(self.work.clock[clock.TIME])
+        for k, end in enumerate(self.ends, 1):
+            self._aim(start, end)
+            start, how = end, controlled.GOES_ON
+            while how == controlled.GOES_ON:
+                how = self._advance(pace.size)
+                if how == controlled.GOES_ON:
+                    pace.end()
+                    yield self._reached()
+                    pace.start()
             if how == controlled.STUCK:
-                self.failure = self._stuck()
-            past = self.work.clock[clock.TIME] - self.record.t[0]
-            yield Reached(int(self.count[clock.ROW]), past / duration)
+                yield self._reached()
+                return
+            yield from self._ask(k)
+            if pace.over or k == len(self.ends):
+                yield self._reached()
+                pace.start()
+
+    def go(self, inputs: Inputs, start: float, end: float) -> str:
+        """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
+        if inputs is not self.inputs:
+            self.inputs = inputs
+            self.work.springs.kp[:], self.work.springs.kd[:] = held_by(self.record.chain, inputs)
+            self._compile()
+        self._aim(start, end)
+        most = NEVER if end > start else 0
+        while self._advance(most) == controlled.GOES_ON and most:
+            pass
+        return self.failure
+
+    def saved(self) -> Any:
+        """All that `go` changes, for `restore`."""
+        return dict(vars(self)), [array.copy() for array in self._changing()]
+
+    def restore(self, saved: Any) -> None:
+        """Go back to where `saved` was."""
+        attributes, arrays = saved
+        vars(self).update(attributes)
+        for array, before in zip(self._changing(), arrays, strict=True):
+            array[:] = before
+
+    def _changing(self) -> tuple[Any, ...]:
+        stages = (self.work.stages,) if isinstance(self.work, ImplicitWork) else ()
+        return *self.state, self.count, self.work.clock, self.work.springs.kp, self.work.springs.kd, *stages
+
+    def _aim(self, start: float, end: float) -> None:
+        """Begin a piece between two times [s], at which torques may jump."""
+        self.end, self.knots = end, self.marks.up_to(start, end)
+        self.count[clock.KNOT], self.work.clock[clock.TIME] = 0, start
+        self._begin(start, self.inputs, self.state, self.tau, self.record.scratch)
+
+    def _ask(self, k: int) -> Iterator[Reached]:
+        """Let a law say what it holds from instant `k` on, if that is one; where it fails, say what came before."""
+        if self.control is None or k == len(self.control.times):
+            return
+        try:
+            self.control.note(k, *self.state[:2])
+        except (LawFailure, KeyboardInterrupt):
+            before = self.control.times[k] - NEAR * self.run.sample
+            yield Reached(int(np.searchsorted(self.record.t, before)), self._reached().part)
+            raise
+
+    def _reached(self) -> Reached:
+        past = self.work.clock[clock.TIME] - self.record.t[0]
+        return Reached(int(self.count[clock.ROW]), past / self.run.duration)
 
     @property
     def steps(self) -> Steps:
@@ -105,58 +169,61 @@ class ControlledSteps:
     def _evaluations(self) -> int:
         return self.evaluations_before + int(self.count[clock.ITERATIONS]) * self.method.stages
 
-    def _take(self, choice: Choice) -> None:
-        """Prepare steps by a method; compiles, while no signal is deferred."""
+    def _take(self, choice: Choice, now: float) -> None:
+        """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
         run, record, (self.name, self.why) = self.run, self.record, choice
         self.method = method(self.name)
         self.work = workspace(self.method, record, self.slowest)
-        self.work.clock[clock.TIME] = record.t[0]
-        self.knots = knots(run, self.method, record)
-        longest = longest_step(self.name, record, self.state) if self.method.explicit else np.inf
+        self.marks = Marks(self.method, record, self.control is None)
+        longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
         self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
-        self._advance(0)
+        self.end, self.knots = now, np.array([now])
+        self._compile()
+
+    def _advance(self, most: int) -> int:
+        """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
+        how = int(self._take_steps(*self._arguments(most)))
+        if self._explicit_is_cheaper(how):
+            how = self._go_on_explicitly()
+        if how == controlled.STUCK:
+            self.failure = self._stuck()
+        return how
+
+    def _compile(self) -> None:
+        self._begin = direct(controlled.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
+        self._take_steps = direct(controlled.advance, *self._arguments(0))
+
+    def _arguments(self, most: int) -> tuple[Any, ...]:
+        inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
+        return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
 
     def _explicit_is_cheaper(self, how: int) -> bool:
         """Whether the iteration of a method that was picked fails so often that DOP853's stable steps take less."""
-        failed = int(self.count[clock.FAILED])
+        failed, patience = (int(n) for n in self.count[[clock.FAILED, clock.PATIENCE]])
         if self.run.method != AUTO or self.method.explicit or how == controlled.ENDED:
             return False
-        if failed < max(OFTEN, 2 * self.looked_at) and how != controlled.STUCK:
+        if failed < patience and how != controlled.STUCK:
             return False
-        self.looked_at = failed
+        self.count[clock.PATIENCE] = 2 * failed
         try:
-            explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, self.state)
+            now = float(self.work.clock[clock.TIME])
+            explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, now, self.state)
         except FlexlinkError:  # of a posture whose M is singular, or nearly so
             return False
-        past = self.work.clock[clock.TIME] - self.record.t[0]
+        past = now - self.record.t[0]
         return explicit * past < self._evaluations() or how == controlled.STUCK
 
     def _go_on_explicitly(self) -> int:
         """Take the rest of the run with DOP853, from where it is."""
-        before, self.evaluations_before = self.work.clock, self._evaluations()
+        before, self.evaluations_before, end = self.work.clock, self._evaluations(), self.end
         failed = f"{self.name} until t = {before[clock.TIME]:.3g} s: its iteration failed too often"
         self.count[clock.ITERATIONS] = 0
-        self._take(Choice(EXPLICIT, f"{self.why}; {failed}"))
+        time = float(before[clock.TIME])
+        self._take(Choice(EXPLICIT, f"{self.why}; {failed}"), time)
+        self._aim(time, end)
         now = self.work.clock
-        now[clock.TIME], now[clock.DEFLECTION] = before[clock.TIME], before[clock.DEFLECTION]
-        now[clock.STEP] = min(before[clock.STEP], self.settings[-1])
-        self.count[clock.KNOT] = np.searchsorted(self.knots, now[clock.TIME], side="right")
+        now[clock.DEFLECTION], now[clock.STEP] = before[clock.DEFLECTION], min(before[clock.STEP], self.settings[-1])
         return int(controlled.GOES_ON)
-
-    def _advance(self, most: int) -> int:
-        return int(
-            controlled.advance(
-                self.work,
-                self.record.scratch,
-                self.record.inputs,
-                self.settings,
-                self.count,
-                self.state,
-                self.knots,
-                self.samples,
-                most,
-            )
-        )
 
     def _stuck(self) -> str:
         now, h = self.work.clock[clock.TIME], self.work.clock[clock.STEP]
@@ -168,6 +235,16 @@ class ControlledSteps:
         )
 
 
+def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]:
+    """Start of a run, and where its pieces end [s]: at the instants of a law, and at the end of the run."""
+    run = record.run
+    start, end = float(record.t[0]), float(record.t[-1])
+    if not run.controlled:  # on the grid of all steps, to the bit
+        start, end = (run.step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
+    between = [] if control is None else control.times[1:].tolist()
+    return start, [*(t for t in between if t < end - NEAR * run.sample), *([end] if end > start else [])]
+
+
 def choose(run: Run, record: Record, slowest: float) -> Choice:
     """The method of a run, and, if it is not named, why."""
     if run.method != AUTO:
@@ -175,11 +252,11 @@ def choose(run: Run, record: Record, slowest: float) -> Choice:
     return cheapest(record, run.tolerance_within(rounding.reach(record.chain)), slowest)
 
 
-def longest_step(name: str, record: Record, state: tuple[Array, ...]) -> float:
-    """Of an explicit method its largest stable step about a state q, q̇ [s], beyond which its error only grows."""
+def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
+    """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows."""
     inputs, (q, qd, *_) = record.inputs, state
-    gains = gains_of(record.chain, inputs)
-    return stable_step(record.chain, q, qd, method=name, tip_wrench=inputs.wrench, gains=gains)
+    (wrench, follower), gains = inputs.given_wrench(t), gains_of(record.chain, inputs.drive, t, q, qd)
+    return stable_step(record.chain, q, qd, method=name, tip_wrench=wrench, follower=follower, gains=gains)
 
 
 def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[float, ...]:
@@ -202,24 +279,10 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     return *errors, order, SHORTEST * run.duration, largest
 
 
-def knots(run: Run, method: Method, record: Record) -> Array:
-    """Times where a step ends [s]: of the inputs' pieces, and the end.
-
-    A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
-    steps end at the knots of a table that is not smooth, and then on their own grid again.
-    """
-    drive, motion = record.inputs.drive, record.inputs.motion
-    start, end = float(record.t[0]), float(record.t[-1])  # rounded as the last sample is
-    if not run.controlled:
-        smooth = drive.coefficients.shape[1] > LINEAR
-        number = (np.concatenate([np.empty(0) if smooth else drive.knots, motion.knots]) - start) / run.step
-        number = number[np.abs(number - np.round(number)) > ON_THE_GRID]
-        given = start + np.concatenate([number, np.ceil(number)]) * run.step
-    else:
-        reach, samples = rounding.reach(record.chain), record.t if method.explicit else np.empty(0)
-        table = landings(drive, OF_A_TABLE * run.tolerance_within(reach) / reach)
-        given = np.concatenate([table, motion.knots, samples])
-    return np.array([*np.unique(given[(given > start) & (given < end - SHORTEST * run.duration)]), end])
+def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array]:
+    """Gains (n,) of the drive, for Newton's matrix: at one state whatever the run's, which so goes on to the bit."""
+    zero = np.zeros(chain.n)
+    return gains_of(chain, inputs.drive, 0.0, zero, zero).diagonals()
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
@@ -229,7 +292,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
     numbers[clock.SLOWEST], numbers[clock.ROUNDING] = 1.0 / slowest, rounding.of_position(chain)
     numbers[clock.PASSES] = FEW_PASSES if record.run.controlled else MANY_PASSES
-    springs = Springs(*gains_of(chain, record.inputs), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))

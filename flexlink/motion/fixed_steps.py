@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import method
 from flexlink.describe.situation import Run
-from flexlink.kernels.runge_kutta import integrate
+from flexlink.kernels.machine_code import direct
+from flexlink.kernels.runge_kutta import NEVER, integrate
+from flexlink.motion.actuation import Inputs
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Steps
 from flexlink.motion.watch import Watch
@@ -26,6 +28,9 @@ class FixedSteps:
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
         self.run, self.failure = run, ""
+        self.scratch, self.tableau = record.scratch, method(run.method).arrays
+        self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
+        self._inputs: Inputs | None = None  # that `_integrate` is compiled for
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         self.joint_name, self.origin = record.chain.joint_name, record.origin
         if watch.control is None:
@@ -35,21 +40,45 @@ class FixedSteps:
         self._done = next(self._pieces)  # compiles, while no signal is deferred
 
     def __iter__(self) -> Iterator[Reached]:
-        run, q, qd = self.run, *self.state[:2]
+        run, (q, qd, _) = self.run, self.state
         last = (run.samples - 1) * run.steps_per_sample
         yield Reached(1, 0.0 if last else 1.0)
         for done in self._pieces:
             self._done = done
             if not (np.isfinite(q).all() and np.isfinite(qd).all()):
-                joint, step = int(np.argmin(np.isfinite(q) & np.isfinite(qd))), self._done + 1
-                told = f"(step {step}, joint {self.joint_name(joint)!r})"
-                self.failure = f"no longer finite at t = {(self.origin + step) * run.step:.6g} s {told}"
+                self.failure = self._not_finite()
             yield Reached(self._done // run.steps_per_sample + 1, self._done / last)
+
+    def go(self, inputs: Inputs, start: float, end: float) -> str:
+        """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
+        h, origin = self.run.step, self.origin
+        first, last = round(start / h) - origin, round(end / h) - origin
+        arguments = self.scratch, self.tableau, inputs, h, origin, first, last, NEVER, self.state, self.no_samples
+        if inputs is not self._inputs:
+            self._inputs, self._integrate = inputs, direct(integrate, *arguments)
+        self._done = self._integrate(*arguments)
+        return "" if self._done == last else self._not_finite()
+
+    def saved(self) -> Any:
+        """All that `go` changes, for `restore`."""
+        q, qd, work = self.state
+        return q.copy(), qd.copy(), work.copy(), self._done
+
+    def restore(self, saved: Any) -> None:
+        """Go back to where `saved` was."""
+        *arrays, self._done = saved
+        for array, before in zip(self.state, arrays, strict=True):
+            array[:] = before
 
     @property
     def steps(self) -> Steps:
         """What was done so far."""
         return steps_up_to(self.run, self._done)
+
+    def _not_finite(self) -> str:
+        (q, qd, _), step = self.state, self._done + 1
+        joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))
+        return f"no longer finite at t = {(self.origin + step) * self.run.step:.6g} s (step {step}, joint {joint!r})"
 
 
 def steps_up_to(run: Run, number: int) -> Steps:

@@ -1,11 +1,15 @@
-"""Knots of a drive's table at which steps of any length end, so that none passes by what happens between its stages."""
+"""Times of a drive, or of a table, at which steps of any length end: none passes by what happens between its stages."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.motion.actuation import DriveArrays
+from flexlink.kernels.inputs import SampledLaw
+from flexlink.kernels.law_pd import PdLaw
+from flexlink.kernels.law_table import TableLaw
+from flexlink.motion.drives import Drive
+from flexlink.motion.tip_wrench import WrenchTable
 
 Array = NDArray[np.float64]
 
@@ -13,15 +17,41 @@ LINEAR = 2
 """Coefficients of a piece of a table that is not smooth."""
 
 
-def landings(drive: DriveArrays, part: float) -> Array:
-    """Knots [s] between which the table is one cubic polynomial, up to `part` of each joint's largest torque.
+def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
+    """Times [s] between which what is given in time is smooth: a table's landings, or knots; instants apart."""
+    if isinstance(given, SampledLaw):
+        return np.empty(0)
+    if isinstance(given, TableLaw | WrenchTable):
+        return landings(given, part)
+    return np.concatenate([given.reference.knots, given.gravity.knots if isinstance(given, PdLaw) else []])
+
+
+def corners(given: Drive | WrenchTable) -> Array:
+    """Knots [s] of what is given in time at which fixed steps end, too; instants apart."""
+    if isinstance(given, SampledLaw):
+        return np.empty(0)
+    if isinstance(given, TableLaw | WrenchTable):
+        return np.empty(0) if given.coefficients.shape[1] > LINEAR else np.asarray(given.knots)
+    return np.asarray(given.reference.knots)
+
+
+def instants(drive: Drive | None, start: float, end: float) -> Array:
+    """When a sampled law is asked [s], from the first time to the last; none of another one."""
+    if not isinstance(drive, SampledLaw):
+        return np.empty(0)
+    first, last = (round(t * drive.rate) for t in (start, end))
+    return np.asarray(np.arange(first, last + 1) / drive.rate)
+
+
+def landings(table: TableLaw | WrenchTable, part: float) -> Array:
+    """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
 
     What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are
     taken for one whatever they are: no blow of theirs falls between the stages of one step. Pieces are then put
     together by twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends runs
     through all of their knots and midpoints.
     """
-    knots, given = drive.knots, drive.coefficients
+    knots, given = table.knots, table.coefficients
     c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # held torques have a slope, too: none
     x = np.diff(knots)[:, None]
     powers = np.arange(c.shape[1])[:, None, None]

@@ -11,6 +11,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
 from flexlink.describe.joint import Joint
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.terms import elastic_torque
 
 
 def notes(scene: Scene) -> tuple[str, ...]:
@@ -40,12 +41,14 @@ def _stillness(scene: Scene) -> Iterator[str]:
     """Gravity along all hinge axes turns none of them; with nothing else that pushes, a run shows an arm at rest."""
     g = np.array(scene.gravity) / (np.abs(scene.gravity).max() or 1.0)
     pushed = [
-        *scene.initial.rates, *scene.wrench.force, *scene.wrench.moment, *(scene.drive.torque or ()),
+        *scene.initial.rates, scene.wrench.acts, *(scene.drive.torque or ()),
         *np.ravel(scene.drive.torques or ()), *(scene.drive.kp or ()), len(scene.motion),
     ]  # fmt: skip
     if any(pushed) or not g.any():
         return
-    if lump(scene).all_axes_parallel_to(g / np.linalg.norm(g)):
+    chain = lump(scene)
+    sprung = scene.initial.q is not None and bool(elastic_torque(chain, scene.initial.q).any())
+    if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
         yield (
             f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
             "moves them; turn gravity, or the first joint by link[0].joint.axis"
@@ -62,8 +65,7 @@ def _idle_drive(scene: Scene) -> Iterator[str]:
     drive = scene.drive
     for motion in scene.motion:
         k = scene.arm.number(motion.link) - 1
-        said = {"torque": drive.torque, "kp": drive.kp, "kd": drive.kd}
-        keys = [key for key, values in said.items() if values and values[k]]
+        keys = ["torque"] if drive.torque and drive.torque[k] else []
         keys += ["torques"] if any(row[k] for row in drive.torques or ()) else []
         for key in keys:
             yield f"drive.{key}: has no effect on {motion.link!r}, whose motion is prescribed"

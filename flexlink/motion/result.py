@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.analysis.loads import InternalLoads, internal_loads
-from flexlink.chain.arguments import NO_WRENCH, integer
+from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.output import write_whole
@@ -83,7 +83,7 @@ class Trajectory:
     steps
         How the run advanced; None of a run of another engine.
     tip_wrench
-        Force and moment that acted on the tip, frame 0, shape (6,) [N, N m].
+        Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
     """
 
     chain: Chain
@@ -96,7 +96,7 @@ class Trajectory:
     work: Array | None = None
     warnings: tuple[str, ...] = ()
     steps: Steps | None = None
-    tip_wrench: Array = dataclasses.field(default_factory=NO_WRENCH.copy)
+    tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
@@ -293,7 +293,8 @@ class Record:
     Attributes
     ----------
     q, qd, works
-        States (samples, n) and the integrated work (samples,), without that of the tip force, which has a potential.
+        States (samples, n) and the integrated work (samples,), without that of a constant tip
+        force, which has a potential.
     origin
         Number of fixed steps from t = 0 to the start of the run.
     """
@@ -314,8 +315,8 @@ class Record:
         drive_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
 
     def work(self, rows: slice) -> Array:
-        """Work done up to these samples [J]: to the integrated one a force f adds f·(p − p(0)), p the tip."""
-        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.wrench[:3])
+        """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
+        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.potential_force)
 
     def trajectory(
         self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True
@@ -323,7 +324,7 @@ class Record:
         """The samples before `stop`, read-only; this record must not go on."""
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
-        energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.wrench
+        energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
         return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench)
 
 

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import copy
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import given, positive, vector
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.methods import method, steps_explicitly
+from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import whole
-from flexlink.kernels.runge_kutta import NEVER, integrate
+from flexlink.describe.situation import parts, whole
 from flexlink.kernels.samples import tips_and_energies
 from flexlink.motion import balance
-from flexlink.motion.actuation import held
+from flexlink.motion.drives import effort_of, held, remembered
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import State, Trajectory
-from flexlink.motion.single import prepare, starting_from
+from flexlink.motion.single import prepare, starting_from, steps_of
+from flexlink.motion.watch import allowed_imbalance
 
 Array = NDArray[np.float64]
 
@@ -26,15 +28,16 @@ OFTEN = 128
 
 
 class Simulator:
-    """An arm that is stepped from outside: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method at its fixed step.
+    """An arm that is stepped from outside: M q̈ + T_GC + T_FL + T_FR = T_EX, by the scene's method.
 
-    The numbers are those of `simulate` with the same torques, to the bit. It judges itself as a run does: its step at
-    `reset`, finite numbers at every call, and the power balance at some.
+    The numbers are those of `simulate` with the same torques, sampled at the calls, to the bit. It judges itself as a
+    run does: a fixed step of an explicit method at `reset`, finite numbers at every call, and the power balance at
+    some. A tolerance is that of a run of `run.duration`, however long this one takes.
 
     Parameters
     ----------
     scene
-        Arm, gravity, initial state, drive, wrench, and the method and step of its run.
+        Arm, gravity, initial state, drive, wrench, and the method and step, or tolerance, of its run.
 
     Attributes
     ----------
@@ -44,7 +47,7 @@ class Simulator:
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, or its run has no fixed steps of an explicit method.
+        `scene` is no Scene.
     SceneError, UnstableStepError
         As in `simulate`.
 
@@ -58,14 +61,10 @@ class Simulator:
 
     def __init__(self, scene: Scene) -> None:
         run = given("scene", scene, Scene).run
-        if not steps_explicitly(run):
-            raise ArgumentError(f"method = {run.method!r}: a Simulator takes fixed steps of an explicit method")
-        self._scene, self.chain = scene, lump(scene)
-        self._tableau = method(run.method).arrays
-        nothing = np.empty((0, self.chain.n))
-        self._no_samples = nothing, nothing, np.empty(0)
-        self._held = held(self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))))
-        self._steps: dict[float, int] = {}  # of durations that were asked for
+        self._scene = scene if run.duration else scene.varied({"run.duration": run.sample})
+        self.chain = lump(scene)
+        self._held = held(self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain))
+        self._lengths: dict[float, int] = {}  # of durations that were asked for, in fixed steps
         self.reset()
 
     def __repr__(self) -> str:
@@ -77,28 +76,32 @@ class Simulator:
         Raises
         ------
         SceneError
-            A state of the wrong shape, or that is not finite; a time that is no multiple of the step.
+            A state of the wrong shape, or that is not finite; a time that is no multiple of a fixed step.
         UnstableStepError
             The step is larger than the largest stable one there.
         """
         changes = starting_from(q, qd, time)
-        scene = self._scene.varied(changes) if changes else self._scene
-        record = prepare(scene.varied({"run.duration": scene.run.sample}), self.chain).record  # room for one sample
-        self._record, self._origin, self._number, self._calls = record, record.origin, 0, 0
-        self._state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
-        self._balance = balance.Balance(self.chain, record.energy[:, 0])
-        integrate(*self._fixed(record.inputs), 0, 0, NEVER, self._state, self._no_samples)  # compiles
+        watch = prepare(self._scene.varied(changes) if changes else self._scene, self.chain, rows=1)
+        self._run, self._record, self._steps = watch.run, watch.record, steps_of(watch)
+        inputs = self._record.inputs
+        self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
+        self._time, self._calls = float(self._record.t[0]), 0
+        if not self._run.controlled:
+            self._time = self._record.origin * self._run.step
+        self._balance = balance.Balance(self.chain, self._record.energy[:, 0])
+        self._steps.go(self._pushed, self._time, self._time)  # compiles
         return self.state
 
     @property
     def time(self) -> float:
         """Where the arm is in time [s]."""
-        return (self._origin + self._number) * self._scene.run.step
+        return self._time
 
     @property
     def state(self) -> State:
         """Time [s], angles [rad] and rates [rad/s], shape (n,); copies."""
-        return State(self.time, self._state[0].copy(), self._state[1].copy())
+        q, qd, *_ = self._steps.state
+        return State(self._time, q.copy(), qd.copy())
 
     def step(self, tau: ArrayLike | None = None, *, duration: float | None = None) -> State:
         """Go on for a time, with torques that are held, and return the state at its end.
@@ -109,63 +112,75 @@ class Simulator:
             T_EX of the driven joints (`chain.active`) [N m], shape (d,), in place of the scene's drive; None: the
             scene's drive acts. Of a joint whose motion is prescribed it has no effect.
         duration
-            How long [s], a multiple of the step; None: `run.sample`.
+            How long [s], with fixed steps a multiple of theirs; None: `run.sample`.
 
         Raises
         ------
         ArgumentError
-            A torque of the wrong shape, or that is not finite; a duration that is no multiple of the step.
+            A torque of the wrong shape, or that is not finite; a duration that is no multiple of a fixed step.
         DivergenceError
-            The state left the finite numbers, or the energy does not balance; the simulator stays where it was before
-            this call.
+            The state left the finite numbers, no step keeps the tolerance, or the energy does not balance; the
+            simulator stays where it was before this call.
         """
-        inputs, first = self._record.inputs, self._number
+        inputs, end, steps = self._driven, self._later(self._run.sample if duration is None else duration), self._steps
         if tau is not None:
             self._held.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
-            inputs = inputs._replace(drive=self._held)
-        last = first + self._steps_of(self._scene.run.sample if duration is None else duration)
-        q, qd, done = self._state
-        before = q.copy(), qd.copy(), done.copy()
-        reached = integrate(*self._fixed(inputs), first, last, NEVER, self._state, self._no_samples)
-        self._number, self._calls = last, self._calls + 1
-        often = self._calls % OFTEN == 0 or self._calls & (self._calls - 1) == 0
-        fault = "no longer finite" if reached < last else self._unbalanced() if often else ""
+            inputs = self._pushed
+        before = steps.saved(), [array.copy() for array in remembered(self._driven.drive)]
+        calls = self._calls + 1
+        try:
+            fault = steps.go(inputs, self._time, end)
+            if not fault and (calls % OFTEN == 0 or calls & (calls - 1) == 0):
+                fault = self._unbalanced()
+        except BaseException:  # Ctrl-C, too
+            self._restore(*before)
+            raise
         if fault:
-            self._state, self._number = before, first
-            raise self._diverged(fault, reached)
+            self._restore(*before)
+            raise self._diverged(fault)
+        self._time, self._calls = end, calls
         return self.state
 
-    def _fixed(self, inputs: object) -> tuple[object, ...]:
-        return self._record.scratch, self._tableau, inputs, self._scene.run.step, self._origin
+    def _restore(self, steps: Any, drive: list[Array]) -> None:
+        self._steps.restore(steps)
+        for array, before in zip(remembered(self._driven.drive), drive, strict=True):
+            array[:] = before
 
-    def _steps_of(self, duration: float) -> int:
-        if duration not in self._steps:
-            step = self._scene.run.step
-            try:
-                whole("duration", positive("duration", duration), "run.step", step)
-            except SceneError as error:
-                raise ArgumentError(str(error)) from None
-            self._steps[duration] = round(duration / step)
-        return self._steps[duration]
+    def _later(self, duration: float) -> float:
+        """Time [s] after so long: of fixed steps one of their ends, else a multiple of the duration, if now is one."""
+        run, now = self._run, self._time
+        if type(duration) is not float or duration not in self._lengths:
+            duration = positive("duration", duration)
+            whole_steps = 0 if run.controlled else whole("duration", duration, "run.step", run.step, ArgumentError)
+            self._lengths[duration] = whole_steps
+        if not run.controlled:
+            return (round(now / run.step) + self._lengths[duration]) * run.step
+        end = (parts(now, duration) + 1) * duration
+        if end <= now:
+            raise ArgumentError(f"duration = {duration!r}: nothing beside t = {now!r} s")
+        return end
 
     def _unbalanced(self) -> str:
         """What is wrong with the energy, if anything is."""
-        (q, qd, done), record = self._state, self._record
+        (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
         tips_and_energies(self.chain.arrays, q[None], qd[None], tip, energy)
-        work = done + (tip - record.tip[0]) @ record.inputs.wrench[:3]
-        judged = self._balance.judge(energy, work, q[None], self._number)
+        work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
+        allowed, after = allowed_imbalance(run, self.chain, energy[0]), copy.copy(self._balance)
+        judged = after.judge(energy, work, q[None], self._steps.steps.taken, allowed)
         if np.isfinite(judged.imbalance).all() and not judged.garbage.any():
+            self._balance = after
             return ""
         return (
             f"the energy does not balance, E − E(0) − W = {judged.imbalance[0]:.3g} J with {judged.exchanged[0]:.3g} J "
             "exchanged"
         )
 
-    def _diverged(self, fault: str, number: int) -> DivergenceError:
-        (t, q, qd), h = self.state, self._scene.run.step
-        at = (self._origin + number) * h
+    def _diverged(self, fault: str) -> DivergenceError:
+        (t, q, qd), run = self.state, self._run
+        fixed = f"a smaller step than {run.step:g} s"
+        advice = "another tolerance, or fixed steps" if run.controlled else fixed
         return DivergenceError(
-            f"{self.chain.name}: t = {at:.6g} s: {fault}; try a smaller step than {h:g} s",
+            f"{self.chain.name}: after t = {t:.6g} s: {fault}; try {advice}",
             Trajectory.from_states(self._scene, self.chain, np.array([t]), q[None], qd[None]),
         )

@@ -16,7 +16,7 @@ from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.methods import check_method
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Accuracy, Dynamics, Unstable
+from flexlink.describe.situation import Accuracy, Dynamics, Unstable, multiples
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.control import Law, control_of
 from flexlink.motion.controlled_steps import ControlledSteps
@@ -73,7 +73,7 @@ def simulate(
         shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,).
     rate
         How often the law is asked [Hz], its torques held in between, as a real controller's are; None: at every stage
-        of every step.
+        of every step, fixed ones of an explicit method.
 
     Returns
     -------
@@ -130,12 +130,14 @@ class SingleRun:
         self.watch = prepare(scene, lump(scene)) if watch is None else watch
         self.steps = steps_of(self.watch)
 
-    def finish(self, stop: Stop, progress: Callable[[float], None] | None = None) -> Trajectory:
-        """Run to the end, or to where it is stopped."""
+    def finish(
+        self, stop: Stop, progress: Callable[[float], None] | None = None, *, compared: bool = True
+    ) -> Trajectory:
+        """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one."""
         watch, steps = self.watch, self.steps
         try:
             self._advance(stop, progress or (lambda _: None))
-            if not (watch.fault or steps.failure or stop.asked):
+            if compared and not (watch.fault or steps.failure or stop.asked):
                 watch.warnings += filter(None, [self._compare(stop)])
         except LawFailure as failure:
             raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
@@ -160,9 +162,9 @@ class SingleRun:
         """What a second run says against this one."""
         text = ""
         for second in second_runs(self.watch, self.steps.steps.method):
-            scene = replace(self.scene, run=second.run)
             text = UNKNOWN.format(advice=advice(self.watch))
             try:
+                scene = replace(self.scene, run=second.run)  # whose steps may not be such that one begins at its start
                 other = SingleRun(scene, prepare(scene, self.watch.record.chain))
                 other._advance(stop, lambda _: None)
             except FlexlinkError:
@@ -177,8 +179,19 @@ def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
     return FixedSteps(watch) if watch.explicit else ControlledSteps(watch)
 
 
-def prepare(scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None) -> Watch:
-    """Room for the samples of a run, of which the first is filled, and its step judged.
+def prepare(
+    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+) -> Watch:
+    """`room_for` a run, whose first sample is looked at; errors as there."""
+    watch = room_for(scene, chain, law, rate, rows=rows)
+    watch.look(1)
+    return watch
+
+
+def room_for(
+    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+) -> Watch:
+    """Room for the samples of a run, or for its first rows, of which the first is filled, and its step judged.
 
     Raises
     ------
@@ -193,7 +206,8 @@ def prepare(scene: Scene, chain: Chain, law: Law | None = None, rate: float | No
     if control is not None:
         inputs = inputs._replace(drive=control.drive)
     try:
-        record = Record(run, chain, inputs, run.times_from(scene.initial.time), *np.empty((2, run.samples, chain.n)))
+        times = multiples(scene.initial.time, run.between, run.samples if rows is None else rows)
+        record = Record(run, chain, inputs, times, *np.empty((2, len(times), chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
@@ -202,8 +216,7 @@ def prepare(scene: Scene, chain: Chain, law: Law | None = None, rate: float | No
     watch = Watch(run, record, judge_step(scene, chain, *start, inputs), control)
     if control is not None:
         try:
-            control.note(0, scene.initial.time, *start)
+            control.note(0, *start)
         except LawFailure as failure:
             raise ControlError(f"{scene.name}: {failure}", watch.trajectory()) from failure.__cause__
-    watch.look(1)
     return watch

@@ -13,6 +13,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import short
 from flexlink.kernels.inputs import follow
 from flexlink.motion.actuation import motion_arrays
+from flexlink.motion.tip_wrench import initial_wrench
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     Parameters
     ----------
     scene
-        The scene; with initial.passive = "static" its hinges are bent by gravity and tip wrench, the joints held.
+        The scene; with initial.passive = "static" its hinges are bent by gravity and the tip wrench that it starts
+        under, the joints held.
     chain
         Its chain, from `lump`.
 
@@ -50,7 +52,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
-        q = solve_static(chain, q, tip_wrench=scene.tip_wrench, locked=chain.active.tolist()).q
+        wrench, follower = initial_wrench(scene, chain)
+        q = solve_static(chain, q, tip_wrench=wrench, follower=follower, locked=chain.active.tolist()).q
     _check_followed(scene, chain, q, qd)
     return q, qd
 
@@ -58,8 +61,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
     """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
     out = np.zeros(chain.n)
-    for k in chain.active:
-        out[k] = per_link[chain.coordinate(int(k)).link - 1]
+    for k in chain.active.tolist():
+        out[k] = per_link[chain.coordinates[k].link - 1]
     return out
 
 
@@ -73,6 +76,8 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
 
 def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
     """The prescribed joints are where their motion is at the start."""
+    if not scene.motion:
+        return
     motion = motion_arrays(scene, chain)
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))

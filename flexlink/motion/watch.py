@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.stability import Gains, fastest_eigenvalues, stable_step_of
+from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.methods import method, steps_explicitly
@@ -19,6 +19,7 @@ from flexlink.kernels.samples import tip_errors
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.control import Control
+from flexlink.motion.drives import gains_of
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Steps, Trajectory
 
@@ -57,7 +58,9 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     run = scene.run
     if run.duration == 0 or not steps_explicitly(run):
         return ()
-    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=inputs.wrench, gains=gains_of(chain, inputs))
+    wrench, follower = inputs.given_wrench(scene.initial.time)
+    gains = gains_of(chain, inputs.drive, scene.initial.time, q, qd)
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=wrench, follower=follower, gains=gains)
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()
@@ -70,11 +73,16 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     return (f"insisted on {reason}",)
 
 
-def gains_of(chain: Chain, inputs: Inputs) -> Gains:
-    """Gains of the drive, joint by joint."""
-    kp, kd = np.zeros((2, chain.n))
-    kp[inputs.drive.joints], kd[inputs.drive.joints] = inputs.drive.kp, inputs.drive.kd
-    return Gains(kp, kd)
+def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
+    """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
+
+    τ, in which a body gets δ off its way, is a long step.
+    """
+    if not run.controlled:
+        return 0.0
+    δ, mass = run.tolerance_within(rounding.reach(chain)), float(chain.bodies["mass"].sum())
+    weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
+    return np.asarray(δ * (weight + momentum * LONG / run.duration))
 
 
 class Watch:
@@ -142,7 +150,7 @@ class Watch:
         energy, work = record.energy[:, rows], record.work(rows)
         if rows.start == 0:
             self._balance = balance.Balance(record.chain, record.energy[:, 0])
-        allowed = self._allowed(energy[0])
+        allowed = allowed_imbalance(self.run, record.chain, energy[0])
         r, X, ε, garbage = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowed)
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
         self._exchanged = float(X[-1])
@@ -157,20 +165,6 @@ class Watch:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
-
-    def _allowed(self, kinetic: Array) -> Array | float:
-        """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
-
-        τ, in which a body gets δ off its way, is a long step.
-        """
-        if not self.run.controlled:
-            return 0.0
-        chain = self.record.chain
-        δ = self.run.tolerance_within(rounding.reach(chain))
-        mass = float(chain.bodies["mass"].sum())
-        return δ * (
-            mass * float(np.linalg.norm(chain.gravity)) + np.sqrt(2 * mass * np.abs(kinetic)) * LONG / self.run.duration
-        )
 
     def _steps_up_to(self, rows: slice) -> Array | int:
         """Number of steps up to each of these samples; where steps differ, up to now."""

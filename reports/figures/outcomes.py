@@ -1,17 +1,18 @@
-"""What became of runs at extremes: for every method and way of stepping the parts that ended so or so."""
+"""What became of runs at extremes: of every method and way of stepping, or engine, the parts that ended so or so."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reports.picture import Picture
 from reports.results import Results
 from reports.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
-from reports.tables import series_csv
+from reports.tables import table_csv
 
-SECTION = "integrators"
+SECTION = "extremes"
 TAKES = ("outcomes",)
 SHOWN = (
     ("within", GREEN), ("near", SKY), ("warned", BLUE), ("error", GREY), ("dear", "#c9cdd1"), ("unknown", PURPLE),
@@ -29,8 +30,7 @@ def draw(results: Results) -> Iterator[Picture]:
     for case, rows in results.of_kind("extremes"):
         for series in (s for s in results.series[case] if s.what in TAKES):
             columns = {name: np.asarray(values).astype(str) for name, values in series.columns.items()}
-            ways = np.char.add(np.char.add(columns["method"], ", "), columns["steps"])
-            ways = np.char.replace(np.char.replace(ways, " of the reach", ""), "tolerance", "tol.")
+            ways = _ways(columns)
             names = list(dict.fromkeys(sorted(ways.tolist())))
             figure, (axes,) = stacked_axes(1, 1.4 + 0.28 * len(names))
             left = np.zeros(len(names))
@@ -43,4 +43,15 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.invert_yaxis()
             axes.grid(False, axis="y")
             legend_above(figure, axes, 2)
-            yield Picture(f"{case}.{series.name}", rows[0].title, figure, CAPTION, series_csv(series))
+            csv = table_csv(list(series.columns), zip(*(v.tolist() for v in series.columns.values()), strict=True))
+            yield Picture(f"{case}.{series.name}", rows[0].title, figure, CAPTION, csv)
+
+
+def _ways(columns: dict[str, NDArray[np.str_]]) -> NDArray[np.str_]:
+    """How every run advanced, in words; beside other engines without its step."""
+    methods = columns["method"]
+    if len(set(columns["engine"].tolist())) > 1:
+        engines = np.where(columns["engine"] == "native", "flexlink", columns["engine"])
+        return np.char.add(np.char.add(engines, " "), methods)
+    ways = np.char.add(np.char.add(methods, ", "), columns["steps"])
+    return np.char.replace(np.char.replace(ways, " of the reach", ""), "tolerance", "tol.")

@@ -25,11 +25,13 @@ from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
 OfTime = Callable[[float], Array]
+OfState = Callable[[float, Array], Array]
 
 
 class Solved(NamedTuple):
-    """Tip at the samples, shape (samples, 3) [m]; evaluations of f, those for Jacobians included."""
+    """Angles at the samples, (samples, n) [rad], tip there, (samples, 3) [m]; evaluations of f, also for Jacobians."""
 
+    q: Array
     tip: Array
     evaluations: int
 
@@ -123,6 +125,21 @@ class FirstOrder:
             ) from None
         return self._pieces(lambda t, y, ends: _cvode(CVODE, self, (t, y, ends), relative, absolute, method))
 
+    def by_rk4(self, steps: int) -> Solved:
+        """A run by a loop of RK4 with so many steps between two samples, as flexlink takes them; nan if it diverges."""
+        y, h = self.start, self.scene.run.sample / steps
+        rows, before = [y], self.evaluations
+        with np.errstate(all="ignore"):
+            for sample in range(1, self.scene.run.samples):
+                for step in range((sample - 1) * steps, sample * steps if np.isfinite(y).all() else 0):
+                    y = _rk4(self, step * h, y, h)
+                rows.append(y)
+        q = np.array([self._states(t, row)[0] for t, row in zip(self.scene.run.times, rows, strict=True)])
+        good = np.isfinite(q).all(axis=1)
+        tip = np.full((len(q), 3), np.nan)
+        tip[good] = fl.tip_position(self.chain, q[good])
+        return Solved(q, tip, self.evaluations - before)
+
     def _pieces(self, solve: Callable[[float, Array, Array], Array]) -> Solved:
         """From sample to sample, and afresh from each knot: `solve` gives y at times, of which the last ends it."""
         before, y, t = self.evaluations, self.start, 0.0
@@ -135,9 +152,8 @@ class FirstOrder:
             found = solve(t, y, ends)
             rows += list(found[: len(within)])
             t, y = end, found[-1]
-        states = (self._states(at, row)[0] for at, row in zip(times, rows, strict=True))
-        tip = np.array([fl.tip_position(self.chain, q) for q in states])
-        return Solved(tip, self.evaluations - before)
+        q = np.array([self._states(at, row)[0] for at, row in zip(times, rows, strict=True)])
+        return Solved(q, fl.tip_position(self.chain, q), self.evaluations - before)
 
     def _knots(self) -> list[float]:
         """Times inside the run at which f jumps: knots of motions and of linear tables; a smooth table only ends."""
@@ -184,6 +200,15 @@ def _drive(scene: Scene, links: list[int]) -> tuple[OfTime, Array, Array, Array]
         return np.array([np.interp(t, times, column) for column in torques.T])
 
     return torque, kp, kd, target
+
+
+def _rk4(f: OfState, t: float, y: Array, h: float) -> Array:
+    """y at t + h."""
+    k1 = f(t, y)
+    k2 = f(t + h / 2, y + h / 2 * k1)
+    k3 = f(t + h / 2, y + h / 2 * k2)
+    k4 = f(t + h, y + h * k3)
+    return y + h / 6 * (k1 + 2 * (k2 + k3) + k4)
 
 
 def _scipy(

@@ -140,14 +140,17 @@ def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> Found
     except FlexlinkError as refused:
         return Found("error", np.nan, str(refused), time.thread_time() - started)
     seconds = time.thread_time() - started
-    known, said = truth(), "; ".join(run.warnings)
-    words = said or str(run.steps)
+    words = "; ".join(run.warnings) or str(run.steps)
+    return judged(scene, run.tip, truth(), words, seconds)
+
+
+def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> Found:
+    """The outcome of a run that ended with this tip, (samples, 3), and said these words."""
     if not known.tip.size:
         return Found("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
-    error = float(np.linalg.norm(run.tip - known.tip, axis=1).max())
-    doubted = any(DOUBTFUL in warning for warning in run.warnings)
-    return Found(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
+    error = float(np.linalg.norm(tip - known.tip, axis=1).max())
+    return Found(_judged(error, known.apart, tolerance, DOUBTFUL in words), error / tolerance, words, seconds)
 
 
 def allowed(scene: Scene, truth: Truth) -> float:

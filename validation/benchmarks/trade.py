@@ -1,23 +1,26 @@
-"""Scenes of the trade between cost and accuracy, their references, and the error that the trade is about.
+"""Scenes of the trade between cost and accuracy, their references, and the errors that the trade is about.
 
 The error of a run is the largest distance of its tip from the reference at the outputs, over the largest distance of
-the reference's tip from where it started: 1e-2 is a hundredth of the motion.
+the reference's tip from where it started: 1e-2 is a hundredth of the motion. The error of its deflection is the same of
+the vector by which the hinges bend the tip away, over the longest of the reference: a part of the deflection.
 """
 
 from __future__ import annotations
 
 import functools
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import choice
+from flexlink.chain.chain import Chain
 from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
+from flexlink.dynamics.placement import tip_position
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.reference_values import reference_array
@@ -95,10 +98,29 @@ def reference_name(name: str) -> str:
     return f"trade/{name}"
 
 
+class Seen(NamedTuple):
+    """What the trade looks at: rows of the outputs, start included, in frame 0 [m]; nan where a run did not get to.
+
+    `bend` is the tip less the tip of the same arm with straight links.
+    """
+
+    tip: Array  # (OUTPUTS + 1, 3)
+    bend: Array  # (OUTPUTS + 1, 3)
+
+
+def seen(chain: Chain, q: Array) -> Seen:
+    """The same of angles at the outputs, shape (OUTPUTS + 1, n)."""
+    joints = np.array([c.segment == 0 for c in chain.coordinates])
+    tip, straight = np.full((2, len(q), 3), np.nan)
+    good = np.isfinite(q).all(axis=1)
+    tip[good], straight[good] = tip_position(chain, q[good]), tip_position(chain, np.where(joints, q, 0.0)[good])
+    return Seen(tip, tip - straight)
+
+
 @functools.cache
-def reference(name: str) -> Array:
-    """Tip at the outputs, start included, shape (OUTPUTS + 1, 3) [m]; two methods agree on it."""
-    return reference_array(reference_name(name), "tip")
+def reference(name: str) -> Seen:
+    """Two methods agree on it."""
+    return Seen(*(reference_array(reference_name(name), part) for part in Seen._fields))
 
 
 def motion_of(tip: Array) -> float:
@@ -106,8 +128,17 @@ def motion_of(tip: Array) -> float:
     return float(np.linalg.norm(tip - tip[0], axis=1).max())
 
 
-def tip_error(name: str, tip: Array) -> float:
-    """Largest distance of the tip from the reference's, over the reference's motion; inf where it is not finite."""
+class Errors(NamedTuple):
+    """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
+
+    tip: float
+    bend: float
+
+
+def errors(name: str, found: Seen) -> Errors:
+    """How far a run is from the reference."""
     exact = reference(name)
-    error = float(np.linalg.norm(tip - exact, axis=1).max()) / motion_of(exact)
-    return error if np.isfinite(error) else np.inf
+    sizes = motion_of(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
+    apart = (np.linalg.norm(ours - theirs, axis=1).max() for ours, theirs in zip(found, exact, strict=True))
+    parts = (float(part / size) for part, size in zip(apart, sizes, strict=True))
+    return Errors(*(part if np.isfinite(part) else np.inf for part in parts))

@@ -16,17 +16,14 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
 from flexlink.motion.start import initial_state
-from validation.benchmarks.reference_values import FOLDER
-from validation.benchmarks.trade import is_of, motion_of, probe, reference_name, scenes, trade_scene
-
-Array = NDArray[np.float64]
+from validation.benchmarks.reference_values import FOLDER, look_up
+from validation.benchmarks.trade import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
@@ -49,9 +46,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def is_there(name: str) -> bool:
-    """Whether the reference of this very scene is stored."""
+    """Whether the reference of this very scene is stored, whole."""
     path = FOLDER / f"{reference_name(name)}.json"
-    return path.is_file() and is_of(trade_scene(name), name)
+    return path.is_file() and "bend" in look_up(reference_name(name)) and is_of(trade_scene(name), name)
 
 
 def compute(name: str) -> float:
@@ -64,9 +61,9 @@ def compute(name: str) -> float:
     """
     scene, start = trade_scene(name), time.process_time()
     for halvings in range(HALVINGS):
-        tenth, step10 = _tip(scene, "RK10", 2**halvings)
-        fourth, step4 = _tip(scene, "RK4", 2 ** (halvings + 1))
-        apart = float(np.linalg.norm(tenth - fourth, axis=1).max()) / motion_of(tenth)
+        tenth, step10 = _run(scene, "RK10", 2**halvings)
+        fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
+        apart = float(np.linalg.norm(tenth.tip - fourth.tip, axis=1).max()) / motion_of(tenth.tip)
         if apart <= AGREE:
             methods = {"RK10": step10, "RK4": step4}
             _store(name, scene, tenth, apart, methods, time.process_time() - start)
@@ -74,17 +71,17 @@ def compute(name: str) -> float:
     raise FlexlinkError(f"{name}: RK10 at {step10:g} s and RK4 at {step4:g} s are {apart:.1e} of the motion apart")
 
 
-def _tip(scene: Scene, method: str, divided: int) -> tuple[Array, float]:
-    """Tip at the outputs, and the step: the largest stable one that divides the time between outputs, divided."""
+def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
+    """What is seen at the outputs, and the step: the largest stable one that divides a sample, divided."""
     chain, sample = fl.lump(scene), scene.run.sample
     stable = fl.stable_step(chain, initial_state(scene, chain)[0], method=method)
     step = sample / (divided * math.ceil(sample / (OF_STABLE * stable)))
-    return fl.simulate(scene, method=method, step=step).tip, step
+    return seen(chain, fl.simulate(scene, method=method, step=step).q), step
 
 
-def _store(name: str, scene: Scene, tip: Array, apart: float, methods: dict[str, float], seconds: float) -> None:
+def _store(name: str, scene: Scene, found: Seen, apart: float, methods: dict[str, float], seconds: float) -> None:
     document = {
-        "about": f"Tip of the trade's scene {name!r} at its outputs, in frame 0. {scene.about}",
+        "about": f"Tip of the trade's scene {name!r} at its outputs, and its deflection, in frame 0. {scene.about}",
         "source": "python -m validation.benchmarks.trade_references",
         "date": datetime.date.today().isoformat(),
         "cpu_seconds": round(seconds, 1),
@@ -93,7 +90,8 @@ def _store(name: str, scene: Scene, tip: Array, apart: float, methods: dict[str,
             "steps_s": methods,
             "agree": apart,
             "t_s": scene.run.times.tolist(),
-            "tip": tip.tolist(),
+            "tip": found.tip.tolist(),
+            "bend": found.bend.tolist(),
         },
     }
     path = FOLDER / f"{reference_name(name)}.json"

@@ -1,100 +1,120 @@
-"""Right at extremes, or said not to be: scene × varied keys × method × tolerance → outcome, none silently wrong."""
+"""Right at extremes, or said not to be: scene × varied keys × method × tolerance → outcome, none silently wrong.
+
+Beside flexlink, the engines take the same steps in the same cells; what they do not say, they do not say.
+"""
 
 from __future__ import annotations
 
 import collections
-import functools
-import itertools
-from collections.abc import Iterable, Iterator
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import Literal, NamedTuple
 
-import msgspec
 import numpy as np
 
-from flexlink.analysis.extremes import fastest_frequency
+from flexlink.analysis.stability import stable_step
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.start import initial_state
-from validation.benchmarks.outcomes import OUTCOMES, Found, Outcome, outcome_of, truth_of
-from validation.benchmarks.trade import Varied, varied_scene
+from validation.benchmarks.beside import outcome_beside
+from validation.benchmarks.cells import Cell as Corner
+from validation.benchmarks.cells import Map, recipe
+from validation.benchmarks.outcomes import OUTCOMES, Found, Outcome, Truth, outcome_of, truth_of
 from validation.case import Case, Measured
 from validation.facts import Fact, Facts, said
 from validation.store import Series, table
 
 LONG = True
 
-HowTo = tuple[str, str, float]
-"""Method, key of `Run` and its value."""
+NATIVE = "native"
+SAMPLES = 20  # of a run of so many steps
 
 OF_A_TRUTH = 3.0
 """Budgets that a reference may take: it is found once for many runs."""
 
-LABELS = "cell", "situation", "varied", "method", "steps", "outcome", "error / tolerance", "said"
+LABELS = (
+    "cell", "recipe", "situation", "varied", "engine", "method", "steps", "outcome", "error / tolerance", "said"
+)  # fmt: skip
+LONGEST = 0.02
+"""Step [s] of a scene in which every step is stable."""
+
 JUDGED: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt", "silent wrong")
 
 
-class Axis(Spec, frozen=True):
-    """One key, or a few that go together, and their values.
+class HowTo(NamedTuple):
+    """How a run advances: engine, method, "relative_tolerance" or "step" or "of_limit", its value, number of steps."""
 
-    Attributes
-    ----------
-    values
-        Each times what stands at a path of `paths`, a number or a list, is the value there.
-    paths
-        As `Scene.varied` takes them.
-    given
-        Changes made before: what the key is a part of.
-    unit
-        "fastest mode": values are damping ratios of the fastest mode, and become loss times η = 2 ζ / ω.
-    """
+    engine: str
+    method: str
+    key: str
+    value: float
+    number: int
 
-    values: tuple[float, ...]
-    paths: dict[str, Any]
-    given: dict[str, Any] = msgspec.field(default_factory=dict)
-    unit: Literal["one", "fastest mode"] = "one"
+    @property
+    def words(self) -> str:
+        """Step or tolerance, in words."""
+        return said({self.key: self.value})
 
-    def at(self, scene: Scene, value: float) -> Scene:
-        """The scene with one of the values."""
-        if self.given:
-            scene = scene.varied(self.given)
-        if self.unit == "fastest mode":
+    def scene(self, scene: Scene) -> Scene:
+        """A scene that is to be run so.
+
+        Raises
+        ------
+        FlexlinkError
+            It cannot be.
+        """
+        changes: dict[str, object] = {"run.method": "RK4" if self.engine != NATIVE else self.method}
+        if self.key == "relative_tolerance":
+            return scene.varied(changes | {"run.relative_tolerance": self.value})
+        step = self.value
+        if self.key == "of_limit":
             chain = lump(scene)
-            value *= 2.0 / fastest_frequency(chain, initial_state(scene, chain)[0])
-        return scene.varied({path: np.multiply(value, weight).tolist() for path, weight in self.paths.items()})
+            step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), LONGEST)
+        changes["run.step"] = step
+        if self.number:
+            changes |= {"run.sample": step * (self.number // SAMPLES), "run.duration": step * self.number}
+        return scene.varied(changes)
 
 
 class Steps(Spec, frozen=True):
-    """How runs advance: every method with every tolerance, a part of the reach, or with every fixed step [s]."""
+    """How runs advance: every method with every tolerance, a part of the reach, or with every fixed step.
+
+    engine
+        Who runs: "native", or an engine beside, with "RK4", MuJoCo also with "implicitfast".
+    steps, of_limit
+        Fixed steps [s], or parts of the largest step with which RK4 is stable at the start.
+    count
+        Number of steps of each run; 0: as many as the scene's duration takes.
+    """
 
     methods: tuple[str, ...]
     tolerances: tuple[Positive, ...] = ()
     steps: tuple[Positive, ...] = ()
+    of_limit: tuple[Positive, ...] = ()
+    engine: Literal["native", "mujoco", "pinocchio"] = "native"
+    count: int = 0
 
     def runs(self) -> Iterator[HowTo]:
         """All combinations."""
-        for key, values in (("relative_tolerance", self.tolerances), ("step", self.steps)):
-            yield from ((method, key, value) for method in self.methods for value in values)
+        choices = ("relative_tolerance", self.tolerances), ("step", self.steps), ("of_limit", self.of_limit)
+        for key, values in choices:
+            yield from (
+                HowTo(self.engine, method, key, value, self.count) for method in self.methods for value in values
+            )
 
 
-class Plan(Spec, frozen=True):
-    """Scenes, one or two axes whose values are combined, and names of `Settings.steps`."""
-
-    scenes: tuple[str, ...]
-    axes: tuple[str, ...]
-    steps: tuple[str, ...]
-
-
-class Settings(Spec, frozen=True):
-    """What is combined with what; `budget` is the longest run [s of CPU], beyond which it is not judged."""
+class Settings(Map, frozen=True):
+    """The map, how the runs of a plan advance, and the longest run [s of CPU], beyond which it is not judged."""
 
     budget: Positive
-    scene: dict[str, Varied]
-    axis: dict[str, Axis]
     steps: dict[str, Steps]
-    plan: tuple[Plan, ...]
-    change: dict[str, Any] = msgspec.field(default_factory=dict)  # of all scenes, such as their duration
+
+    def runs(self) -> Iterator[tuple[Corner, HowTo]]:
+        """Run by run, in the order of the plans."""
+        for corner in self.cells():
+            for steps in corner.plan.steps:
+                yield from ((corner, how) for how in self.steps[steps].runs())
 
 
 class Cell(NamedTuple):
@@ -102,60 +122,79 @@ class Cell(NamedTuple):
 
     scene: str
     axes: dict[str, float]
-    method: str
-    key: str
-    value: float
+    how: HowTo
     found: Found
-
-    @property
-    def how(self) -> str:
-        """Step or tolerance, in words."""
-        return said({self.key: self.value})
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Counts of the outcomes in all and by what was varied, and the cells themselves."""
-    found = list(cells(settings))
-    for (head, value), members in _groups(found).items():
-        counts = collections.Counter(cell.found.outcome for cell in members)
-        facts: Facts = {head: value} if head else {}
-        for outcome in OUTCOMES:
-            note = _worst(members) if outcome == "silent wrong" else ""
-            yield Measured(outcome, counts[outcome], varied=facts, note=note)
-        if not head:
-            judged = sum(counts[each] for each in JUDGED)
-            yield Measured("judged", judged)
-            yield Measured("share of false doubts", counts["false doubt"] / max(judged, 1))
-    yield _series(found)
+    judge = _Judge(settings)
+    found = [Cell(corner.scene, corner.values, how, judge(corner, how)) for corner, how in settings.runs()]
+    for engine in dict.fromkeys(cell.how.engine for cell in found):
+        own = [cell for cell in found if cell.how.engine == engine]
+        groups = _groups(own) if engine == NATIVE else {("", ""): own}
+        for (head, value), members in groups.items():
+            yield from _counts(engine, {head: value} if head else {}, members)
+    yield _series(case, found)
 
 
-def cells(settings: Settings) -> Iterator[Cell]:
-    """Run by run, in the order of the plans."""
-    for plan in settings.plan:
-        axes = [settings.axis[name] for name in plan.axes]
-        for name in plan.scenes:
-            for values in itertools.product(*(axis.values for axis in axes)):
-                runs = itertools.chain(*(settings.steps[steps].runs() for steps in plan.steps))
-                told = dict(zip(plan.axes, values, strict=True))
-                for run, found in _outcomes(settings, name, axes, values, runs):
-                    yield Cell(name, told, *run, found)
+def told(_: Case, settings: Settings, number: int) -> Iterator[str]:
+    """What one cell is, and what becomes of it, in lines."""
+    corner, how = list(settings.runs())[number]
+    found = _Judge(settings)(corner, how)
+    yield f"{corner.scene}, {said(corner.values)}, {how.engine}, {how.method}, {how.words}"
+    yield f"{found.outcome}: error {found.error:.3g} tolerances"
+    yield found.words
 
 
-def _outcomes(
-    settings: Settings, name: str, axes: list[Axis], values: tuple[float, ...], runs: Iterable[HowTo]
-) -> Iterator[tuple[HowTo, Found]]:
-    """What becomes of all runs of a scene, for which its truth is found once."""
-    try:
-        scene = varied_scene(settings.scene[name], name).varied(settings.change)
-        for axis, value in zip(axes, values, strict=True):
-            scene = axis.at(scene, value)
-    except FlexlinkError as error:
-        yield from ((run, Found("error", np.nan, str(error), 0.0)) for run in runs)
-        return
-    truth = functools.cache(functools.partial(truth_of, scene, OF_A_TRUTH * settings.budget))
-    for run in runs:
-        method, key, value = run
-        yield run, outcome_of(scene.varied({"run.method": method, f"run.{key}": value}), truth, settings.budget)
+class _Judge:
+    """What becomes of runs one after the other; those of one scene share its truth."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings, self._truths = settings, dict[tuple[float, float], Truth]()
+        self._corner: Corner | None = None
+        self._scene: Scene | FlexlinkError
+
+    def __call__(self, corner: Corner, how: HowTo) -> Found:
+        if corner is not self._corner:
+            self._corner, self._truths = corner, {}
+            try:
+                self._scene, _ = self.settings.situation(corner)
+            except FlexlinkError as error:
+                self._scene = error
+        try:
+            if isinstance(self._scene, FlexlinkError):
+                raise self._scene
+            scene = how.scene(self._scene)
+        except FlexlinkError as error:
+            return Found("error", np.nan, str(error), 0.0)
+        if how.engine == NATIVE:
+            return outcome_of(scene, self._truth(scene), self.settings.budget)
+        return outcome_beside(scene, how.engine, how.method, self._truth(scene))
+
+    def _truth(self, scene: Scene) -> Callable[[], Truth]:
+        run = scene.run.duration, scene.run.sample
+
+        def truth() -> Truth:
+            if run not in self._truths:
+                self._truths[run] = truth_of(scene, OF_A_TRUTH * self.settings.budget)
+            return self._truths[run]
+
+        return truth
+
+
+def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
+    """How often each outcome came; of engines beside flexlink they are told, not judged."""
+    counts = collections.Counter(cell.found.outcome for cell in members)
+    for outcome in OUTCOMES:
+        note = _worst(members) if outcome == "silent wrong" else ""
+        name = outcome if engine == NATIVE else f"{outcome}, beside"
+        yield Measured(name, counts[outcome], engine=engine, varied=facts, note=note)
+    if engine == NATIVE and not facts:
+        judged = sum(counts[each] for each in JUDGED)
+        yield Measured("cells", len(members))
+        yield Measured("judged", judged)
+        yield Measured("share of false doubts", counts["false doubt"] / max(judged, 1))
 
 
 def _groups(found: list[Cell]) -> dict[tuple[str, Fact], list[Cell]]:
@@ -163,7 +202,7 @@ def _groups(found: list[Cell]) -> dict[tuple[str, Fact], list[Cell]]:
     groups: dict[tuple[str, Fact], list[Cell]] = collections.defaultdict(list)
     for cell in found:
         groups["", ""].append(cell)
-        facts: Facts = {"situation": cell.scene, "method": cell.method, cell.key: cell.value, **cell.axes}
+        facts: Facts = {"situation": cell.scene, "method": cell.how.method, cell.how.key: cell.how.value, **cell.axes}
         for head, value in facts.items():
             groups[head, value].append(cell)
     return groups
@@ -174,12 +213,13 @@ def _worst(members: list[Cell]) -> str:
     if not wrong:
         return ""
     cell = max(wrong, key=lambda cell: cell.found.error)
-    return f"worst: {cell.scene}, {said(cell.axes)}, {cell.method}, {cell.how}: {cell.found.error:.3g} tolerances"
+    where = f"{cell.scene}, {said(cell.axes)}, {cell.how.method}, {cell.how.words}"
+    return f"worst: {where}: {cell.found.error:.3g} tolerances"
 
 
-def _series(found: list[Cell]) -> Series:
+def _series(case: Case, found: list[Cell]) -> Series:
     rows = [
-        (number, cell.scene, said(cell.axes), cell.method, cell.how, *cell.found[:3])
+        (number, recipe(case, number), cell.scene, said(cell.axes), *cell.how[:2], cell.how.words, *cell.found[:3])
         for number, cell in enumerate(found)
     ]
     columns, (x, *_, y, _) = table(LABELS, rows), LABELS

@@ -1,66 +1,101 @@
-"""Work against precision: what an error of the tip costs with flexlink, RK4, MuJoCo's integrators, SciPy and CVODE.
+"""Work against precision: what an error costs with flexlink, RK4, MuJoCo's integrators, Pinocchio, SciPy and CVODE.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
 order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
-only its runs that met the error.
+only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_trade`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
+from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from validation.benchmarks.trade import trade_scene
 from validation.case import Case, Measured
-from validation.facts import Facts
+from validation.facts import Fact
 from validation.store import Series, table
-from validation.timing import mujoco_trade, native_trade, solver_trade
+from validation.timing import mujoco_trade, native_trade, pinocchio_trade, solver_trade
 from validation.timing.work_precision import Cost, Point, cost
 
 TIMED = True
 
 Ladders = dict[str, list[Point]]
-LABELS = "method", "setting", "error", "CPU time [s]"
+LABELS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
 MARKS = {
     "measured": "",
     "order": "Beyond its smallest measured error, by its order.",
     "limit": "At its limit of stability, from a part of the run; its error is taken to be small enough.",
 }
+SMALLEST = 1e-8  # error at which a ladder ends
+RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
+HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
+ORDERS: Mapping[str, Mapping[str, float]] = {MUJOCO: mujoco_trade.ORDER, PINOCCHIO: pinocchio_trade.ORDER}
 
 
 class Settings(Spec, frozen=True):
-    """Scenes; errors, as parts of the motion; methods; the longest runs [s of CPU]; who else runs, and where."""
+    """Scenes; errors, as parts of the motion; methods; the longest runs [s of CPU]; who else runs, and where.
+
+    `methods` have tolerances, `stepped` steps. `pinocchio` is the number of evaluations that a run of it may take.
+    """
 
     scenes: tuple[str, ...]
     errors: tuple[Positive, ...]
     methods: tuple[str, ...]
     budget: Positive
+    stepped: tuple[str, ...] = ()
     solvers: tuple[str, ...] = ()
     solver_scenes: tuple[str, ...] = ()
     solver_tolerances: tuple[Positive, ...] = ()
+    pinocchio: int = 0
+    pinocchio_tolerances: tuple[Positive, ...] = ()
+
+
+class Aim(NamedTuple):
+    """An error of the tip ("error"), or of the deflection ("deflection error")."""
+
+    what: str
+    error: float
+
+    def seen(self, point: Point) -> Point:
+        """The point with the error that counts."""
+        return point if self.what == "error" or point.untold else point._replace(error=point.bend)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Times, ratios to the cheapest run of flexlink, and all runs to draw."""
+    """Times, evaluations, ratios to the cheapest run of flexlink, and all runs to draw."""
     for name in settings.scenes:
-        ours = {each: native_trade.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
-        rk4 = {native_trade.LIMIT: native_trade.rk4(name, settings.budget, SMALLEST)}
-        mujoco = {} if trade_scene(name).motion else mujoco_trade.points(name, settings.budget, SMALLEST)
-        solvers = _solvers(name, settings) if name in settings.solver_scenes else {}
-        for error in settings.errors:
-            rows = _rows(name, error, ours, {"RK4": rk4, "MuJoCo": mujoco, "solvers": solvers})
-            yield from (row for row in rows if not _has_its_own(case, f"{name}, {row.quantity}"))
-        yield _series(name, ours | rk4 | {f"MuJoCo {key}": points for key, points in mujoco.items()} | solvers)
+        ours, others = _ours(name, settings), _others(name, settings)
+        for aim in (Aim(what, error) for what in ("error", "deflection error") for error in settings.errors):
+            rows = _rows(name, aim, ours, others)
+            yield from (row for row in rows if not _has_its_own(case, name, row.quantity))
+        drawn = {f"{group} {key}": points for group in others if group != RK4 for key, points in others[group].items()}
+        yield _series(name, ours | others[RK4] | drawn)
 
 
-def _has_its_own(case: Case, quantity: str) -> bool:
+def _has_its_own(case: Case, name: str, quantity: str) -> bool:
     """Whether a limit that holds for all scenes is given up for one, whose quantity says why."""
-    return quantity in case.quantity and bool(case.quantity[quantity].given_up)
+    own = case.quantity.get(f"{name}, {quantity.removesuffix(FAST)}")
+    return own is not None and bool(own.given_up)
 
 
-SMALLEST = 1e-8  # error at which a ladder ends
+def _ours(name: str, settings: Settings) -> Ladders:
+    found = {each: native_trade.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
+    return found | {each: native_trade.by_step(name, each, settings.budget, SMALLEST) for each in settings.stepped}
+
+
+def _others(name: str, settings: Settings) -> dict[str, Ladders]:
+    found: dict[str, Ladders] = {
+        RK4: {native_trade.LIMIT: native_trade.by_step(name, "RK4", settings.budget, SMALLEST)},
+        MUJOCO: {} if trade_scene(name).motion else mujoco_trade.points(name, settings.budget, SMALLEST),
+        SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
+    }
+    if settings.pinocchio:
+        found[PINOCCHIO] = pinocchio_trade.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
+    return found
 
 
 def _solvers(name: str, settings: Settings) -> Ladders:
@@ -73,50 +108,80 @@ def _solvers(name: str, settings: Settings) -> Ladders:
     return found
 
 
-def _rows(name: str, error: float, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
+def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
+    ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
-        if own := native_trade.cheapest({method: ours[method]}, error):
-            yield _time(name, "native", method, error, Cost(own[1].seconds))
+        if own := native_trade.cheapest({method: ours[method]}, aim.error):
+            yield _time(name, "native", method, aim, Cost(own[1].seconds))
+            yield _evaluations(name, "native", method, aim, own[1].evaluations)
     for group, ladders in others.items():
-        costs = {each: known for each, points in ladders.items() if (known := _cost(group, each, points, error))}
+        costs = {each: known for each, points in ladders.items() if (known := _cost(group, each, points, aim.error))}
         for each, known in costs.items():
-            yield _time(name, group, each, error, known)
-        best = native_trade.cheapest(ours if group == "RK4" else ours | others["RK4"], error)
+            yield _time(name, group, each, aim, known)
+            work = [point._replace(seconds=float(point.evaluations)) for point in ladders[each]]
+            if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
+                yield _evaluations(name, group, each, aim, evaluations.seconds)
         if costs:
-            least = min(costs, key=lambda each: costs[each].seconds)
-            ratio = costs[least].seconds / best[1].seconds if best else 0.0
-            note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {MARKS[costs[least].kind]}".strip()
-            for quantity in (f"{group} / flexlink, error {error:g}", f"{name}, {group} / flexlink, error {error:g}"):
-                yield Measured(quantity, ratio, name, group, {"error": error}, note=note, timed=True)
+            best = native_trade.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
+            yield from _ratios(name, group, aim, costs, best)
+
+
+def _seen(aim: Aim, ladders: Ladders) -> Ladders:
+    return {name: [aim.seen(point) for point in points] for name, points in ladders.items()}
+
+
+def _ratios(
+    name: str, group: str, aim: Aim, costs: Mapping[str, Cost], best: tuple[str, Point] | None
+) -> Iterator[Measured]:
+    """The cheapest of a group over the cheapest run of flexlink; 0 where flexlink does not get there."""
+    least = min(costs, key=lambda each: costs[each].seconds)
+    ratio = costs[least].seconds / best[1].seconds if best else 0.0
+    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {MARKS[costs[least].kind]}".strip()
+    quantity = f"{group} / flexlink, {aim.what} {aim.error:g}"
+    named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{FAST}",) if _is_damped_or_spatial(name) else ())
+    for each in named:
+        yield Measured(each, ratio, name, group, {aim.what: aim.error}, note=note, timed=True)
+
+
+FAST = ", damped or spatial"
+
+
+def _is_damped_or_spatial(name: str) -> bool:
+    """Whether springs have dampers, or hinges turn about different directions."""
+    chain = lump(trade_scene(name))
+    dampers = [chain.hinges["damping"][k] for k, c in enumerate(chain.coordinates) if c.segment > 0]
+    return max(dampers, default=0.0) > 0.0 or not chain.is_planar
 
 
 def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost | None:
-    if len(points) == 1 and math.isnan(points[0].error):
+    if len(points) == 1 and points[0].untold:
         return Cost(points[0].seconds, "limit")
-    return cost(points, error, mujoco_trade.ORDER[name] if group == "MuJoCo" else HIGHEST)
-
-
-HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
+    return cost(points, error, ORDERS.get(group, {}).get(name, HIGHEST))
 
 
 def _told(best: tuple[str, Point] | None) -> str:
     if best is None:
         return "flexlink does not get there"
-    return f"{best[0]}, tolerance {best[1].setting:.2g} m: {1e3 * best[1].seconds:.4g} ms"
+    return f"{best[0]}, setting {best[1].setting:.2g}: {1e3 * best[1].seconds:.4g} ms"
 
 
-def _time(name: str, engine: str, method: str, error: float, known: Cost) -> Measured:
-    facts: Facts = {"method": method, "error": error}
+def _time(name: str, engine: str, method: str, aim: Aim, known: Cost) -> Measured:
+    facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
     return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=MARKS[known.kind], timed=True)
+
+
+def _evaluations(name: str, engine: str, method: str, aim: Aim, number: float) -> Measured:
+    facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
+    return Measured("evaluations", round(number), name, engine, facts, timed=True)
 
 
 def _series(name: str, ladders: Ladders) -> Series:
     rows = [
-        (method, point.setting, point.error, point.seconds)
+        (method, point.setting, point.error, point.seconds, point.bend, point.evaluations)
         for method, points in ladders.items()
         for point in points
         if point.error < math.inf
     ]
     title = f"{name}: what an error costs"
-    columns, (_, _, x, y) = table(LABELS, rows), LABELS
+    columns, (_, _, x, y, *_) = table(LABELS, rows), LABELS
     return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)

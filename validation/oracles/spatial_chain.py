@@ -25,6 +25,8 @@ from validation.oracles.planar_chain import DIGITS
 
 STEP = mpf(10) ** -20
 """Of differences [rad, rad/s]."""
+DIFFERENCES = 60
+"""Digits with which they are taken: they lose 20 and are right to 40; M at 89.99° loses 8."""
 Vector = list[Any]
 Matrix = list[Vector]
 
@@ -94,6 +96,15 @@ class SpatialChain:
             by_rate[:, j] = (torque(q, add(qd, h)) - torque(q, sub(qd, h))) / (2 * STEP)
         return by_angle, by_rate
 
+    def forward_slopes(self, q: Vector, qd: Vector, tau: Vector, wrench: Vector) -> tuple[Vector, list[Any]]:
+        """q̈, then ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX = M⁻¹, (n, n)."""
+        M, bias = self.equations(q, qd)
+        rest = zip(tau, bias, self.joint_torques(q, qd), self.load(q, wrench), strict=True)
+        inverse = M**-1
+        qdd = list(inverse * mp.matrix([t - b - joint + w for t, b, joint, w in rest]))
+        by_angle, by_rate = self.slopes(q, qd, qdd, wrench)
+        return qdd, [-inverse * by_angle, -inverse * by_rate, inverse]
+
     def joint_torques(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
         """T_FL + T_FR [N m]."""
         return [
@@ -140,6 +151,13 @@ def accelerations(chain: Chain, *states: Sequence[Any]) -> list[NDArray[np.float
     with mp.workdps(2 * DIGITS):  # M itself loses up to 36 at gimbal lock
         exact = [oracle.forward_dynamics(*(exactly(part) for part in state)) for state in states]
         return [np.array(values, dtype=np.float64) for values in exact]
+
+
+def derivatives(chain: Chain, *state: Any) -> list[NDArray[np.float64]]:
+    """∂q̈/∂q, ∂q̈/∂q̇ and M⁻¹ (n, n) at (q, q̇, T_EX, wrench), rounded once."""
+    with mp.workdps(DIFFERENCES):
+        _, found = SpatialChain(chain).forward_slopes(*(exactly(part) for part in state))
+        return [np.array(part.tolist(), dtype=np.float64) for part in found]
 
 
 def exactly(values: Any) -> Vector:

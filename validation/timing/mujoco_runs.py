@@ -21,10 +21,12 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
-from flexlink.motion.actuation import DriveArrays, drive_arrays
+from flexlink.kernels.law_pd import PdLaw
+from flexlink.kernels.law_table import TableLaw
+from flexlink.motion.drives import drive_arrays
 from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
@@ -40,9 +42,9 @@ TIME_WITHIN, BLOCK = 1 << 19, 512  # bytes of mjData among which its time is loo
 
 
 class Timed(NamedTuple):
-    """Tip at the samples that were reached, shape (samples, 3) [m]; nan from where the run failed; CPU seconds."""
+    """Angles at the samples, shape (samples, n) [rad], nan from where the run failed; CPU seconds."""
 
-    tip: Array
+    q: Array
     seconds: float
 
 
@@ -60,24 +62,28 @@ class MujocoRuns:
         engine = MujocoEngine(self.chain)
         self.model, self.data, self.tip = engine.model, engine.data, engine.tip
         self.start = initial_state(scene, self.chain)
-        self.drive = drive_arrays(scene, self.chain)
-        self._add_gains()
-        changing = len(self.drive.knots) > 1
+        drive, table, self.constant = drive_arrays(scene, self.chain), None, np.zeros(self.chain.n)
+        moves = isinstance(drive, PdLaw) and len(drive.reference.knots) > 1
+        if not isinstance(drive, TableLaw | PdLaw) or moves or np.isfinite(drive.effort).any():
+            raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: MuJoCo holds torques in time, and gains")
+        if isinstance(drive, PdLaw):
+            self._add_gains(drive)
+        elif len(drive.knots) > 1:
+            table = drive
+        else:
+            self.constant[drive.joints] = drive.coefficients[0, 0]
         self.callback = None
-        if engine.coulomb.any() or changing:
-            table = self.drive if changing else None
+        if engine.coulomb.any() or table is not None:
             self.callback = _callback(self.model, self.data, engine.coulomb, engine.coulomb_width, table)
-        self.constant = np.zeros(self.chain.n)
-        if len(self.drive.joints) and not changing:
-            self.constant[self.drive.joints] = self.drive.coefficients[0, 0]
 
-    def _add_gains(self) -> None:
-        """T = kp (target − q) − kd q̇ is a spring with its rest angle and a damper."""
-        k = self.drive.joints
-        if self.drive.kp.any() or self.drive.kd.any():
-            self.model.jnt_stiffness[k] = self.drive.kp
-            self.model.qpos_spring[k] = self.drive.target
-            self.model.dof_damping[k] += self.drive.kd
+    def _add_gains(self, drive: PdLaw) -> None:
+        """T = kp (target − q) − kd q̇ + g is a spring with its rest angle, a damper and a constant torque."""
+        k = drive.joints
+        self.constant[k] = drive.gravity.coefficients[0, 0]
+        if drive.kp.any() or drive.kd.any():
+            self.model.jnt_stiffness[k] = drive.kp
+            self.model.qpos_spring[k] = drive.reference.coefficients[0, 0]
+            self.model.dof_damping[k] += drive.kd
 
     def run(self, integrator: str, steps_per_sample: int) -> Timed:
         """A run to the scene's end; the clock runs while MuJoCo steps."""
@@ -90,10 +96,7 @@ class MujocoRuns:
                 if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
                     break
                 q[row] = data.qpos
-        good = np.isfinite(q).all(axis=1)
-        tip = np.full((run.samples, 3), np.nan)
-        tip[good] = [fl.tip_position(self.chain, row) for row in q[good]]
-        return Timed(tip, seconds)
+        return Timed(q, seconds)
 
     def seconds_a_step(self, integrator: str, step: float, steps: int) -> float:
         """CPU seconds of a step, from the first of a run."""
@@ -128,7 +131,7 @@ def _passive(callback: Any) -> Iterator[None]:
         mujoco.set_mjcb_passive(None)
 
 
-def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: DriveArrays | None) -> Any:
+def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: TableLaw | None) -> Any:
     """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants of the code."""
     forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
     n, offset = len(coulomb), _offset_of_time(model, data)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import flexlink as fl
-from validation.benchmarks.trade import OUTPUTS, tip_error, trade_scene
+from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
-from validation.timing.work_precision import Cost, Point, cost, ladder
+from validation.timing.work_precision import Point, ladder
 
+STAGES = {"RK4": 4}  # evaluations of a step; of the others one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
 PART = 5000  # steps that tell what a step costs
 
@@ -28,7 +29,8 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
         def run(steps: int, integrator: str = integrator) -> Point:
             timed = runs.run(integrator, steps)
-            return Point(runs.scene.run.sample / steps, tip_error(name, timed.tip), timed.seconds)
+            found, evaluations = errors(name, seen(runs.chain, timed.q)), STAGES.get(integrator, 1) * OUTPUTS * steps
+            return Point(runs.scene.run.sample / steps, found.tip, timed.seconds, found.bend, evaluations)
 
         found[integrator] = ladder(run, first, budget, smallest)
     return found
@@ -44,14 +46,3 @@ def _whole(runs: MujocoRuns, steps: int) -> float:
     """CPU seconds of RK4's whole run with so many steps between outputs, from a part of it."""
     part = min(steps, PART)
     return runs.seconds_a_step("RK4", runs.scene.run.sample / steps, part) * steps * OUTPUTS
-
-
-def costs(ladders: dict[str, list[Point]], target: float) -> dict[str, Cost]:
-    """What an error costs with each integrator that gets there."""
-    found = {}
-    for integrator, points in ladders.items():
-        if len(points) == 1 and math.isnan(points[0].error):
-            found[integrator] = Cost(points[0].seconds, "limit")
-        elif known := cost(points, target, ORDER[integrator]):
-            found[integrator] = known
-    return found

@@ -1,4 +1,6 @@
-"""What an error costs with flexlink: its methods with a ladder of tolerances, RK4 with one of steps from its limit on.
+"""What an error costs with flexlink: controlled methods with a ladder of tolerances, others with one of steps.
+
+Those of an explicit method begin at its limit of stability, those of an implicit one at the time between outputs.
 
 The clock runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`; setting a run
 up, and tips, energies and the judgement of its samples, cost another few milliseconds, whatever its length.
@@ -9,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import flexlink as fl
 from flexlink.chain.lumping import lump
@@ -17,8 +20,7 @@ from flexlink.common.interruption import deferred
 from flexlink.describe.scene import Scene
 from flexlink.motion.single import SingleRun
 from flexlink.motion.start import initial_state
-from validation.benchmarks.trade import OUTPUTS, motion_of, reference, tip_error, trade_scene
-from validation.timing.mujoco_runs import Timed
+from validation.benchmarks.trade import OUTPUTS, Seen, errors, motion_of, reference, seen, trade_scene
 from validation.timing.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
@@ -26,6 +28,14 @@ OF_STABLE = 0.98  # of the largest stable step at the start
 SHORT = 0.01  # s
 TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
 LIMIT = "RK4 at its limit"
+
+
+class Timed(NamedTuple):
+    """A run: what is seen of it, CPU seconds of its steps, evaluations."""
+
+    seen: Seen
+    seconds: float
+    evaluations: int
 
 
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
@@ -37,7 +47,8 @@ def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
             raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
     with deferred() as stop:
-        return Timed(SingleRun(scene).finish(stop).tip, seconds)
+        whole = SingleRun(scene).finish(stop)
+    return Timed(seen(whole.chain, whole.q), seconds, run.steps.steps.evaluations)
 
 
 class TooDearError(FlexlinkError):
@@ -46,7 +57,7 @@ class TooDearError(FlexlinkError):
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
     """Runs of a method with finer and finer tolerances, until the error is met or a run passes the budget."""
-    scene, points, tolerance = trade_scene(name), list[Point](), COARSEST * motion_of(reference(name))
+    scene, points, tolerance = trade_scene(name), list[Point](), COARSEST * motion_of(reference(name).tip)
     while not points or (points[-1].error > smallest and points[-1].seconds < budget):
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
@@ -72,18 +83,24 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
         raise
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
-    return Point(setting, tip_error(name, runs[0].tip), min(run.seconds for run in runs))
+    found = errors(name, runs[0].seen)
+    return Point(setting, found.tip, min(run.seconds for run in runs), found.bend, runs[0].evaluations)
 
 
-def rk4(name: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of RK4 from its largest stable step on; one without error (nan), told by its beginning, if it is longer."""
+def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
+    """Runs of a method from its largest stable step on; one without error, told by its beginning, if it is longer."""
     scene = trade_scene(name)
     chain, sample = lump(scene), scene.run.sample
-    stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
-    first = math.ceil(sample / (OF_STABLE * stable))
-    stepped = {"run.method": "RK4", "run.unstable": "allow"}
+    stable = fl.stable_step(chain, *initial_state(scene, chain), method=method)
+    first = max(1, math.ceil(sample / (OF_STABLE * stable)))
+    stepped = {"run.method": method, "run.unstable": "allow"}
     beginning = scene.varied(stepped | {"run.step": sample / first, "run.duration": sample})
-    whole = OUTPUTS * min(timed_run(beginning).seconds for _ in range(2))
+    try:
+        whole = OUTPUTS * min(timed_run(beginning, budget).seconds for _ in range(2))
+    except TooDearError:
+        return []
+    except FlexlinkError:  # steps that are too long for the iteration of an implicit method: finer ones come
+        whole = 0.0
     if whole > budget:
         return [Point(sample / first, math.nan, whole)]
 

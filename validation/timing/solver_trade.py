@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.trade import tip_error, trade_scene
+from validation.benchmarks.trade import errors, seen, trade_scene
 from validation.timing.work_precision import Point
 
 CVODE = "CVODE"
@@ -30,4 +30,5 @@ def _point(name: str, form: FirstOrder, solver: str, relative: float) -> Point:
         raise
     except FlexlinkError:
         return Point(relative, math.inf, 0.0)
-    return Point(relative, tip_error(name, solved.tip), time.thread_time() - begun)
+    seconds, found = time.thread_time() - begun, errors(name, seen(form.chain, solved.q))
+    return Point(relative, found.tip, seconds, found.bend, solved.evaluations)

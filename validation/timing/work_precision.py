@@ -1,4 +1,4 @@
-"""Work against precision: points (error, CPU seconds) of a method on a scene, and what a wanted error costs with it."""
+"""Work against precision: points (errors, CPU seconds) of a method on a scene, and what an error costs with it."""
 
 from __future__ import annotations
 
@@ -11,11 +11,21 @@ TARGETS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 
 
 class Point(NamedTuple):
-    """One run: the setting (step [s], or tolerance), tip error over the motion (inf: failed), CPU seconds."""
+    """One run: the setting (step [s], or tolerance), tip error over the motion (inf: failed), CPU seconds.
+
+    `bend` is the error of the deflection over the largest, and `evaluations` are those of forward or inverse dynamics.
+    """
 
     setting: float
     error: float
     seconds: float
+    bend: float = math.inf
+    evaluations: int = 0
+
+    @property
+    def untold(self) -> bool:
+        """Whether it stands for a run that is too long to be made: its beginning tells the time, nothing the error."""
+        return math.isnan(self.error)
 
 
 class Cost(NamedTuple):

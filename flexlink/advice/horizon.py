@@ -1,0 +1,71 @@
+"""How far a model can be trusted that is not good enough for all of the run, and how fast its errors grow."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.advice.bench import Bench
+from flexlink.advice.goal import Ruler
+from flexlink.advice.ladder import Ladder
+from flexlink.dynamics import rounding
+
+Array = NDArray[np.float64]
+
+NUDGE = 10.0
+"""Tolerances of its steps that a twin starts apart from a run: well above what the steps themselves do."""
+
+GROWN = 0.1
+"""Part of the motion up to which two runs part in proportion to what they started with."""
+
+SENSITIVE = 30.0
+"""Growth of an error from which it is what the motion does that makes it large."""
+
+
+class Growth(NamedTuple):
+    """How an error of the initial angles grows."""
+
+    factor: float  # at the end, or where it has grown too large to tell
+    e_fold: float  # time in which it grows by e, over the second half [s]; inf if it does not
+
+
+def horizon(ladder: Ladder, ruler: Ruler, error: float, tolerance: float) -> float:
+    """Time [s] up to which the finest level is within the tolerance.
+
+    Its error is the difference to the limit, and that of the limit, whose height at the end is known and whose shape in
+    time is taken from what the last level changed.
+    """
+    assert ladder.limit is not None
+    levels = ladder.levels[ladder.family]
+    finest = levels[-1].outcome
+    assert finest.run is not None
+    change = np.maximum.accumulate(ruler.along(finest.tip - levels[-2].outcome.tip))
+    shape = change / change[-1] if change[-1] > 0 else np.ones(len(change))
+    errors = np.maximum.accumulate(ruler.along(finest.tip - ladder.limit.tip)) + error * shape
+    beyond = np.flatnonzero(errors > tolerance)
+    times = finest.run.t
+    return float(times[-1] if not beyond.size else times[max(0, beyond[0] - 1)])
+
+
+def growth(bench: Bench, ladder: Ladder, tolerance: float) -> Growth:
+    """Of the finest level, by a twin that starts a little apart."""
+    outcome, reach = ladder.finest.outcome, rounding.reach(bench.chain(ladder.model))
+    angle = min(NUDGE * (outcome.stepping.tolerance or 0.0), tolerance) / reach
+    twin = bench.twin(ladder.model, outcome.stepping, angle)
+    if twin is None or outcome.run is None:
+        return Growth(1.0, np.inf)
+    apart = np.linalg.norm(twin.tip - outcome.tip, axis=1)
+    apart = (
+        apart[: int(np.argmax(~(apart <= GROWN * ladder.motion)))]
+        if not (apart <= GROWN * ladder.motion).all()
+        else apart
+    )
+    grown = np.maximum.accumulate(apart) / (angle * reach)
+    factor = float(grown.max(initial=1.0))
+    half = len(grown) // 2
+    if factor < SENSITIVE or len(grown) - half < 3:
+        return Growth(factor, np.inf)
+    rate = np.polyfit(outcome.run.t[half : len(grown)], np.log(np.maximum(grown[half:], np.finfo(float).tiny)), 1)[0]
+    return Growth(factor, float(1 / rate) if rate > 0 else np.inf)

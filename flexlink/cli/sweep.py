@@ -1,0 +1,78 @@
+"""`flexlink sweep`: all members of a sweep file, into a database that a stopped command goes on with."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from flexlink.cli.shared import about, assignments, require_place
+from flexlink.cli.terminal import Progress, clock
+from flexlink.common.errors import ArgumentError
+from flexlink.sweeps.identity import identity
+from flexlink.sweeps.plan import Plan, load_sweep
+from flexlink.sweeps.possible import require_possible
+from flexlink.sweeps.store import Store
+from flexlink.sweeps.sweeping import fill
+from flexlink.sweeps.table import FORMATS, export, require_parquet
+
+
+def add_options(sweep: argparse.ArgumentParser) -> None:
+    """What the command takes."""
+    sweep.add_argument("sweep", type=Path, help="sweep file (.toml)")
+    sweep.add_argument(
+        "--out", type=Path, help="database of the rows, which a stopped command goes on with; default: SWEEP.db here"
+    )
+    sweep.add_argument("--workers", type=int, default=1, metavar="N", help="processes that share the work (default: 1)")
+    sweep.add_argument(
+        "--dask", metavar="ADDRESS", help="address of a Dask scheduler whose workers do the work instead"
+    )
+    sweep.add_argument("--export", choices=FORMATS, help="also write all rows to such a file, beside the database")
+    sweep.add_argument("--fresh", action="store_true", help="begin anew, whatever rows of a sweep are there")
+
+
+def sweep_members(options: argparse.Namespace) -> int:
+    """Run the members that have no row yet, say what became of them, export all rows."""
+    plan = _planned(options)
+    out = options.out or Path(options.sweep.stem + ".db")
+    require_place(out)
+    if options.workers < 1:
+        raise ArgumentError(f"--workers {options.workers}: must be at least 1")
+    if options.export == "parquet":
+        require_parquet()
+    with Store(out, plan, identity(plan.sweep), fresh=options.fresh) as store:
+        done, begun = store.count(), time.perf_counter()
+        bar = Progress(plan.sweep.scene.name, done / plan.members)
+        try:
+            fill(store, None, options.workers, options.dask, bar)
+        finally:
+            bar.clear()
+        _summary(store, done, time.perf_counter() - begun)
+        if options.export:
+            place = out.with_suffix(f".{options.export}")
+            export(place, *store.table())
+            print(f"table: {place}")
+    return 0
+
+
+def _planned(options: argparse.Namespace) -> Plan:
+    """The plan of a file that can be carried out, with what `--set` sets for all members."""
+    sweep = load_sweep(options.sweep)
+    said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
+    with about(options.sweep):
+        plan = Plan(replace(sweep, set={**sweep.set, **said}))
+        require_possible(plan)
+    return plan
+
+
+def _summary(store: Store, before: int, seconds: float) -> None:
+    count, first = store.failures()
+    if count:
+        print(f"warning: {count} of {store.plan.members} members failed; {first}", file=sys.stderr)
+    new = store.plan.members - before
+    there = f", {before} were there" if before else ""
+    print(f"{store.plan.sweep.scene.name}: {new} members run in {clock(seconds)}{there}")
+    print(f"rows: {store.path}")

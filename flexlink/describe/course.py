@@ -1,0 +1,186 @@
+"""Angles given in time as polynomials piece by piece: evaluated, put together, delayed and summed, all without error.
+
+On piece i, from knot i to the next, r = Σ_j c_ij x^j with x = t − knot_i; the last piece goes on for ever, and before
+the first knot x = 0. The first and the last piece are constant: a course starts from rest and comes to rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.common.errors import ArgumentError
+
+Array = NDArray[np.float64]
+
+NEAR = 16 * np.finfo(float).eps
+"""Times that differ by less, of the largest, are one: sums of the same delays in another order."""
+MOST_PIECES = 100_000
+"""Of a sum of delayed courses: beyond, putting them together takes minutes and gigabytes."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Course:
+    """Desired angles in time, piecewise polynomials; called with times, it gives angle, rate and acceleration.
+
+    Attributes
+    ----------
+    knots
+        Where the pieces begin [s], increasing, shape (m,).
+    coefficients
+        c_ij of every angle, shape (m, degree + 1, d) [rad/s^j]; in the first and last piece 0 but for j = 0.
+
+    Raises
+    ------
+    ArgumentError
+        Shapes do not fit, a number is not finite, knots do not increase, or it does not start and end at rest.
+    """
+
+    knots: Array
+    coefficients: Array
+
+    def __post_init__(self) -> None:
+        for name in ("knots", "coefficients"):
+            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+        knots, c = self.knots, self.coefficients
+        if knots.ndim != 1 or c.ndim != 3 or not len(knots) or len(c) != len(knots) or not c.shape[1]:
+            raise ArgumentError(f"knots {knots.shape}, coefficients {c.shape}: shapes must be (m,), (m, degree + 1, d)")
+        if not (np.isfinite(knots).all() and np.isfinite(c).all()):
+            raise ArgumentError("knots, coefficients: not finite; the angle changes faster than float64 can hold")
+        if np.any(np.diff(knots) <= 0):
+            k = int(np.argmax(np.diff(knots) <= 0))
+            raise ArgumentError(f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the one before, {knots[k]!r}")
+        if c[0, 1:].any() or c[-1, 1:].any():
+            raise ArgumentError("coefficients: the first and the last piece must be constant: from rest, and to rest")
+        knots.flags.writeable = c.flags.writeable = False
+
+    def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
+        """Angle [rad], rate [rad/s] and acceleration [rad/s²] at times t [s], each of shape (*t.shape, d)."""
+        times = np.asarray(t, dtype=np.float64)
+        return _values(*self._located(times.ravel()), (*times.shape, self.coefficients.shape[2]))
+
+    def __repr__(self) -> str:
+        m, p, d = self.coefficients.shape
+        return f"<Course of {d} angles: {m} pieces of degree {p - 1}, {self.knots[0]:g} to {self.knots[-1]:g} s>"
+
+    def restated(self, knots: Array) -> Array:
+        """Coefficients about other knots, each of which begins no later than the piece here that holds it ends.
+
+        Taylor's shift r(x₀ + x) by repeated synthetic division; shape (len(knots), degree + 1, d).
+        """
+        c, x = self._located(knots)
+        for j in range(c.shape[1] - 1):
+            for k in range(c.shape[1] - 2, j - 1, -1):
+                c[:, k] += x * c[:, k + 1]
+        return c
+
+    def delayed(self, delay: float) -> Course:
+        """The same, later by `delay` [s]."""
+        return Course(self.knots + delay, self.coefficients)
+
+    def shaped(self, times: ArrayLike, weights: ArrayLike) -> Course:
+        """What an input shaper makes of it: Σ_i a_i r(t − t_i), `times` t_i [s] and `weights` a_i of its impulses.
+
+        Raises
+        ------
+        ArgumentError
+            Times and weights are no lists of the same length, a number is not finite, or pieces are too many.
+        """
+        t, a = np.asarray(times, dtype=np.float64), np.asarray(weights, dtype=np.float64)
+        if t.ndim != 1 or t.shape != a.shape or not len(t) or not (np.isfinite(t).all() and np.isfinite(a).all()):
+            raise ArgumentError(
+                f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers, (k,) both, k > 0"
+            )
+        if len(t) * len(self.knots) > MOST_PIECES:
+            raise ArgumentError(
+                f"{len(t)} impulses on {len(self.knots)} pieces are {len(t) * len(self.knots)}; at most {MOST_PIECES}"
+            )
+        copies = [self.delayed(delay) for delay in t]
+        knots = common_knots(copies)
+        return Course(knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True)))
+
+    def extremes(self) -> tuple[Array, Array]:
+        """Smallest and largest angles ever, shape (d,) each: at knots, and where the derivative of a piece is 0."""
+        c = (
+            self.coefficients[:-1]
+            * np.diff(self.knots)[:, None, None] ** np.arange(self.coefficients.shape[1])[:, None]
+        )
+        at_knots = np.concatenate([self.coefficients[:, 0], c.sum(axis=1)])  # what a piece begins and ends with
+        low, high = at_knots.min(axis=0), at_knots.max(axis=0)
+        farthest = np.abs(c[:, 1:]).sum(axis=1)
+        beyond = (c[:, 0] - farthest < low) | (c[:, 0] + farthest > high)
+        for piece, d in zip(*np.nonzero(beyond), strict=True):
+            angle = np.polynomial.Polynomial(c[piece, :, d])
+            inside = angle(np.clip(angle.deriv().roots().real, 0.0, 1.0))
+            low[d], high[d] = np.min(inside, initial=low[d]), np.max(inside, initial=high[d])
+        return low, high
+
+    @property
+    def jumps(self) -> Array:
+        """Knots [s] at which an angle or a rate jumps, by more than rounding explains."""
+        c, x = self.coefficients, np.diff(self.knots)[:, None]
+        powers = np.arange(c.shape[1])[:, None, None]
+        jump = np.zeros(len(self.knots) - 1, dtype=bool)
+        for _ in range(2):
+            terms = c[:-1].transpose(1, 0, 2) * x ** powers[: c.shape[1]]
+            scale = np.abs(terms).sum(axis=0).max(axis=0, initial=0.0) + np.abs(c[:, 0]).max(axis=0)
+            jump |= np.any(np.abs(c[1:, 0] - terms.sum(axis=0)) > 1e-9 * scale, axis=1)
+            c = c[:, 1:] * powers[1 : c.shape[1], 0] if c.shape[1] > 1 else np.zeros_like(c)
+        return self.knots[1:][jump]
+
+    def _located(self, t: Array) -> tuple[Array, Array]:
+        """Coefficients of the pieces that hold times t, and x there, shapes (len(t), degree + 1, d), (len(t), 1)."""
+        piece = np.maximum(np.searchsorted(self.knots, t, side="right") - 1, 0)
+        return self.coefficients[piece], np.maximum(t - self.knots[piece], 0.0)[:, None]
+
+
+def still(angles: ArrayLike) -> Course:
+    """These angles (d,) for ever [rad]."""
+    return Course(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])
+
+
+def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> Course:
+    """Pieces (m, degree + 1, d) between knots (m + 1,), with rest before, and after at the angles `end` (d,)."""
+    rest = np.zeros((2, *moving.shape[1:]))
+    rest[0, 0], rest[1, 0] = moving[0, 0], end
+    before = knots[0] - max(1.0, abs(knots[0]))
+    return Course(np.concatenate([[before], knots]), np.concatenate([rest[:1], moving, rest[1:]]))
+
+
+def side_by_side(courses: Sequence[Course]) -> Course:
+    """The angles of all, on common knots."""
+    if not courses:
+        return still([])
+    knots = common_knots(courses)
+    parts = [course.restated(knots) for course in courses]
+    order = max(part.shape[1] for part in parts)
+    return Course(knots, np.concatenate([np.pad(c, ((0, 0), (0, order - c.shape[1]), (0, 0))) for c in parts], axis=2))
+
+
+def common_knots(courses: Sequence[Course]) -> Array:
+    """All knots but the first ones, before which nothing moves, and one of those; of times that are one the last."""
+    later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
+    first = min(course.knots[0] for course in courses)
+    return np.concatenate([[first], later[apart(later)]])
+
+
+def apart(knots: Array) -> NDArray[np.bool_]:
+    """Which knots are not one with the next."""
+    return np.asarray(np.diff(knots, append=np.inf) > NEAR * np.abs(knots).max(initial=0.0))
+
+
+def _values(c: Array, x: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:
+    return tuple(value.reshape(shape) for value in _horner(c, x))  # type: ignore[return-value]
+
+
+def _horner(c: Array, x: Array) -> Iterator[Array]:
+    """Horner's scheme for the value and its first two derivatives."""
+    angle, rate, half = np.zeros((3, len(c), c.shape[2]))
+    for j in range(c.shape[1] - 1, -1, -1):
+        half = half * x + rate
+        rate = rate * x + angle
+        angle = angle * x + c[:, j]
+    yield from (angle, rate, 2.0 * half)

@@ -1,0 +1,117 @@
+"""Profiles of moves from rest to rest in closed form: s(t) from 0 to 1, and how long it takes within limits.
+
+The trapezoid of speed is the S-curve without a limit to the jerk: one algorithm for both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+QUINTIC = ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0))
+"""s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, about 0 and, so that little cancels at the end, about 1/2."""
+QUINTIC_PEAKS = 15 / 8, 10 / math.sqrt(3), 60.0
+"""Largest s' T, s'' T², s''' T³."""
+
+
+class Limits(NamedTuple):
+    """Largest rate, acceleration and jerk of a joint, inf where there is no limit."""
+
+    rate: float = math.inf
+    acceleration: float = math.inf
+    jerk: float = math.inf
+
+
+class Quintic(NamedTuple):
+    """The unit move by one polynomial of degree 5, which starts and ends without acceleration."""
+
+    duration: float  # s
+
+    def lasting(self, duration: float) -> Quintic:
+        """The same shape, over another time."""
+        return Quintic(duration)
+
+    @property
+    def pieces(self) -> tuple[Array, Array]:
+        """Knots from 0 on [s], shape (3,), and coefficients (2, 6)."""
+        return self.duration * np.array([0.0, 0.5, 1.0]), np.array(QUINTIC) / self.duration ** np.arange(6)
+
+
+class Ramps(NamedTuple):
+    """The unit move by two ramps of speed, t_j of jerk, t_a of acceleration, t_j of jerk, and t_v between them."""
+
+    jerk: float  # s
+    acceleration: float  # s
+    cruise: float  # s
+
+    @property
+    def duration(self) -> float:
+        """Of the whole move [s]."""
+        return 4 * self.jerk + 2 * self.acceleration + self.cruise
+
+    def lasting(self, duration: float) -> Ramps:
+        """The same shape, over another time."""
+        by = duration / self.duration
+        return Ramps(self.jerk * by, self.acceleration * by, self.cruise * by)
+
+    @property
+    def pieces(self) -> tuple[Array, Array]:
+        """Knots from 0 on [s] and cubic coefficients; phases without length are left out."""
+        t_j, t_a, t_v = self
+        A = 1 / ((t_j + t_a) * (2 * t_j + t_a + t_v))
+        j = A / t_j if t_j else 0.0
+        v1, V = A * t_j / 2, A * (t_j + t_a)
+        v2 = v1 + A * t_a
+        s1, s3 = A * t_j**2 / 6, V * (2 * t_j + t_a) / 2
+        s2 = s1 + v1 * t_a + A * t_a**2 / 2
+        starts = np.array([
+            [0.0, s1, s2, s3, 1 - s3, 1 - s2, 1 - s1],
+            [0.0, v1, v2, V, V, v2, v1],
+            [0.0, A / 2, A / 2, 0.0, 0.0, -A / 2, -A / 2],
+            [j / 6, 0.0, -j / 6, 0.0, -j / 6, 0.0, j / 6],
+        ])  # fmt: skip
+        lengths = np.array([t_j, t_a, t_j, t_v, t_j, t_a, t_j])
+        there = lengths > 0
+        return np.concatenate([[0.0], np.cumsum(lengths[there])]), starts[:, there].T
+
+
+Shape = Quintic | Ramps
+
+
+def fastest_quintic(distance: float, limits: Limits) -> Quintic:
+    """The fastest quintic over a distance > 0 within limits."""
+    parts = [peak * distance / limit for peak, limit in zip(QUINTIC_PEAKS, limits, strict=True)]
+    return Quintic(max(part ** (1 / order) for order, part in enumerate(parts, 1)))
+
+
+def fastest_ramps(distance: float, limits: Limits) -> Ramps:
+    """The fastest S-curve over a distance D > 0 within limits v, a, j; with j = inf the fastest trapezoid.
+
+    The largest acceleration A is a, or what a jerk j reaches where rate or distance end its rise; t_a follows from the
+    speed of the ramp A (t_j + t_a) ≤ v, and from the distance of two of them A (t_j + t_a)(2 t_j + t_a) ≤ D.
+    """
+    v, a, j = limits
+    A = min(a, math.sqrt(v) * math.sqrt(j), math.cbrt(distance / 2) * math.cbrt(j) ** 2)
+    t_j = A / j
+    by_speed = v / A - t_j
+    by_distance = (math.sqrt(t_j * t_j + 4 * distance / A) - 3 * t_j) / 2
+    t_a = max(0.0, min(by_speed, by_distance))
+    t_v = distance / A / (t_j + t_a) - (2 * t_j + t_a)
+    return Ramps(t_j, t_a, max(0.0, t_v) if by_speed < by_distance else 0.0)
+
+
+PLAIN: dict[str, Shape] = {
+    "quintic": Quintic(1.0), "trapezoidal": Ramps(0.0, 1 / 3, 1 / 3), "s_curve": Ramps(1 / 9, 1 / 9, 1 / 3),
+}  # fmt: skip
+"""Of moves that are given a duration and no limits: a third each for speeding up, cruise and braking, and of the ramps
+of an S-curve a third each for rising, constant and falling acceleration."""
+FASTEST: dict[str, Callable[[float, Limits], Shape]] = {
+    "quintic": fastest_quintic, "trapezoidal": fastest_ramps, "s_curve": fastest_ramps,
+}  # fmt: skip
+"""Of moves that are given limits."""

@@ -1,0 +1,219 @@
+"""Reference of a drive: desired angles in time, a move from point to point or a table, input-shaped if asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.describe import profiles
+from flexlink.describe.course import Course, apart, from_rest_to_rest, side_by_side, still
+from flexlink.describe.shaping import MOST_IMPULSES, Shaper
+from flexlink.describe.spec import NonNegative, Positive, Spec, rising, short
+
+Array = NDArray[np.float64]
+Row = tuple[float, ...]
+
+LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
+MOVE = ("from_deg", "start", "duration")
+TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "quintic": (("to_deg",), (*MOVE, *LIMITS)),
+    "trapezoidal": (("to_deg",), (*MOVE, *LIMITS[:2])),
+    "s_curve": (("to_deg",), (*MOVE, *LIMITS)),
+    "linear": (("times", "angle_deg"), ()),
+    "smooth": (("times", "angle_deg"), ("rate_deg", "acceleration_deg")),
+    "hold": (("times", "angle_deg"), ()),
+}
+"""What each profile needs, and what it may have."""
+ON_TIME = 8 * np.finfo(float).eps
+"""Held rows begin earlier by this part, more than a sample's time may be off by: a sample then sees what follows."""
+ROUNDING = MOST_IMPULSES * np.finfo(float).eps
+"""Of an angle that a reference reaches: the sum of as many."""
+SETS_THE_TIME = {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}
+"""Of which limits a move without duration needs one: without that of the acceleration a trapezoid would be a jump."""
+
+
+class Reference(Spec, frozen=True):
+    """Desired angles of the driven joints in time, one column per link [deg, deg/s, deg/s², deg/s³].
+
+    A move, profile "quintic", "trapezoidal" (trapezoid of speed) or "s_curve" (limited jerk, up to 7 phases): from
+    `from_deg`, by default `initial.joint_deg` of the scene, to `to_deg`, from `start` on. It lasts for `duration`, or
+    as long as the slowest joint needs at its limits, of which one at least is then reached. All joints start and end
+    together: each takes its own fastest profile, stretched in time to that of the slowest one. With a duration, a third
+    of it is for speeding up, a third for braking, and of these a third each for rising and falling acceleration.
+
+    A table, rows `angle_deg` at `times`, profile "linear", "hold" (steps without a ramp) or "smooth": a cubic spline
+    from rest to rest, or, with `rate_deg`, cubic Hermite polynomials, or, with `acceleration_deg`, too, quintic ones.
+    Before and after the table its first and last angles are held.
+
+    With a `shaper`, the sum of delayed references that leaves no vibration of its frequencies; it is later at its end.
+    """
+
+    profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
+    to_deg: Row | None = None
+    from_deg: Row | None = None
+    start: NonNegative = 0.0  # s
+    duration: Positive | None = None  # s
+    max_rate_deg: tuple[Positive, ...] | None = None
+    max_acceleration_deg: tuple[Positive, ...] | None = None
+    max_jerk_deg: tuple[Positive, ...] | None = None
+    times: Row | None = None  # s
+    angle_deg: tuple[Row, ...] | None = None
+    rate_deg: tuple[Row, ...] | None = None
+    acceleration_deg: tuple[Row, ...] | None = None
+    shaper: Shaper | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        needs, may = TAKES[self.profile]
+        for name in dict.fromkeys(name for both in TAKES.values() for part in both for name in part):
+            value = getattr(self, name)
+            missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
+            if missing or odd:
+                said = ": missing;" if missing else f" = {short(value)}:"
+                takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
+                raise SceneError(f"{name}{said} profile {self.profile!r} takes {takes}")
+        if self.times is None:
+            self._check_time_of_move()
+        else:
+            self._check_table(self.times)
+
+    def _check_time_of_move(self) -> None:
+        limits = [name for name in LIMITS if getattr(self, name) is not None]
+        needed = SETS_THE_TIME[self.profile]
+        if self.duration is not None and limits:
+            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give one of both")
+        if self.duration is None and not set(limits) & set(needed):
+            raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
+
+    def _check_table(self, times: Row) -> None:
+        rising("times", times)
+        if self.acceleration_deg is not None and self.rate_deg is None:
+            raise SceneError("rate_deg: missing; acceleration_deg is given, too")
+        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+            rows = getattr(self, name)
+            if rows is not None and len(rows) != len(times):
+                raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
+
+    @property
+    def from_initial(self) -> bool:
+        """Whether it starts where the scene's joints are initially."""
+        return self.to_deg is not None and self.from_deg is None
+
+    @property
+    def per_link(self) -> dict[str, Row]:
+        """Every list of one number per link, by its key."""
+        lists = {name: getattr(self, name) for name in ("to_deg", "from_deg", *LIMITS)}
+        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+            lists |= {f"{name}[{k}]": row for k, row in enumerate(getattr(self, name) or ())}
+        return {name: row for name, row in lists.items() if row is not None}
+
+    def course(self, initial_deg: ArrayLike, links: Sequence[int] | None = None) -> Course:
+        """The desired angles in time [rad].
+
+        Parameters
+        ----------
+        initial_deg
+            Where the joints are initially, one angle per link [deg].
+        links
+            Numbers from 0 of the links whose angles are wanted, and which others wait for; None: all.
+
+        Returns
+        -------
+        Course
+            One angle per link asked for; called with times, it gives angles, rates and accelerations.
+
+        Raises
+        ------
+        SceneError
+            Lists are not of one number per link, or an angle changes faster than float64 can hold.
+        DataFileError
+            The shaper's own file is not valid.
+        """
+        initial = np.asarray(initial_deg, dtype=np.float64)
+        for name, row in self.per_link.items():
+            if len(row) != len(initial):
+                raise SceneError(f"{name} = {short(row)}: expected one number per link, {len(initial)}")
+        chosen = list(range(len(initial)) if links is None else links)
+        try:
+            with np.errstate(all="ignore"):
+                course = self._move(initial, chosen) if self.times is None else self._table(self.times, chosen)
+        except ArgumentError as error:
+            raise SceneError(str(error)) from None
+        if self.shaper is None:
+            return course
+        try:
+            return course.shaped(*self.shaper.impulses)
+        except (ArgumentError, DataFileError) as error:
+            kind = DataFileError if isinstance(error, DataFileError) else SceneError
+            raise kind(f"shaper.{error}") from None
+
+    def _move(self, initial: Array, links: list[int]) -> Course:
+        start, to = initial if self.from_deg is None else np.array(self.from_deg), np.array(self.to_deg)
+        shapes = {k: self._shape(k, abs(to[k] - start[k])) for k in links if to[k] != start[k]}
+        lasts = self.duration or max((shape.duration for shape in shapes.values()), default=0.0)
+        courses = []
+        for k, a, b in zip(links, np.radians(start[links]), np.radians(to[links]), strict=True):
+            if k not in shapes:
+                courses.append(still([a]))
+                continue
+            knots, c = shapes[k].lasting(lasts).pieces
+            knots, c = knots + self.start, (b - a) * c
+            c[:, 0] += a
+            there = apart(knots)
+            if not there[:-1].any():
+                raise SceneError(f"start = {self.start!r}: a move of {lasts:.3g} s is shorter than float64 tells")
+            courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
+        return side_by_side(courses)
+
+    def _shape(self, link: int, distance: float) -> profiles.Shape:
+        if self.duration is not None:
+            return profiles.PLAIN[self.profile]
+        limits = [getattr(self, name) for name in LIMITS]
+        own = profiles.Limits(*(math.inf if given is None else given[link] for given in limits))
+        return profiles.FASTEST[self.profile](distance, own)
+
+    def _table(self, times: Row, links: list[int]) -> Course:
+        t = np.array(times)
+        known = [np.radians(rows)[:, links] for rows in (self.angle_deg, self.rate_deg, self.acceleration_deg) if rows]
+        angles = known[0]
+        if len(t) == 1:
+            return still(angles[0])
+        if self.profile == "hold":
+            return Course(t * (1 - ON_TIME), angles[:, None])
+        if self.profile == "linear":
+            return from_rest_to_rest(
+                t, np.stack([angles[:-1], np.diff(angles, axis=0) / np.diff(t)[:, None]], 1), angles[-1]
+            )
+        return from_rest_to_rest(t, _smooth(t, known), angles[-1])
+
+
+def refuse_beyond(course: Course, joints: Sequence[tuple[str, tuple[float, float] | None]]) -> None:
+    """Refuse a course that leaves the limits [deg] of the links of these names, at any extreme of any piece.
+
+    Raises
+    ------
+    SceneError
+        The message names the link, the angle reached and the limits.
+    """
+    for (name, limits), *extremes in zip(joints, *np.degrees(course.extremes()), strict=True):
+        low, high = limits or (-math.inf, math.inf)
+        for angle in extremes:
+            if max(low - angle, angle - high) > ROUNDING * np.abs(extremes).max():
+                said = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {angle:.9g} deg: {said}")
+
+
+def _smooth(t: Array, known: list[Array]) -> Array:
+    """A cubic spline through angles, or Hermite polynomials where rates, and accelerations, are known (m, ·, d)."""
+    from scipy.interpolate import BPoly, CubicSpline, PPoly  # noqa: PLC0415  0.1 s that few scenes need
+
+    if len(known) == 1:
+        pieces = CubicSpline(t, known[0], bc_type="clamped")
+    else:
+        pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(t, np.stack(known, 1)))
+    return np.asarray(pieces.c[::-1].transpose(1, 0, 2))

@@ -1,0 +1,145 @@
+"""Input shapers as data: impulses whose sum of delayed responses leaves no vibration of given frequencies.
+
+Through impulses a_i at times t_i a vibration exp(λt) is left with |Σ a_i exp(−λ t_i)| times what one impulse leaves.
+For λ = −σ ± iω_d let T = π/ω_d be half a period, K = exp(−σT) what is left of an amplitude after it. Then
+
+    t_i = h_i T,   a_i = w_i K^h_i / Σ_k w_k K^h_k:   Σ a_i exp(−λ t_i) = Σ w_i exp(∓iπ h_i) / Σ_k w_k K^h_k
+
+and the numbers h_i, w_i make a shaper for any frequency and damping. Of several vibrations the shapers are convolved.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Annotated
+
+import msgspec
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe import catalogue
+from flexlink.describe.spec import NonNegative, Positive, Spec, short
+
+Array = NDArray[np.float64]
+Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
+
+MOST_IMPULSES = 1024
+"""Six vibrations by ZVD are 729; the move is then longer by six periods."""
+
+
+class ShaperRule(Spec, frozen=True):
+    """A shaper of one vibration: impulses after `half_periods` h of it, weights w K^h before they are made to sum to 1.
+
+    `zeros`: how often Σ w_i exp(iπ h_i) and its derivatives to the frequency vanish, 0 if it leaves something.
+    """
+
+    about: str
+    source: str
+    zeros: Annotated[int, msgspec.Meta(ge=0)]
+    half_periods: Annotated[tuple[NonNegative, ...], msgspec.Meta(min_length=1)]
+    weights: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        h, w = np.array(self.half_periods), np.array(self.weights)
+        if len(w) != len(h):
+            raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}")
+        if h[0] != 0 or np.any(np.diff(h) <= 0):
+            raise SceneError(f"half_periods = {short(self.half_periods)}: must start at 0 and increase")
+        if w.sum() <= 0:
+            raise SceneError(f"weights = {short(self.weights)}: must have a sum > 0, by which they are divided")
+        for k in range(self.zeros):
+            left = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
+            if left > 1e-12 * np.sum(np.abs(w) * h**k):  # the rounding of numbers written with 13 digits or more
+                raise SceneError(f"zeros = {self.zeros}: derivative {k} of what is left is {left:.3g}, not 0")
+
+    def impulses(self, pole: complex) -> tuple[Array, Array]:
+        """Times [s] and weights, of sum 1, for a vibration exp(λt), Im λ > 0."""
+        h, w = np.array(self.half_periods), np.array(self.weights)
+        half = math.pi / pole.imag
+        a = w * np.exp(pole.real * half) ** h
+        return h * half, a / a.sum()
+
+
+class Shaper(Spec, frozen=True):
+    """An input shaper for vibrations given by `frequency_hz`, undamped, and `damping` ratios, or by `poles`.
+
+    `kind`: ZV, ZVD, …, or a path to a file of one's own. `poles` are [Re λ, Im λ] of each vibration [1/s].
+    """
+
+    kind: str
+    frequency_hz: tuple[Positive, ...] | None = None
+    damping: tuple[Ratio, ...] | None = None  # default: none
+    poles: tuple[tuple[float, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        msgspec.structs.force_setattr(self, "kind", catalogue.absolute(self.kind))
+        if (self.frequency_hz is None) == (self.poles is None):
+            raise SceneError(
+                f"frequency_hz = {short(self.frequency_hz)}, poles = {short(self.poles)}: give one of both"
+            )
+        if not (self.frequency_hz or self.poles):
+            raise SceneError("frequency_hz = (): no vibration to shape away; give one or more")
+        if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
+            raise SceneError(f"damping = {short(self.damping)}: expected one ratio per frequency_hz")
+        for k, (re, im) in enumerate(self.poles or ()):
+            if im <= 0 or re > 0:
+                raise SceneError(f"poles[{k}] = {short((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0")
+
+    @classmethod
+    def at(cls, poles: ArrayLike, kind: str = "ZVD") -> Shaper:
+        """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s]."""
+        given = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+        return cls(kind=kind, poles=tuple((λ.real, λ.imag) for λ in given.tolist()))
+
+    @property
+    def rule(self) -> ShaperRule:
+        """Its numbers.
+
+        Raises
+        ------
+        ArgumentError
+            Unknown name.
+        DataFileError
+            A file that is not a valid shaper.
+        """
+        return catalogue.load("shapers", "kind", self.kind, ShaperRule)
+
+    @property
+    def vibrations(self) -> list[complex]:
+        """Poles λ of the vibrations [1/s]: λ = ω (−ζ + i √(1 − ζ²)) where a frequency is given."""
+        if self.poles is not None:
+            return [complex(*pole) for pole in self.poles]
+        frequencies = self.frequency_hz or ()
+        ratios = self.damping or (0.0,) * len(frequencies)
+        return [
+            2 * math.pi * f * complex(-ζ, math.sqrt((1 - ζ) * (1 + ζ)))
+            for f, ζ in zip(frequencies, ratios, strict=True)
+        ]
+
+    @property
+    def impulses(self) -> tuple[Array, Array]:
+        """Times [s], increasing, and weights, of sum 1, of all impulses; errors also as in `rule`.
+
+        Raises
+        ------
+        ArgumentError
+            There are too many, or they are farther apart than float64 can hold.
+        """
+        rule, vibrations = self.rule, self.vibrations
+        if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:
+            raise ArgumentError(
+                f"kind = {short(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations are "
+                f"more than {MOST_IMPULSES} in all; shape fewer"
+            )
+        single = [list(zip(*rule.impulses(λ), strict=True)) for λ in vibrations]
+        times, weights = np.array([
+            (math.fsum(t for t, _ in one), math.prod(a for _, a in one)) for one in itertools.product(*single)
+        ]).T  # fmt: skip
+        if not np.isfinite([times, weights]).all():
+            raise ArgumentError(f"kind = {short(self.kind)}: impulses farther apart than float64 can hold")
+        order = np.argsort(times, kind="stable")
+        return times[order], weights[order]

@@ -1,0 +1,40 @@
+"""Tables in time as the piecewise polynomials that the kernels read."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import SceneError
+
+Array = NDArray[np.float64]
+
+
+def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
+    """Coefficients (m, order + 1, d) of a table (m, d): straight from time to time, or a cubic spline; constant behind.
+
+    Raises
+    ------
+    SceneError
+        The rows of the table of this name change by more than float64 can hold.
+    """
+    degree = 3 if smooth else 1
+    coefficients = np.zeros((len(times), degree + 1, rows.shape[1]))
+    coefficients[:, 0] = rows
+    with np.errstate(over="ignore", invalid="ignore"):
+        coefficients[:-1, 1] = np.diff(rows, axis=0) / np.diff(times)[:, None]
+        if smooth and np.isfinite(coefficients).all():
+            from scipy.interpolate import CubicSpline  # noqa: PLC0415  0.1 s that few scenes need
+
+            coefficients[:-1] = CubicSpline(times, rows).c[::-1].transpose(1, 0, 2)
+    if not np.isfinite(coefficients).all():
+        raise SceneError(f"{name}: change faster from one time to the next than float64 can hold")
+    return coefficients
+
+
+def held_knots(times: Array) -> Array:
+    """Knots of rows that are held, each until the next time.
+
+    They are rounded down by more than what a sample's time may be off by: a sample at a time sees what follows.
+    """
+    return times * (1 - 8 * np.finfo(float).eps)

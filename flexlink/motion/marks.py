@@ -1,0 +1,79 @@
+"""Times where a step ends, however long steps are: of the inputs' pieces, and of samples."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.methods import Method
+from flexlink.describe.situation import parts
+from flexlink.dynamics import rounding
+from flexlink.motion.landings import corners, ends_of_steps, instants
+from flexlink.motion.result import Record
+
+Array = NDArray[np.float64]
+
+OF_A_TABLE = 0.1
+"""Torque, over the largest, that may come and go between the stages of a step, as a part of tolerance over reach."""
+
+ON_THE_GRID = 1e-6
+"""Part of a fixed step within which a time is one of its ends."""
+
+SHORTEST = 1e-14
+"""Part of the duration below which a step is none."""
+
+
+class Marks:
+    """Times where the steps of a run end, beside the ends of its pieces.
+
+    A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
+    steps end there, too, so that nothing but the state goes past a sample; and at the knots of a table that is not
+    smooth, and then on their own grid again. The instants of a law in Python are ends of pieces, those of a
+    sampled drive are ends of steps.
+    """
+
+    def __init__(self, method: Method, record: Record, by_drive: bool) -> None:
+        run, (drive, motion, _, wrench) = record.run, record.inputs
+        tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
+        self.drive = drive if by_drive else None
+        self.run, self.start, self.origin = run, float(record.t[0]), record.origin
+        self.at_samples = method.explicit or not run.controlled
+        if run.controlled:
+            reach = rounding.reach(record.chain)
+            lands = [ends_of_steps(table, OF_A_TABLE * run.tolerance_within(reach) / reach) for table in tables]
+            given = np.concatenate([*lands, motion.knots])
+        else:
+            number = np.concatenate([*map(corners, tables), motion.knots]) / run.step
+            number = number[np.abs(number - np.round(number)) > ON_THE_GRID]
+            given = np.concatenate([number, np.ceil(number)]) * run.step
+        self.given: list[float] = np.unique(given).tolist()
+
+    def up_to(self, start: float, end: float) -> Array:
+        """Those after `start` and before `end`, and `end` [s]."""
+        given = self.given[bisect_right(self.given, start) : bisect_left(self.given, end)]
+        samples = self._samples(start, end) if self.at_samples else range(0)
+        asked = instants(self.drive, start, end)
+        if not given and not samples and not len(asked):
+            return np.array([end])
+        times = np.unique(np.concatenate([given, self._times(np.array(samples)), asked]))
+        shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
+        times = times[(times > start + shortest) & (times < end - shortest)]
+        return np.append(times, end)
+
+    def _samples(self, start: float, end: float) -> range:
+        """Numbers of the samples between two times."""
+        run = self.run
+        if run.controlled:
+            first, last = (parts(t - self.start, run.sample) for t in (start, end))
+            return range(math.floor(first) + 1, math.ceil(last))
+        first, last = (round(t / run.step) - self.origin for t in (start, end))
+        return range(first // run.steps_per_sample + 1, -(-last // run.steps_per_sample))
+
+    def _times(self, numbers: NDArray[np.int64]) -> Array:
+        run = self.run
+        if run.controlled:
+            return np.asarray((parts(self.start, run.sample) + numbers) * run.sample)
+        return np.asarray((self.origin + numbers * run.steps_per_sample) * run.step)

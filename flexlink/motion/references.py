@@ -1,0 +1,68 @@
+"""Where the driven joints are to be, as the arrays that the kernels read."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
+from flexlink.describe.scene import Scene
+
+Array = NDArray[np.float64]
+
+
+CLOSE = 1e-9
+"""Degrees: two numbers for one angle, rounded to decimals or to radians."""
+
+
+class ReferenceArrays(NamedTuple):
+    """r = Σ_j c_j x^j of every driven joint, x = t − the last knot; the last piece goes on for ever.
+
+    Before the first knot stands its value, with its rate and acceleration: let it lie at or before the start of the
+    run, or its piece be a constant one.
+    """
+
+    knots: Array  # (m,) [s]
+    coefficients: Array  # (m, p + 1, d) [rad / s^j]
+
+
+def reference_arrays(scene: Scene, chain: Chain) -> ReferenceArrays:
+    """The target of the scene's drive, or its reference in time, in the order of `chain.active`.
+
+    Raises
+    ------
+    SceneError
+        The run starts elsewhere than the reference takes for granted, or as in `Scene.course`.
+    DataFileError
+        The file of the reference's shaper is not valid.
+    """
+    course, links = scene.course, [chain.coordinate(int(k)).link - 1 for k in chain.active]
+    if course is None:
+        return constant(np.radians(np.array(scene.drive.target_deg)[links]))
+    _check_start(scene, chain, links)
+    return ReferenceArrays(
+        course.knots.copy(), course.coefficients.copy()
+    )  # writable: kernels take them for another type
+
+
+def _check_start(scene: Scene, chain: Chain, links: list[int]) -> None:
+    """A run from a state of one's own starts at t = 0 where a reference without `from_deg` does."""
+    initial, reference = scene.initial, scene.drive.reference
+    if initial.q is None or initial.time or reference is None or not reference.from_initial:
+        return
+    for k, link in zip(chain.active, links, strict=True):
+        starts, said = math.degrees(initial.q[k]), initial.joint_deg[link]
+        if abs(starts - said) > CLOSE:
+            raise SceneError(
+                f"drive.reference.from_deg: missing; the joint of {chain.link_names[link]!r} is at {starts:.9g} deg "
+                f"by initial.q, at {said:.9g} by initial.joint_deg"
+            )
+
+
+def constant(angles: Array) -> ReferenceArrays:
+    """The reference that stays at these angles (d,) [rad]."""
+    return ReferenceArrays(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])

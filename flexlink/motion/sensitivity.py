@@ -1,0 +1,129 @@
+"""sensitivities(scene, parameters): how a run changes with numbers of its scene, forward mode along its own steps."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import given, sequence
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.methods import method, steps_explicitly
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import jacobian
+from flexlink.kernels.sensitivity import integrate_slopes, tip_slopes
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.endings import DivergenceError
+from flexlink.motion.parameters import parametric
+from flexlink.motion.result import Record, Trajectory
+from flexlink.motion.single import simulate
+
+Array = NDArray[np.float64]
+
+CLOSE = 1e-12
+"""Of the parts of a drive's torque: a few roundings of each."""
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities:
+    """A run, and its derivatives along p numbers of the scene, each in units of the quantity per unit of the number.
+
+    Attributes
+    ----------
+    run
+        The run itself.
+    parameters
+        Paths of the numbers.
+    values
+        The numbers, shape (p,).
+    q, qd
+        ∂q/∂p and ∂q̇/∂p at the samples, shape (samples, n, p) [rad, rad/s per unit].
+    tip
+        ∂tip/∂p in frame 0, shape (samples, 3, p) [m per unit].
+    """
+
+    run: Trajectory
+    parameters: tuple[str, ...]
+    values: Array
+    q: Array
+    qd: Array
+    tip: Array
+
+    def __post_init__(self) -> None:
+        for array in (self.values, self.q, self.qd, self.tip):
+            array.flags.writeable = False
+
+    def __repr__(self) -> str:
+        return f"<Sensitivities of {self.run!r} to {', '.join(self.parameters)}>"
+
+
+def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
+    """How a run changes with numbers of its scene: exact derivatives of the numbers that its fixed steps give.
+
+    Every stage of every step is differentiated, δq̈ = ∂q̈/∂q δq + ∂q̈/∂q̇ δq̇ + M⁻¹ (δT_EX − δ(M q̈ + T_GC + T_FL + T_FR)),
+    the feedback of a PD drive and a start bent by gravity counted; no difference of runs, no step size to choose. Off
+    by rounding, which a sensitive motion multiplies, and by how well the chain's numbers are differentiated, 1e-12.
+
+    Parameters
+    ----------
+    scene
+        The scene; fixed steps of an explicit method, a drive of kind none, constant, table or pd.
+    parameters
+        Paths of numbers, as in `Scene.varied`: "material.aluminium.young", "link.upper.damping.ratio", "tip.mass",
+        "drive.kp.upper", "initial.joint_deg.upper", "link.fore.length" …; `*` for several that are equal.
+
+    Returns
+    -------
+    Sensitivities
+        The run, and ∂q/∂p, ∂q̇/∂p, ∂tip/∂p at its samples.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such number, or none that a run depends on smoothly; steps that follow from an error; a drive or
+        wrench whose derivative is not known.
+    SceneError, UnstableStepError, DivergenceError, InterruptedRunError
+        As in `simulate`; a DivergenceError, too, where a derivative leaves the finite numbers.
+    """
+    run = given("scene", scene, Scene).run
+    paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
+    if not paths:
+        raise ArgumentError("parameters = (): nothing to differentiate by; name at least one path")
+    if not steps_explicitly(run):
+        raise ArgumentError(f"run.method = {run.method!r}: sensitivities take fixed steps of an explicit method")
+    trajectory = simulate(scene)
+    chain, inputs = trajectory.chain, input_arrays(scene, trajectory.chain)
+    varied, (δq, δqd) = parametric(scene, chain, paths)
+    _check_drive(scene, trajectory, varied.drive)
+    found = np.empty((2, len(trajectory.t), chain.n, len(paths)))
+    record = Record(run, chain, inputs, trajectory.t, trajectory.q.copy(), trajectory.qd.copy())
+    state = trajectory.q[0].copy(), trajectory.qd[0].copy()
+    slopes = δq.ravel().copy(), δqd.ravel().copy()
+    fixed, every = (record.scratch, method(run.method).arrays, inputs, varied, run.step), run.steps_per_sample
+    found[0, 0], found[1, 0] = δq, δqd
+    for row in range(1, len(trajectory.t)):
+        first = record.origin + (row - 1) * every
+        if not integrate_slopes(*fixed, first, first + every, state, slopes):
+            raise DivergenceError(
+                f"{chain.name}: t = {trajectory.t[row]:.6g} s: a derivative is no longer finite",
+                trajectory,
+            )
+        found[0, row], found[1, row] = slopes[0].reshape(δq.shape), slopes[1].reshape(δq.shape)
+    tip = [
+        jacobian(chain, q).linear @ by_p + tip_slopes(varied, q)
+        for q, by_p in zip(trajectory.q.copy(), found[0], strict=True)
+    ]
+    values = np.array([float(scene.values_at(path)[0]) for path in paths])
+    return Sensitivities(trajectory, tuple(paths), values, found[0], found[1], np.array(tip))
+
+
+def _check_drive(scene: Scene, run: Trajectory, drive: Array) -> None:
+    """The run took the torques that are differentiated, u + v q + w q̇; those of a table hang on no parameter."""
+    if scene.drive.kind == "table":
+        return
+    parts = np.array([np.broadcast_to(drive[0], run.q.shape), drive[1] * run.q, drive[2] * run.qd])
+    other = np.abs(parts.sum(axis=0) - run.tau) > CLOSE * np.abs(parts).sum(axis=0)
+    other[:, run.chain.hinges["prescribed"] != 0] = False
+    if other.any():
+        raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: its torques are not what sensitivities differentiate")

@@ -1,0 +1,160 @@
+"""What is kept of each run: a column of its samples, reduced to one number, or how its tip comes to rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.equilibrium import solve_static
+from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
+from flexlink.dynamics.placement import tip_position
+from flexlink.motion.result import Trajectory
+from flexlink.motion.settling import overshoot, residual_vibration, settling_time
+
+Array = NDArray[np.float64]
+
+REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
+    "final": lambda t, x: x[-1],
+    "first": lambda t, x: x[0],
+    "min": lambda t, x: x.min(),
+    "max": lambda t, x: x.max(),
+    "largest": lambda t, x: np.abs(x).max(),
+    "range": lambda t, x: np.ptp(x),
+    "mean": lambda t, x: x.mean(),
+    "rms": lambda t, x: np.sqrt(np.mean(x * x)),
+    "time of min": lambda t, x: t[np.argmin(x)],
+    "time of max": lambda t, x: t[np.argmax(x)],
+}
+"""Of a column x, sampled at the times t."""
+
+DEFLECTION = "deflection [m]"
+"""How far the tip is from where it would be if no hinge and no gear were bent, at the same angles of the joints."""
+
+
+class Quantity(Spec, frozen=True):
+    """One number of every run, with its unit in the name of what it is `of`.
+
+    A column of the samples (`Trajectory.columns`, such as "tip x [m]" or "q upper [rad]", or "deflection [m]") takes
+    `take`, by default "final"; "largest" is the largest absolute value, "range" the way from least to most. Samples
+    count from the time `after` [s] on. "steps" and "evaluations" are counts of the run. "settling time [s]" takes a
+    `tolerance` [m]; it and "overshoot [m]" take a `target`: a point of frame 0, "final", where the tip is at the end,
+    or "rest", where gravity and tip wrench hold it with the joints at their final angles.
+    """
+
+    of: str
+    take: Literal[
+        "final", "first", "min", "max", "largest", "range", "mean", "rms", "time of min", "time of max"
+    ] | None = None  # fmt: skip
+    after: NonNegative = 0.0
+    target: Vector3 | Literal["rest", "final"] | None = None
+    tolerance: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        known = TAKES.get(self.of, {"take", "after"})
+        for name, value in (("take", self.take), ("after", self.after or None),
+                            ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
+            if value is not None and name not in known:
+                allowed = ", ".join(sorted(known)) or "nothing else"
+                raise SceneError(f"{name} = {short(value)}: {self.of!r} takes {allowed}")
+        if "tolerance" in known and self.tolerance is None:
+            raise SceneError(f"tolerance: missing; {self.of!r} takes one [m]")
+
+    def measure(self, run: Trajectory) -> float:
+        """The number of a run.
+
+        Raises
+        ------
+        FlexlinkError
+            The run has no such column, no sample from `after` on, or its tip no place of rest.
+        """
+        if self.of in MEASURES:
+            return float(MEASURES[self.of](self, run))
+        column = column_of(run, self.of)
+        kept = run.t >= self.after
+        if not kept.any():
+            raise ArgumentError(f"after = {self.after:g}: the run ends at {run.t[-1]:g} s")
+        with np.errstate(all="ignore"):
+            return float(REDUCTIONS[self.take or "final"](run.t[kept], column[kept]))
+
+    def place(self, run: Trajectory) -> Array:
+        """Where the tip is to come to rest, shape (3,) [m]."""
+        if self.target == "final":
+            return np.asarray(run.tip[-1])
+        if isinstance(self.target, tuple):
+            return np.array(self.target)
+        chain = run.chain
+        rest = solve_static(chain, run.q[-1], tip_wrench=run.tip_wrench[-1], locked=chain.active.tolist())
+        return tip_position(chain, rest.q)
+
+
+def column_of(run: Trajectory, name: str) -> Array:
+    """A sampled quantity by its name, shape (samples,).
+
+    Raises
+    ------
+    ArgumentError
+        There is none of this name; the message says which is likely meant.
+    """
+    if name == DEFLECTION:
+        return _deflection(run)
+    columns = run.columns
+    if name not in columns:
+        known = [*columns, DEFLECTION, *MEASURES]
+        raise ArgumentError(
+            f"of = {short(name)}: no such quantity; allowed are {short_list(known)}{meant(name, known)}"
+        )
+    return columns[name]
+
+
+def _deflection(run: Trajectory) -> Array:
+    straight = np.zeros_like(run.q)
+    straight[:, run.chain.active] = run.q[:, run.chain.active]
+    return np.asarray(np.linalg.norm(run.tip - tip_position(run.chain, straight), axis=1))
+
+
+def _count(name: str) -> Callable[[Quantity, Trajectory], float]:
+    def count(_: Quantity, run: Trajectory) -> float:
+        if run.steps is None:
+            raise ArgumentError(f"of = {name!r}: known of flexlink's own runs only")
+        return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
+
+    return count
+
+
+MEASURES: Mapping[str, Callable[[Quantity, Trajectory], float]] = {
+    "steps": _count("steps"),
+    "evaluations": _count("evaluations"),
+    "settling time [s]": lambda quantity, run: settling_time(
+        run, target=quantity.place(run), tolerance=quantity.tolerance or 0.0, after=quantity.after
+    ),
+    "overshoot [m]": lambda quantity, run: overshoot(run, target=quantity.place(run)),
+    "residual vibration [m]": lambda quantity, run: residual_vibration(run, after=quantity.after),
+}
+"""What is no column."""
+
+TAKES: Mapping[str, set[str]] = {
+    "steps": set(),
+    "evaluations": set(),
+    "settling time [s]": {"target", "tolerance", "after"},
+    "overshoot [m]": {"target"},
+    "residual vibration [m]": {"after"},
+}
+"""The keys that they take."""
+
+
+def measured(quantities: Mapping[str, Quantity], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
+    """The numbers of a run, None where there is none, and why there is none."""
+    values: list[float | None] = []
+    reasons = []
+    for name, quantity in quantities.items():
+        try:
+            values.append(quantity.measure(run))
+        except FlexlinkError as error:
+            values.append(None)
+            reasons.append(f"{name}: {error}")
+    return tuple(values), "; ".join(reasons)

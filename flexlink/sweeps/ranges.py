@@ -1,0 +1,216 @@
+"""Values that a sweep goes through: lists, ranges and random samples, as plain data.
+
+A grid takes every combination of its axes, keys that go together count as one axis, and a sample draws points of the
+unit cube, one coordinate a key, which its spreads map to values.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Annotated, Any, Literal, cast
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import SceneError
+from flexlink.describe.spec import Positive, Spec, decode, short
+
+Array = NDArray[np.float64]
+Spacing = Literal["linear", "log"]
+Whole = Annotated[int, msgspec.Meta(ge=0)]
+
+MOST = 10_000_000
+"""Members of a sweep: at a hundredth of a second each a day, and a sample of them fits into memory."""
+
+
+class Range(Spec, frozen=True):
+    """Numbers between two ends, both counted in: `count` of them, or one every `step` from the first on.
+
+    spacing = "log" makes neighbours differ by a factor. `whole` rounds to whole numbers, which `segments` asks for.
+    """
+
+    between: tuple[float, float]
+    count: Annotated[int, msgspec.Meta(ge=1, le=MOST)] | None = None
+    step: Positive | None = None
+    spacing: Spacing = "linear"
+    whole: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_ends(self.between, self.spacing)
+        if (self.count is None) == (self.step is None):
+            raise SceneError("count: a range takes count, how many numbers, or step, how far apart; one of both")
+        if self.step is not None and self.spacing == "log":
+            raise SceneError(f"step = {self.step!r}: with spacing = 'log' give count")
+        if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MOST:
+            raise SceneError(f"step = {self.step!r}: more than {MOST} numbers between {list(self.between)}")
+
+    @property
+    def values(self) -> list[float | int]:
+        """The numbers, in order."""
+        low, high = self.between
+        if self.step is not None:
+            count = math.floor((high - low) / self.step * (1 + 1e-12)) + 1  # 0.3/0.1 is 2.9999999999999996
+            numbers: NDArray[np.floating] = low + self.step * np.arange(count)
+        elif self.spacing == "log":
+            numbers = np.geomspace(low, high, cast("int", self.count))
+        else:
+            numbers = np.linspace(low, high, cast("int", self.count))
+        return [round(number) for number in numbers.tolist()] if self.whole else numbers.tolist()
+
+
+class Spread(Spec, frozen=True):
+    """Where a sampled key lies: anywhere `between` two ends (by its logarithm if spacing = "log"), or normal.
+
+    `whole` draws whole numbers, both ends counted in. A normal distribution has a `mean` and a `deviation`.
+    """
+
+    between: tuple[float, float] | None = None
+    spacing: Spacing = "linear"
+    whole: bool = False
+    mean: float | None = None
+    deviation: Positive | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        normal = self.mean is not None and self.deviation is not None
+        if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
+            raise SceneError("between: a spread takes between = [least, most], or mean and deviation; one of both")
+        if normal and (self.whole or self.spacing == "log"):
+            raise SceneError("mean: a normal distribution is neither whole nor spaced by its logarithm")
+        if self.whole and self.spacing == "log":
+            raise SceneError("whole = True: with spacing = 'log' there are no equally likely whole numbers")
+        if self.between is not None:
+            _check_ends(self.between, self.spacing)
+
+    def value(self, u: float) -> float | int:
+        """The number at a part u of all, 0 ≤ u < 1: the inverse of the distribution."""
+        if self.between is None:
+            from scipy.special import ndtri  # noqa: PLC0415  only for normal distributions
+
+            return float(cast("float", self.mean) + cast("float", self.deviation) * ndtri(max(u, 2.0**-54)))
+        low, high = self.between
+        if self.whole:
+            return math.floor(low + u * (high - low + 1))
+        return low * (high / low) ** u if self.spacing == "log" else low + u * (high - low)
+
+
+class Sample(Spec, frozen=True):
+    """Points drawn at random: `count` of them, every key of `keys` with a list, of which one is drawn, or a spread.
+
+    method = "latin": Latin hypercube, each key's values spread evenly by themselves. "sobol", "halton": low-discrepancy
+    sequences, scrambled. "random": independent. The same `seed` gives the same points.
+    """
+
+    keys: dict[str, Any]
+    count: Annotated[int, msgspec.Meta(ge=1, le=MOST)]
+    method: Literal["latin", "random", "sobol", "halton"] = "latin"
+    seed: Whole = 0
+
+
+@functools.lru_cache(maxsize=2)
+def points(method: str, dimensions: int, count: int, seed: int) -> Array:
+    """Points of the unit cube, shape (count, dimensions)."""
+    return POINTS[method](dimensions, count, seed)
+
+
+def _latin(dimensions: int, count: int, seed: int) -> Array:
+    from scipy.stats import qmc  # noqa: PLC0415  0.5 s that only sweeps with samples need
+
+    return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
+
+
+def _sobol(dimensions: int, count: int, seed: int) -> Array:
+    """Drawn as the power of two that holds them, which keeps the balance of all but the last."""
+    from scipy.stats import qmc  # noqa: PLC0415
+
+    exponent = math.ceil(math.log2(count))
+    return np.asarray(qmc.Sobol(dimensions, rng=np.random.default_rng(seed)).random_base2(exponent)[:count])
+
+
+def _halton(dimensions: int, count: int, seed: int) -> Array:
+    from scipy.stats import qmc  # noqa: PLC0415
+
+    return np.asarray(qmc.Halton(dimensions, rng=np.random.default_rng(seed)).random(count))
+
+
+def _random(dimensions: int, count: int, seed: int) -> Array:
+    return np.random.default_rng(seed).random((count, dimensions))
+
+
+POINTS: Mapping[str, Callable[[int, int, int], Array]] = {
+    "latin": _latin, "random": _random, "sobol": _sobol, "halton": _halton,
+}  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Axis:
+    """Keys that vary together: for each of `count` numbers, a value of every key."""
+
+    keys: tuple[str, ...]
+    count: int
+    at: Callable[[int], Sequence[Any]]
+
+
+def grid_axis(key: str, said: Any) -> Axis:
+    """The axis of one key of a grid: a list of its values, or a range.
+
+    Raises
+    ------
+    SceneError
+        It is neither, or empty.
+    """
+    values = _listed(f"grid.{key}", said)
+    return Axis((key,), len(values), lambda k: (values[k],))
+
+
+def together_axis(said: Mapping[str, Any]) -> Axis:
+    """The axis of keys that go together, number by number; errors as above, and where they are not equally many."""
+    lists = {key: _listed(f"together.{key}", value) for key, value in said.items()}
+    counts = {key: len(values) for key, values in lists.items()}
+    if len(set(counts.values())) > 1:
+        raise SceneError(f"together: keys go together number by number, but there are {short(counts)} values")
+    columns = list(lists.values())
+    return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
+
+
+def sample_axis(sample: Sample) -> Axis:
+    """The axis of a sample; errors as above."""
+    if not sample.keys:
+        raise SceneError("sample.keys: empty; name at least one key and its spread")
+    spreads = [_spread(f"sample.keys.{key}", said) for key, said in sample.keys.items()]
+
+    def at(k: int) -> tuple[Any, ...]:
+        place = points(sample.method, len(spreads), sample.count, sample.seed)[k].tolist()
+        return tuple(value(u) for value, u in zip(spreads, place, strict=True))
+
+    return Axis(tuple(sample.keys), sample.count, at)
+
+
+def _listed(path: str, said: Any) -> list[Any]:
+    if isinstance(said, dict):
+        return cast("list[Any]", decode(said, Range, path).values)
+    if not isinstance(said, list | tuple):
+        raise SceneError(f"{path} = {short(said)}: expected a list of values, or {{ between = [a, b], count = n }}")
+    if not said:
+        raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key")
+    return list(said)
+
+
+def _spread(path: str, said: Any) -> Callable[[float], Any]:
+    if isinstance(said, dict):
+        return decode(said, Spread, path).value
+    values = _listed(path, said)
+    return lambda u: values[int(u * len(values))]
+
+
+def _check_ends(between: tuple[float, float], spacing: Spacing) -> None:
+    low, high = between
+    if not low <= high:
+        raise SceneError(f"between = {list(between)}: the range is empty; the first end must not be larger")
+    if spacing == "log" and low <= 0:
+        raise SceneError(f"between = {list(between)}: with spacing = 'log' both ends must be > 0")

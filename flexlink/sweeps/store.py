@@ -1,0 +1,195 @@
+"""A sweep's rows in SQLite: on disk as soon as a task is done, each member once, never those of two sweeps.
+
+    about(name, value)                             the sweep's identity, as JSON
+    rows(number, status, reason, warnings, …)      one a member; then what varies, by key, and the quantities
+
+The journal is written ahead (WAL): what is committed outlives a kill at any moment, and others may read meanwhile. Who
+writes holds SQLite's lock on writing all the time, but for the moment of a commit, so that a second writer is told.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from flexlink.common.errors import ArgumentError, OutputError
+from flexlink.sweeps.identity import Identity, differences
+from flexlink.sweeps.members import FAILED, Row
+from flexlink.sweeps.plan import RESERVED, Plan
+
+OURS = 0x666C7877
+"""SQLite's application_id of our databases, "flxw": others are left alone."""
+
+WAIT = 1.0
+"""How long another's commit is waited for [s]; it takes milliseconds."""
+
+
+class Store:
+    """The database of a sweep, open for writing; `path` None keeps it in memory.
+
+    Raises
+    ------
+    OutputError
+        It cannot be written, holds something else or is damaged, or another process writes to it.
+    ArgumentError
+        It holds the rows of another sweep.
+    """
+
+    def __init__(self, path: Path | None, plan: Plan, identity: Identity, *, fresh: bool = False) -> None:
+        self.path, self.plan = path, plan
+        if fresh and path is not None and path.exists():
+            self._remove(path)
+        with self._told():
+            self._db = sqlite3.connect(path or ":memory:", timeout=WAIT, isolation_level=None)
+        try:
+            with self._told():
+                self._open(json.dumps(identity, ensure_ascii=False))
+        except BaseException:
+            self._db.close()
+            raise
+
+    def _open(self, identity: str) -> None:
+        run = self._db.execute
+        if not _is_ours(self._db):
+            names = (*RESERVED, *self.plan.sweep.keys, *self.plan.sweep.quantity)
+            kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
+            columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in zip(names, kinds, strict=True))
+            run("BEGIN EXCLUSIVE")  # all of it or nothing, and before WAL, so that the file itself says whose it is
+            run(f"PRAGMA application_id = {OURS}")
+            run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
+            run(f"CREATE TABLE rows ({columns})")
+            run("INSERT INTO about VALUES ('identity', ?)", (identity,))
+            run("COMMIT")
+        run("PRAGMA journal_mode = WAL")
+        run("PRAGMA synchronous = NORMAL")  # if the machine itself crashes, the last rows may be computed again
+        run("BEGIN IMMEDIATE")
+        if run("PRAGMA quick_check(1)").fetchone()[0] != "ok":
+            raise sqlite3.DatabaseError("database disk image is malformed")
+        there = run("SELECT value FROM about WHERE name = 'identity'").fetchone()[0]
+        changed = differences(json.loads(there), json.loads(identity))
+        if changed:
+            raise ArgumentError(
+                f"{self.path}: holds rows of another sweep: {changed}; name another file, or begin anew (--fresh)"
+            )
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the lock back; every row that was added stays."""
+        with contextlib.suppress(sqlite3.Error):
+            self._db.rollback()
+            self._db.close()
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Add the rows of members that have none; they are kept when this returns.
+
+        Raises
+        ------
+        OutputError
+            They cannot be written; those before are kept.
+        """
+        lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
+        if lines:
+            marks = ", ".join("?" * len(lines[0]))
+            with self._told():
+                self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
+                self._commit()
+
+    def missing(self) -> Iterator[int]:
+        """Numbers of the members that have no row, in order."""
+        have = iter([number for (number,) in self._db.execute("SELECT number FROM rows ORDER BY number")])
+        following = next(have, None)
+        for number in range(self.plan.members):
+            if number == following:
+                following = next(have, None)
+            else:
+                yield number
+
+    def count(self, status: str | None = None) -> int:
+        """How many rows there are, of a status or of all."""
+        where, values = ("", ()) if status is None else (" WHERE status = ?", (status,))
+        return int(self._db.execute(f"SELECT count(*) FROM rows{where}", values).fetchone()[0])
+
+    def failures(self) -> tuple[int, str]:
+        """How many members failed, and the reason of the first."""
+        count = self.count(FAILED)
+        first = "SELECT number, reason FROM rows WHERE status = ? ORDER BY number LIMIT 1"
+        return count, "member {}: {}".format(*self._db.execute(first, (FAILED,)).fetchone()) if count else ""
+
+    def table(self) -> tuple[list[str], Iterator[tuple[Any, ...]]]:
+        """Names of the columns, and the rows in the order of their numbers."""
+        found = self._db.execute("SELECT * FROM rows ORDER BY number")
+        return [column[0] for column in found.description], iter(found)
+
+    def _commit(self) -> None:
+        """Keep what was added, and take the lock again before another can."""
+        self._db.execute("COMMIT")
+        self._db.execute("BEGIN IMMEDIATE")
+
+    def _remove(self, path: Path) -> None:
+        """Begin anew; not while another writes, and not where another program's data are."""
+        with self._told(), contextlib.closing(sqlite3.connect(path, timeout=WAIT)) as db:
+            _is_ours(db)
+            db.execute("BEGIN IMMEDIATE")
+        with self._told():
+            for end in ("", "-wal", "-shm"):
+                path.with_name(path.name + end).unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        """What SQLite says, as an error of the project, in one line."""
+        try:
+            yield
+        except (sqlite3.Error, OSError) as error:
+            text = str(error)
+            if "locked" in text or isinstance(error, sqlite3.IntegrityError):
+                why = "another process is writing to it; let it end, or name another file"
+            elif "malformed" in text:
+                why = f"is damaged ({text}); name another file, or begin anew (--fresh)"
+            elif isinstance(error, ForeignError) or "not a database" in text:
+                why = f"holds no sweep ({text}), and is left as it is; name another file"
+            else:
+                why = f"cannot be written: {text}; rows that are in it stay, and the same command goes on from there"
+            raise OutputError(f"{self.path}: {why}") from None
+
+
+class ForeignError(sqlite3.DatabaseError):
+    """Another program's database."""
+
+
+def _is_ours(db: sqlite3.Connection) -> bool:
+    """Whether it has a sweep; False of a new one.
+
+    Raises
+    ------
+    ForeignError
+        It has something else.
+    """
+    ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == OURS)
+    if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+        raise ForeignError("another program's database")
+    return ours
+
+
+def _quoted(name: str) -> str:
+    """A name in SQL."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _kept(value: Any) -> float | int | str | None:
+    """A value that varies, as a number or a text; lists and tables as JSON."""
+    if isinstance(value, float | str) or value is None:
+        return value
+    if type(value) is int and abs(value) < 2**63:
+        return value
+    return msgspec.json.encode(value).decode()

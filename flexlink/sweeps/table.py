@@ -1,0 +1,101 @@
+"""Rows of a sweep as they are handed on: to Python, to pandas, to files."""
+
+from __future__ import annotations
+
+import csv
+import importlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from flexlink.common.errors import MissingDependencyError
+from flexlink.common.output import write_whole
+from flexlink.sweeps.plan import RESERVED
+
+FORMATS = ("csv", "parquet")
+"""Files that rows are exported to."""
+
+
+class SweepRows(NamedTuple):
+    """The rows of a sweep, in the order of their numbers.
+
+    Attributes
+    ----------
+    columns
+        number, status ("done" or "failed"), reason, warnings, then what varies, by key, and the quantities.
+    rows
+        One tuple a member; a number that there is not is None.
+    """
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
+
+    def __repr__(self) -> str:
+        return f"<SweepRows: {len(self.rows)} rows of {', '.join(self.columns)}>"
+
+    def column(self, name: str) -> list[Any]:
+        """One column, by its name."""
+        k = self.columns.index(name)
+        return [row[k] for row in self.rows]
+
+    @property
+    def failed(self) -> dict[int, str]:
+        """Why members have no, or not all, numbers, by their number."""
+        return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
+
+    def to_pandas(self) -> Any:
+        """All rows as a pandas.DataFrame, whose index is the number.
+
+        Raises
+        ------
+        MissingDependencyError
+            pandas is not installed.
+        """
+        return frame(self.columns, self.rows)
+
+
+def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
+    """A DataFrame; texts and numbers each in columns of their own kind."""
+    pandas = _package("pandas", "pandas")
+    return pandas.DataFrame(list(rows), columns=list(columns)).set_index(RESERVED[0])
+
+
+def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write rows to a file, whole or not at all, in the format that its name ends in.
+
+    Raises
+    ------
+    MissingDependencyError
+        Parquet needs pandas and pyarrow.
+    OutputError
+        It cannot be written.
+    """
+    if path.suffix == ".csv":
+        write_whole(path, lambda place: _write_csv(place, columns, rows))
+        return
+    require_parquet()
+    table = frame(columns, rows)
+    write_whole(path, lambda place: table.to_parquet(place, engine="pyarrow"))
+
+
+def require_parquet() -> None:
+    """Know before the work that Parquet files can be written; errors as above."""
+    for name in ("pandas", "pyarrow"):
+        _package(name, "pandas pyarrow")
+
+
+def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Numbers as Python writes them, which read back exactly; None as nothing."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+
+
+def _package(name: str, needed: str) -> Any:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingDependencyError(
+            f"this table needs {name}; install it with: python -m pip install {needed}"
+        ) from None

@@ -1,0 +1,118 @@
+"""The map of extremes: which cells there are, what each is, and that each can be looked at once more."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+import flexlink as fl
+from flexlink.describe.spec import decode
+from validation import cell
+from validation.benchmarks.cells import Map
+from validation.case import CASES, Measured, load_case
+from validation.kinds import digits, extremes, long_runs, stable_steps
+from validation.runner import kind_of
+
+MAP = {
+    "scene": {"arm": {"about": "-", "base": "extreme_arm"}},
+    "axis": {
+        "young": {"paths": {"material.stuff.young": 1.0}, "unit": "times", "values": [1e-9, 1.0, 2.0, 1e9]},
+        "segments": {"paths": {"link.*.segments": 1}, "values": [2.0, 3.0, 7.0], "few": [2.0, 7.0]},
+        "links": {"unit": "links", "values": [3.0]},
+        "rates": {"paths": {"state.rate": 2.0}, "values": [1e5]},
+    },
+}
+
+
+def map_of(*plans: dict[str, object]) -> Map:
+    return decode(MAP | {"plan": list(plans)}, Map)
+
+
+def test_two_at_a_time_every_pair_of_axes_takes_a_few_values_each() -> None:
+    axes = ["young", "segments", "links"]
+    found = [c.values for c in map_of({"scenes": ["arm"], "axes": axes, "together": 2}).cells()]
+    assert len(found) == 3 * 2 + 3 * 1 + 2 * 1
+    assert {"young": 1e-9, "segments": 7.0} in found
+    assert not any(values.get("young") == 1.0 for values in found)
+
+
+def test_one_at_a_time_and_all_at_once_axes_take_all_their_values() -> None:
+    one, both = ({"scenes": ["arm"], "axes": ["young", "segments"], "together": k} for k in (1, 0))
+    assert len(list(map_of(one).cells())) == 4 + 3
+    assert len(list(map_of(both).cells())) == 4 * 3
+
+
+def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_speak_of_the_state() -> None:
+    whole = map_of({"scenes": ["arm"], "axes": ["young", "segments", "links", "rates"]})
+    scene, state = whole.situation(next(iter(whole.cells())))
+    assert scene.arm.materials["stuff"].young == 70e9 * 1e-9
+    assert [(link.name, link.segments) for link in scene.arm.links] == [
+        ("upper", 2), ("fore1", 2), ("fore2", 2), ("fore3", 2),
+    ]  # fmt: skip
+    assert state == {"rate": 2e5}
+
+
+def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None:
+    eps = np.finfo(float).eps
+    errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
+    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
+    errors["native", "M"], errors["pinocchio", "M"] = 4e-12, 2e-12
+    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
+
+
+def test_gimbal_lock_is_asked_for_by_how_far_it_is_away() -> None:
+    chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
+    (state,) = digits.States(gimbal=1e-3, samples=1).draw(chain)
+    groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
+    assert len(groups)
+    assert (state.q[groups["first"] + 1] == np.pi / 2 - 1e-3).all()
+
+
+def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
+    pytest.importorskip("pinocchio")
+    monkeypatch.setattr(sys, "argv", ["cell", "extremes_digits", "3"])
+    assert cell.main() == 0
+    told = capsys.readouterr().out
+    assert "cond(M) = 2.7e+06" in told
+    errors = {tuple(line.split()[:2]): float(line.split()[-5]) for line in told.splitlines()[1:] if "error" in line}
+    assert errors["native", "q̈"] < errors["pinocchio", "q̈"] < errors["mujoco", "q̈"] < 1e-9
+
+
+def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(sys, "argv", ["cell", "pointwise", "3"])
+    assert cell.main() == 2
+    assert capsys.readouterr().err.startswith("validation: case = 'pointwise'")
+
+
+def test_every_way_to_run_a_cell_names_a_step_or_a_tolerance() -> None:
+    case = load_case(CASES / "extremes_short.toml")
+    _, settings = kind_of(case)
+    runs = list(settings.runs())
+    assert {how.key for _, how in runs} == {"relative_tolerance", "step"}
+    scene, _ = settings.situation(runs[0][0])
+    limit = fl.stable_step(fl.lump(scene), *fl.initial_state(scene, fl.lump(scene)))
+    part = extremes.HowTo("native", "RK4", "of_limit", 0.5, 40).scene(scene)
+    assert part.run.step == pytest.approx(0.5 * limit)
+    assert (part.run.duration, part.run.samples) == (pytest.approx(40 * part.run.step), 21)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["RK2", "RK4", "DOP853"])
+def test_the_stable_step_of_an_arm_with_friction_is_seen_where_it_is_predicted(models, method: str) -> None:
+    rest = stable_steps.at_rest(fl.load_scene(models / "t3_spatial.toml"))
+    predicted = fl.stable_step(fl.lump(rest.scene), rest.q, tip_wrench=rest.scene.tip_wrench, method=method)
+    assert stable_steps.observed(rest, method, predicted) == pytest.approx(1.0, abs=0.01)
+    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SIDES[0]
+
+
+@pytest.mark.slow
+def test_long_runs_are_told_against_their_first_hundredth() -> None:
+    case = load_case(CASES / "long_runs.toml")
+    few = long_runs.Settings(number=20_000, steps={"RK4": 1e-4, "Gauss4": 1e-4})
+    found = {(m.quantity, m.varied["method"]): m.value for m in long_runs.run(case, few) if isinstance(m, Measured)}
+    for method in few.steps:
+        assert found["time", method] <= 1e-6
+        assert 0 < found["momentum drift / expected", method] <= 1.5
+        assert found["momentum drift", method] < 1e-6

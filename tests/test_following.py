@@ -1,0 +1,132 @@
+"""A drive follows its reference in a run: against exact solutions, in every engine, continued, at a tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from scipy.linalg import expm
+
+import flexlink as fl
+from flexlink.engines import load
+from flexlink.motion.holding import holding_torque
+from flexlink.motion.references import reference_arrays
+
+INERTIA, KP, KD = 4.0, 40.0, 6.0
+ZVD = fl.Shaper(kind="ZVD", frequency_hz=(2.0,), damping=(0.05,))
+REFERENCES = {
+    "quintic": fl.Reference(profile="quintic", to_deg=(50.0,), start=0.1, duration=0.6),
+    "trapezoidal": fl.Reference(profile="trapezoidal", to_deg=(50.0,), duration=0.6),
+    "s_curve": fl.Reference(profile="s_curve", to_deg=(50.0,), duration=0.9),
+    "linear": fl.Reference(profile="linear", times=(0.1, 0.4, 0.8), angle_deg=((0.0,), (40.0,), (20.0,))),
+    "smooth": fl.Reference(profile="smooth", times=(0.1, 0.4, 0.8), angle_deg=((0.0,), (40.0,), (20.0,))),
+    "hold": fl.Reference(profile="hold", times=(0.1, 0.4, 0.8), angle_deg=((0.0,), (40.0,), (20.0,))),
+    "shaped": fl.Reference(profile="quintic", to_deg=(50.0,), duration=0.3, shaper=ZVD),
+}
+
+
+def wheel(reference: fl.Reference, **run: object) -> fl.Scene:
+    """I q̈ = kp (r − q) + kd (ṙ − q̇)."""
+    drive = fl.Drive(kind="pd", kp=(KP,), kd=(KD,), reference=reference)
+    tip = fl.Payload(mass=1.0, inertia=(2.0, 2.0, INERTIA - 1.0))
+    return make_scene(fl.Link(name="a", length=1.0), tip=tip, gravity=(0, 0, 0), drive=drive, run=fl.Run(**run))
+
+
+def exact(course: fl.Course, times: np.ndarray) -> np.ndarray:
+    """Angles at these times by matrix exponentials of (q, q̇, x⁰, x¹, …), piece by piece."""
+    order = course.coefficients.shape[1]
+    ends, states, y = np.union1d(course.knots, times), {}, np.zeros(2)
+    ends = ends[ends >= 0.0]
+    c = course.restated(ends)[:, :, 0]
+    for t, later, piece in zip(ends, [*ends[1:], ends[-1]], c, strict=True):
+        states[t] = y[0]
+        A = np.zeros((2 + order, 2 + order))
+        A[0, 1], A[1, :2] = 1.0, (-KP / INERTIA, -KD / INERTIA)
+        A[range(3, 2 + order), range(2, 1 + order)] = np.arange(1, order)
+        A[1, 2:] = (KP * piece + KD * np.append(piece[1:] * np.arange(1, order), 0.0)) / INERTIA
+        y = (expm(A * (later - t)) @ np.concatenate([y, np.eye(order)[0]]))[:2]
+    return np.array([states[t] for t in times])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", REFERENCES)
+def test_a_wheel_follows_as_the_exact_solution_says(profile: str) -> None:
+    """Knots at ends of steps cost no accuracy: what is left is RK4's own error, some (ωh)⁴/120 = 1e-12 a step.
+
+    At others the step goes on by the piece of its middle, for h/2 at most: a jump j of the jerk is then worth an
+    impulse of kd j h³/48, and turns the wheel by no more than that by I ω. All jumps of a shaped move are those of the
+    move at its start and its end together.
+    """
+    scene = wheel(REFERENCES[profile], method="RK4", step=1e-3, sample=0.05, duration=1.5)
+    run = fl.simulate(scene)
+    off = np.abs(run.q[:, 0] - exact(scene.course, run.t)).max()
+    jumps = 2 * 60.0 * np.radians(50.0) / 0.3**3 if profile == "shaped" else 0.0
+    assert off < 1e-10 + KD * jumps * 1e-3**3 / 48 / np.sqrt(KP * INERTIA)
+    assert not run.warnings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", REFERENCES)
+def test_steps_of_a_tolerance_end_where_a_reference_has_knots(profile: str) -> None:
+    scene = wheel(REFERENCES[profile], tolerance=1e-6, sample=0.5, duration=1.5)
+    for method in ("auto", "Radau5"):
+        jumps = method == "Radau5" and profile == "hold"  # its first step from rest is right, its work is not yet
+        run = fl.simulate(scene, method=method, unstable="allow" if jumps else "refuse")
+        assert np.abs(run.q[:, 0] - exact(scene.course, run.t)).max() < 1e-6  # rad, of a body at 1 m
+        assert not run.warnings or jumps
+
+
+def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
+    """Two joints, a link that bends between them, driven by PD with gravity."""
+    law = {"kind": "pd", "kp": (3e3, 1e3), "kd": (60.0, 20.0), "reference": reference, **drive}
+    return make_scene(
+        flexible("upper", "z", 3), fl.Link(name="fore", length=0.5, material="aluminium", section="square"),
+        tip=fl.Payload(mass=1.0), drive=fl.Drive(**law), initial=fl.Initial(joint_deg=(30.0, -20.0)),
+        gravity=(0.0, -9.81, 0.0), run=fl.Run(step=1e-4, sample=0.01, duration=0.2),
+    )  # fmt: skip
+
+
+TWO = {
+    "moved": fl.Reference(profile="s_curve", to_deg=(50.0, 10.0), start=0.02, duration=0.1, shaper=ZVD),
+    "held": fl.Reference(profile="hold", times=(0.0, 0.05, 0.11), angle_deg=((30, -20), (33, -20), (33, -24))),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", TWO)
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_other_engines_follow_at_the_same_stages(engine: str, what: str) -> None:
+    pytest.importorskip({"pinocchio": "pinocchio", "mujoco": "mujoco"}[engine])
+    scene = arm(TWO[what], gravity="rigid")
+    _, angles, _ = load(engine, fl.lump(scene)).integrate(scene)
+    np.testing.assert_allclose(angles, fl.simulate(scene).q, atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", TWO)
+def test_a_run_that_is_continued_goes_on_along_its_reference(what: str) -> None:
+    scene = arm(TWO[what])
+    whole = fl.simulate(scene)
+    first = fl.simulate(scene, duration=0.08)
+    t, q, qd = first.state(-1)
+    then = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.12)
+    np.testing.assert_array_equal(then.q, whole.q[8:])
+
+
+@pytest.mark.slow
+def test_the_torque_that_holds_the_bent_arm_follows_a_reference() -> None:
+    """Between the equilibria that it goes through: within 1e-6 of its largest, as said."""
+    reference = fl.Reference(profile="quintic", to_deg=(-120.0, 90.0), duration=1.0, shaper=ZVD)
+    scene = arm(reference, gravity="static")
+    chain = fl.lump(scene)
+    own = chain.active
+    held = holding_torque(chain, reference_arrays(scene, chain))
+    times = np.linspace(-0.1, scene.course.knots[-1] + 0.1, 60)
+    pieces = np.maximum(np.searchsorted(held.knots, times, side="right") - 1, 0)
+    x = np.maximum(times - held.knots[pieces], 0.0)
+    found = (held.coefficients[pieces] * x[:, None, None] ** np.arange(6)[:, None]).sum(axis=1)
+    for torque, angles in zip(found, scene.course(times)[0], strict=True):
+        q = np.zeros(chain.n)
+        q[own] = angles
+        wanted = fl.gravity_torque(chain, fl.solve_static(chain, q, locked=own.tolist()).q)[own]
+        assert np.abs(torque - wanted).max() < 1e-6 * np.abs(found).max()

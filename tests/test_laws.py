@@ -1,0 +1,379 @@
+"""Control laws of a scene, compiled: what they give, sampled or continuous, within their limits, in every engine."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from numpy.polynomial import Polynomial
+
+import flexlink as fl
+from flexlink.describe.methods import method
+from flexlink.engines import base, load
+from flexlink.formats.features import not_held
+from flexlink.kernels.inputs import drive_torque
+from flexlink.kernels.references import reference
+from flexlink.motion import drives
+from flexlink.motion.drives import drive_arrays, gains_of
+from flexlink.motion.references import ReferenceArrays, constant
+
+UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
+TARGET_DEG = (40.0, 35.0, -50.0)
+PD = {"kind": "pd", "kp": (900.0, 900.0, 400.0), "kd": (60.0, 60.0, 25.0), "target_deg": TARGET_DEG}
+LAWS: dict[str, dict[str, Any]] = {
+    "pd": PD,
+    "pd, rigid gravity": {**PD, "gravity": "rigid"},
+    "pd, static gravity": {**PD, "gravity": "static"},
+    "computed torque": {**PD, "kind": "computed_torque", "kp": (60.0, 60.0, 60.0), "kd": (12.0, 12.0, 12.0)},
+}
+EFFORT = (25.0, 120.0, 40.0)
+SAMPLED = {"continuous": {}, "sampled": {"rate": 1000.0}}
+LIMITED = {"free": {}, "limited": {"effort": EFFORT}}
+every_law = pytest.mark.parametrize("name", LAWS)
+every_rate = pytest.mark.parametrize("rate", SAMPLED)
+every_limit = pytest.mark.parametrize("limit", LIMITED)
+
+
+def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
+    """A turning base and two links, of which one bends in two planes, and one in one behind an elastic gear."""
+    gear = fl.Joint(armature=0.5, viscous=0.5, gear_stiffness=2e4, gear_damping=5.0)
+    scene = make_scene(
+        fl.Link(name="base", length=0.2, material="aluminium", section="square", joint=fl.Joint(armature=0.5)),
+        flexible("upper", "yz", 3, mount=UP, joint=fl.Joint(armature=0.5, coulomb=1.0, coulomb_width=0.1)),
+        flexible("fore", "z", 3, joint=gear),
+        tip=fl.Payload(mass=1.0, center=(0.1, 0.0, 0.05)),
+        initial=fl.Initial(joint_deg=(10.0, 60.0, -20.0), passive="static"),
+    )
+    run = {"run.step": 1e-4, "run.sample": 0.01, "run.duration": 0.1, "material.aluminium.loss_time": 1e-4}
+    return scene.varied({**run, "drive": drive or {"kind": "none"}, **changes})
+
+
+def in_python(scene: fl.Scene) -> Callable[[float, np.ndarray, np.ndarray], np.ndarray]:
+    """The law of a scene whose reference stays, by its formula."""
+    drive, chain, model = scene.drive, fl.lump(scene), fl.lump(fl.rigid_twin(scene))
+    a, r = chain.active, np.radians(drive.target_deg)
+    kp, kd = np.array(drive.kp), np.array(drive.kd)
+    at_rest, free = np.zeros(len(a)), np.setdiff1d(np.arange(chain.n), a)
+    bent = np.zeros(chain.n)
+    bent[a] = r
+    bent[free] = fl.solve_static(chain, bent, locked=a.tolist()).q[free]
+    gravity = {
+        "none": at_rest, "rigid": fl.inverse_dynamics(model, r, at_rest, at_rest),
+        "static": fl.inverse_dynamics(chain, bent, np.zeros(chain.n), np.zeros(chain.n))[a],
+    }[drive.gravity]  # fmt: skip
+
+    def law(t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+        push = kp * (r - q[a]) - kd * qd[a]
+        tau = push + gravity if drive.kind == "pd" else fl.inverse_dynamics(model, q[a], qd[a], push)
+        return np.clip(tau, *(sign * np.array(drive.effort or np.inf) for sign in (-1, 1)))
+
+    return law
+
+
+def torques(drive: Any, t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    tau = np.zeros(len(q))
+    drive_torque(drive, t, t, q, qd, tau)
+    return tau[drive.joints]
+
+
+@pytest.mark.parametrize("t", [-0.1, 0.0, 0.15, 0.3, 0.7, 5.0])
+def test_a_reference_is_its_polynomial_with_two_derivatives(t: float, rng: np.random.Generator) -> None:
+    """At a knot, 0.3, by the middle of the step that it belongs to; sums of six products are a few ulp apart."""
+    ref = ReferenceArrays(np.array([0.0, 0.3]), rng.uniform(-1, 1, (2, 6, 3)))
+    for d in range(3):
+        for middle in (t - 0.01, t + 0.01):
+            piece = int(middle >= 0.3)
+            p, x = Polynomial(ref.coefficients[piece, :, d]), max(0.0, t - ref.knots[piece])
+            wanted = p(x), p.deriv()(x), p.deriv(2)(x)
+            np.testing.assert_allclose(reference(ref, t, middle, d), wanted, rtol=0, atol=1e-12 * (1 + x**5))
+
+
+def test_a_constant_reference_stays() -> None:
+    ref = constant(np.array([1.0, -2.0]))
+    assert [reference(ref, t, t, d) for t in (0.0, 9.0) for d in (0, 1)] == [(1.0, 0.0, 0.0), (-2.0, 0.0, 0.0)] * 2
+
+
+def inverse_dynamics(by: str, scene: fl.Scene) -> Callable[..., np.ndarray]:
+    """τ(q, q̇, q̈) of a scene's chain, by flexlink or by Pinocchio from the file."""
+    if by == "flexlink":
+        return lambda *motion: fl.inverse_dynamics(fl.lump(scene), *motion)
+    pin = pytest.importorskip("pinocchio")
+    engine = load("pinocchio", fl.lump(scene))
+    return lambda *motion: np.array(pin.rnea(engine.model, engine.data, *motion))
+
+
+@pytest.mark.parametrize("by", ["flexlink", "pinocchio"])
+@every_law
+def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
+    """Relative to the largest of its terms: 1e-12, some thousand roundings."""
+    law, scene = LAWS[name], arm(LAWS[name])
+    order = 1 if law.get("gravity") == "static" else 4
+    ref = ReferenceArrays(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
+    monkeypatch.setattr(drives, "reference_arrays", lambda scene, chain: ref)
+    chain, model, whole = fl.lump(scene), *(inverse_dynamics(by, s) for s in (fl.rigid_twin(scene), scene))
+    drive, a, kp, kd = drive_arrays(scene, chain), chain.active, np.array(law["kp"]), np.array(law["kd"])
+    for _ in range(20):
+        t, (q, qd) = rng.uniform(0, 1), rng.uniform(-2, 2, (2, chain.n))
+        r, rd, rdd = moved(ref, t)
+        held = np.zeros(chain.n)
+        held[a] = r
+        tau = kp * (r - q[a]) + kd * (rd - qd[a])
+        size = np.abs(tau).max()
+        if law["kind"] == "computed_torque":
+            tau = model(q[a], qd[a], rdd + tau)
+        elif law.get("gravity") == "rigid":
+            tau += model(r, 0 * r, 0 * r)
+        elif law.get("gravity") == "static":
+            tau += whole(fl.solve_static(chain, held, locked=a).q, 0 * q, 0 * q)[a]
+        size += np.abs(tau).max()
+        np.testing.assert_allclose(torques(drive, t, q, qd), tau, rtol=0, atol=1e-12 * size)
+
+
+def moved(ref: ReferenceArrays, t: float) -> list[np.ndarray]:
+    """Angles, rates and accelerations of a reference of one piece."""
+    columns = [Polynomial(column) for column in ref.coefficients[0].T]
+    return [np.array([p.deriv(order)(t) for p in columns]) for order in range(3)]
+
+
+@every_limit
+@every_law
+def test_a_sampled_law_is_the_same_law_in_python_asked_at_that_rate(name: str, limit: str) -> None:
+    """The same loop holds both; the law itself is rounded otherwise, 100 times a few ulp of 100 N m."""
+    scene = arm({**LAWS[name], **LIMITED[limit], "rate": 1000.0})
+    law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene), rate=1000.0)
+    run = fl.simulate(scene)
+    np.testing.assert_allclose(run.q, law.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(run.tau, law.tau, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.work, law.work, rtol=0, atol=1e-9)
+    assert run.warnings == ()
+
+
+@every_law
+def test_a_continuous_law_is_the_same_law_in_python(name: str) -> None:
+    scene = arm({**LAWS[name], "effort": EFFORT}, **{"run.duration": 0.02})
+    law = fl.simulate(scene.varied({"drive": {"kind": "none"}}), control=in_python(scene))
+    run = fl.simulate(scene)
+    np.testing.assert_allclose(run.q, law.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(run.tau, law.tau, rtol=0, atol=1e-8)
+
+
+@every_rate
+@every_law
+def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
+    """Every stage of every step, from the step's start with the torques of the drive, leads to the run's next state."""
+    scene = arm({**LAWS[name], "effort": EFFORT, **SAMPLED[rate]}, **{"run.sample": 1e-4, "run.duration": 0.02})
+    run, chain = fl.simulate(scene), fl.lump(scene)
+    A, b, c = method("RK4").arrays
+    drive, h, seen, n = base.drive_function(scene), scene.run.step, [], chain.n
+    for number in range(len(run.t) - 1):
+        y, F = np.concatenate([run.q[number], run.qd[number]]), np.zeros((4, 2 * chain.n))
+        drive.begin(number, h, y[:n], y[n:])
+        for i in range(4):
+            x = y + h * A[i, :i] @ F[:i]
+            tau = drive((number + c[i]) * h, x[:n], x[n:]).copy()
+            seen.append(tau[chain.active])
+            F[i] = *x[n:], *fl.forward_dynamics(chain, x[:n], x[n:], tau)
+        np.testing.assert_allclose(y[:n] + h * b @ F[:, :n], run.q[number + 1], rtol=0, atol=1e-13)
+    most = np.abs(seen).max(axis=0)
+    assert (most <= EFFORT).all()
+    assert (most == EFFORT).all()  # by every drive, each its own
+    assert (np.abs(run.tau[:, chain.active]) <= EFFORT).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+@every_limit
+@every_rate
+@every_law
+def test_every_engine_runs_every_law(name: str, rate: str, limit: str, engine: str) -> None:
+    """One second with RK4; the largest torque of any stage is the same, too."""
+    pytest.importorskip(engine)
+    scene = arm({**LAWS[name], **SAMPLED[rate], **LIMITED[limit]}, **{"run.duration": 1.0, "run.step": 2e-4})
+    q = [load(each, fl.lump(scene)).integrate(scene)[1] for each in ("native", engine)]
+    assert np.abs(q[1] - q[0]).max() <= 1e-9
+
+
+@every_rate
+@every_law
+def test_the_work_of_a_limited_law_balances(name: str, rate: str) -> None:
+    run = fl.simulate(arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT}))
+    assert run.warnings == ()
+    assert np.abs(run.imbalance).max() < 1e-6 * run.exchanged[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("run", [{"run.tolerance": 1e-6}, {"run.method": "Radau5"}, {"run.method": "Gauss4"}], ids=str)
+@every_rate
+@every_law
+def test_steps_of_any_length_see_the_same_law(name: str, rate: str, run: dict[str, Any]) -> None:
+    """Limited and not smooth, within ten tolerances; of fixed steps what the reference of a tenth of the step tells."""
+    scene = arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT}, **{"run.duration": 0.05})
+    wanted, got = fl.simulate(scene, step=2e-5), fl.simulate(scene.varied(run))
+    assert np.linalg.norm(got.tip - wanted.tip, axis=1).max() < 1e-5
+    if rate == "sampled":
+        np.testing.assert_allclose(got.tau, wanted.tau, rtol=0, atol=1e-2 * max(EFFORT))
+
+
+@every_law
+def test_a_simulator_without_torques_asks_the_law_of_its_scene(name: str) -> None:
+    """Also of more samples than a run of one sample has room for, and where torques from outside came between."""
+    scene = arm({**LAWS[name], "rate": 500.0})
+    run, simulator = fl.simulate(scene), fl.Simulator(scene)
+    for k in range(1, 11):
+        np.testing.assert_array_equal(simulator.step().q, run.q[k])
+    simulator.reset()
+    simulator.step([1e3, 0.0, 0.0], duration=0.01)
+    t, q, qd = simulator.state
+    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.02)
+    np.testing.assert_array_equal(simulator.step(duration=0.02).q, rest.q[-1])
+
+
+def test_the_effort_limits_laws_and_torques_from_outside_too() -> None:
+    scene = arm({"kind": "none", "effort": EFFORT})
+    limited = [sign * e for sign, e in zip((1, -1, 1), EFFORT, strict=True)]
+    run = fl.simulate(scene, control=lambda t, q, qd: [1e4, -1e4, 1e4], rate=100.0)
+    np.testing.assert_array_equal(run.tau[:, run.chain.active], np.tile(limited, (11, 1)))
+    assert fl.Simulator(scene).step([1e4, -1e4, 1e4]).q.tolist() == fl.Simulator(scene).step(limited).q.tolist()
+
+
+@pytest.mark.slow
+def test_members_of_a_batch_have_laws_of_their_own() -> None:
+    """Feed-forwards differ with the payload, and what is sampled is kept by each."""
+    for law, rate in itertools.product(LAWS.values(), SAMPLED.values()):
+        scene = arm({**law, **rate, "effort": EFFORT}, **{"run.duration": 0.02})
+        scenes = [scene.varied({"tip.mass": mass}) for mass in (0.5, 0.5, 2.0)]
+        for run, one in zip(fl.simulate_many(scenes), scenes, strict=True):
+            np.testing.assert_array_equal(run.q, fl.simulate(one).q)
+
+
+@every_law
+def test_the_gains_of_a_law_are_its_slopes(name: str, rng: np.random.Generator) -> None:
+    """Central differences along random directions, of the formula in Python; their error is of order 1e-10 of them."""
+    scene = arm(LAWS[name])
+    chain, law = fl.lump(scene), in_python(scene)
+    q, qd, δ, δd = rng.uniform(-1, 1, (4, chain.n))
+    kp, kd = gains_of(chain, drive_arrays(scene, chain), 0.0, q, qd).matrices()
+    ahead, behind = (law(0.0, q + s * 1e-5 * δ, qd + s * 1e-5 * δd) for s in (1, -1))
+    wanted = (ahead - behind) / 2e-5
+    np.testing.assert_allclose(-(kp @ δ + kd @ δd)[chain.active], wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+
+
+def test_a_law_at_its_limit_still_has_its_gains() -> None:
+    chain = fl.lump(scene := arm(PD))
+    at_limit = fl.lump(limited := arm({**PD, "effort": (1e-3, 1e-3, 1e-3)}))
+    zero = np.zeros(chain.n)
+    free, held = (gains_of(c, drive_arrays(s, c), 0.0, zero, zero) for c, s in ((chain, scene), (at_limit, limited)))
+    np.testing.assert_array_equal(held, free)
+    assert np.linalg.norm(free.kp) > 0
+
+
+def test_a_rigid_arm_under_computed_torque_forgets_its_errors_as_its_gains_say() -> None:
+    """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
+    scene = fl.rigid_twin(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
+                                         "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
+    run = fl.simulate(scene)
+    ω = np.sqrt(60.0 - 36.0)
+    shape = np.exp(-6.0 * run.t) * (np.cos(ω * run.t) + 6.0 / ω * np.sin(ω * run.t))
+    r = np.radians(TARGET_DEG)
+    np.testing.assert_allclose(run.q, r + np.multiply.outer(shape, run.q[0] - r), rtol=0, atol=1e-9)
+
+
+def test_the_twin_is_the_arm_without_what_bends() -> None:
+    scene = arm(**{"initial.q": tuple(np.linspace(-0.1, 0.1, 10)), "initial.passive": None})
+    twin = fl.rigid_twin(scene)
+    chain, model = fl.lump(scene), fl.lump(twin)
+    assert (model.n, len(chain.active)) == (3, 3)
+    assert model.bodies["mass"].sum() == pytest.approx(chain.bodies["mass"].sum(), rel=1e-14)
+    q = np.zeros(chain.n)
+    q[chain.active] = angles = np.array([0.3, -1.0, 2.0])
+    np.testing.assert_allclose(fl.tip_position(model, angles), fl.tip_position(chain, q), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        fl.gravity_torque(model, angles), fl.gravity_torque(chain, q)[chain.active], rtol=0, atol=1e-12
+    )
+    for name in ("armature", "coulomb", "damping"):
+        np.testing.assert_array_equal(model.hinges[name], chain.hinges[name][chain.active])
+    with pytest.raises(fl.ArgumentError, match="scene = 3: expected a Scene, got int"):
+        fl.rigid_twin(3)
+
+
+def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:
+    scene = make_scene(
+        flexible("a", joint=fl.Joint(locked=True)), drive={**PD, "kp": (0,), "kd": (0,), "target_deg": (0,)}
+    )
+    assert len(drive_arrays(scene, fl.lump(scene)).joints) == 0
+
+
+@every_rate
+@every_law
+def test_a_law_is_written_and_read_back(name: str, rate: str) -> None:
+    scene = arm({**LAWS[name], **SAMPLED[rate], "effort": EFFORT})
+    from_toml = fl.Scene.from_toml if hasattr(fl.Scene, "from_toml") else None
+    assert from_toml is None or from_toml(scene.to_toml()) == scene
+
+
+def test_no_file_says_a_law_and_it_is_told() -> None:
+    scene = arm({**PD, "effort": EFFORT})
+    for format in ("urdf", "mjcf", "sdf"):
+        told = not_held(scene, fl.lump(scene), format=format)
+        assert {"drive torques", "control law", "torque limits"} <= told.keys()
+    assert "control law" not in not_held(arm(), fl.lump(arm()), format="urdf")
+
+
+@pytest.mark.parametrize(
+    ("drive", "changes", "message"),
+    [
+        ({"kp": (np.nan, 0, 0)}, {}, r"drive\.kp\[0\] = nan: must be a finite number"),
+        ({"kp": (-1.0, 0, 0)}, {}, r"drive\.kp\[0\] = -1\.0"),
+        ({"kd": (0.0, 0, -2.0)}, {}, r"drive\.kd\[2\] = -2\.0"),
+        ({"effort": (1.0, 0.0, 1.0)}, {}, r"drive\.effort\[1\] = 0\.0"),
+        ({"effort": (1.0, np.inf, 1.0)}, {}, r"drive\.effort\[1\] = inf: must be a finite number"),
+        ({"effort": (1.0, 1.0)}, {}, r"drive\.effort = \(1\.0, 1\.0\): expected one number per link, 3"),
+        ({"kp": (1.0, 1.0)}, {}, r"drive\.kp = \(1\.0, 1\.0\): expected one number per link, 3"),
+        ({"gravity": "some"}, {}, r"drive\.gravity = 'some': .*none.*rigid.*static"),
+        ({"gravity": "rigid", "kind": "computed_torque"}, {}, r"gravity = 'rigid': takes drive kind 'pd'"),
+        ({"kind": "computed"}, {}, "did you mean 'computed_torque'"),
+        ({"rate": 0.0}, {}, r"drive\.rate = 0\.0"),
+        ({"rate": 3000.0}, {}, r"drive\.rate = 3000\.0: 1 / rate = 0\.00033\d*: must be a multiple of run\.step"),
+        ({"rate": 1000.0 / 7}, {}, r"drive\.rate = 142\.\d*: run\.sample = 0\.01: must be a multiple of 1 / rate"),
+        ({"rate": 100.0}, {"initial.time": 0.005}, r"drive\.rate = 100\.0: initial\.time = 0\.005: must be a multiple"),
+        ({"torque": (1.0, 1.0, 1.0)}, {}, "drive kind 'pd' takes kp, kd, target_deg"),
+        ({}, {"link.fore.joint.locked": True}, r"drive\.kp\[2\] = 400\.0: the joint of 'fore' is locked; only 0 fits"),
+        ({}, {"motion": [{"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0],
+                          "acceleration_deg": [0.0]}]},
+         r"drive\.kp\[0\] = 900\.0: the motion of 'base' is prescribed; only 0 fits"),
+    ],
+)  # fmt: skip
+def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(fl.SceneError, match=message):
+        arm({**PD, **drive}, **changes)
+
+
+def test_what_no_law_has_cannot_be_sampled() -> None:
+    with pytest.raises(fl.SceneError, match=r"rate = 100\.0: drive kind 'none' has no law"):
+        arm({"kind": "none", "rate": 100.0})
+
+
+@pytest.mark.parametrize("engine", ["drake", "exudyn"])
+def test_engines_that_show_no_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
+    with pytest.raises(fl.ArgumentError, match=rf"drive\.rate = 1000\.0: {engine} cannot follow it"):
+        base.refuse_held(engine, arm({**PD, "rate": 1000.0}))
+
+
+def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> None:
+    """The call that fails asks the law many times; the next one goes on as if it had not been made."""
+    scene = arm({**PD, "rate": 500.0}, **{"run.unstable": "allow"})
+    simulator, other = fl.Simulator(scene), fl.Simulator(scene)
+    for each in (simulator, other):
+        each.step(duration=0.003)
+    drive = simulator._driven.drive
+    before = [array.copy() for array in drives.remembered(drive)]
+    with pytest.raises(fl.DivergenceError):
+        simulator.step([np.finfo(float).max] * 3, duration=0.02)
+    simulator._steps.go(simulator._driven, simulator.time, simulator.time)
+    for array, kept in zip(drives.remembered(drive), before, strict=True):
+        np.testing.assert_array_equal(array, kept)
+    np.testing.assert_array_equal(simulator.step(duration=0.01).q, other.step(duration=0.01).q)

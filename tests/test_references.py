@@ -1,0 +1,373 @@
+"""Where a drive leads its joints: moves within limits, tables, what is refused; all as exact piecewise polynomials."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import make_scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flexlink as fl
+from flexlink.describe.course import still
+from flexlink.describe.profiles import PLAIN
+from flexlink.motion.references import reference_arrays
+
+EPS = np.finfo(float).eps
+MAY_LIMIT = {
+    "quintic": ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg"),
+    "trapezoidal": ("max_rate_deg", "max_acceleration_deg"),
+    "s_curve": ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg"),
+}
+ZV = fl.Shaper(kind="ZV", frequency_hz=(2.0,))
+TABLE = {"times": (0.0, 0.5, 2.0), "angle_deg": ((0.0,), (30.0,), (-10.0,))}
+Move = tuple[fl.Reference, tuple[float, ...]]
+
+
+@st.composite
+def moves(draw: st.DrawFn, limited: bool | None = None) -> Move:
+    """A move of a few joints, in a given time or within limits, and where it starts [deg]."""
+    profile, joints = draw(st.sampled_from(sorted(MAY_LIMIT))), draw(st.integers(1, 3))
+    start, to = (tuple(round(draw(st.floats(-180, 180)), 3) for _ in range(joints)) for _ in range(2))
+    how: dict[str, object] = {"duration": draw(st.floats(0.05, 20))}
+    if draw(st.booleans()) if limited is None else limited:
+        how = {name: tuple(draw(st.floats(0.1, 1e4)) for _ in range(joints)) for name in MAY_LIMIT[profile]}
+    return fl.Reference(profile=profile, to_deg=to, start=draw(st.floats(0, 5)), **how), start
+
+
+def derivatives(course: fl.Course, number: int) -> list[fl.Course]:
+    """The course, its rate, its acceleration, …: as courses, too."""
+    found = [course]
+    for _ in range(number):
+        c = found[-1].coefficients
+        found.append(fl.Course(course.knots, c[:, 1:] * np.arange(1, c.shape[1])[:, None] if c.shape[1] > 1 else 0 * c))
+    return found
+
+
+def peaks(course: fl.Course, number: int = 3) -> np.ndarray:
+    """Exact largest |value| of the course and its derivatives, (number + 1, d)."""
+    return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
+
+
+def came_to(course: fl.Course, piece: int) -> np.ndarray:
+    """Angle, rate and acceleration that a piece has at its end, (3, d)."""
+    x = course.knots[piece + 1] - course.knots[piece]
+    c = [each.coefficients[piece] for each in derivatives(course, 2)]
+    return np.array([(part * x ** np.arange(len(part))[:, None]).sum(axis=0) for part in c])
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(moves())
+def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
+    """So does its last polynomial: a dozen products, and the end's time, are rounded."""
+    reference, start = move
+    course = reference.course(start)
+    a, b = np.radians(start), np.radians(reference.to_deg)
+    end = course.knots[-1]
+    np.testing.assert_array_equal(course([-1.0, reference.start, end, end + 1.0])[0], [a, a, b, b])
+    assert not np.any(course([-1.0, end, end + 1.0])[1:])
+    if len(course.knots) > 1:
+        assert not course(reference.start)[1].any()
+        angle, rate, acceleration = came_to(course, -2)
+        largest = peaks(course)
+        np.testing.assert_array_less(np.abs(angle - b), 16 * EPS * (largest[0] + np.abs(a)) + 1e-300)
+        assert np.all(np.abs(rate) <= 16 * EPS * (largest[1] + end * largest[2]))
+        if reference.profile != "trapezoidal":
+            assert np.all(np.abs(acceleration) <= 64 * EPS * (largest[2] + end * largest[3]))
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(moves(limited=True))
+def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> None:
+    """At the exact extremes of every piece, and at times in between; knots are rounded by ε of their time."""
+    reference, start = move
+    course = reference.course(start)
+    if len(course.knots) == 1:
+        return
+    given = np.radians([getattr(reference, name) for name in MAY_LIMIT[reference.profile]])
+    largest = peaks(course)
+    shortest = np.diff(course.knots).min()
+    rounding = 64 * EPS * (1 + course.knots[-1] / shortest)
+    used = largest[1 : len(given) + 1] / given
+    assert used.max() <= 1 + rounding
+    assert used.max() >= 1 - rounding
+    t = np.linspace(reference.start, course.knots[-1], 300)
+    for values, most in zip(course(t)[1:], given, strict=False):
+        assert np.all(np.abs(values) <= most * (1 + rounding))
+
+
+@pytest.mark.parametrize("profile", sorted(PLAIN))
+def test_joints_start_and_end_together_each_by_the_profile_it_would_take_alone(profile: str) -> None:
+    """Stretched in time to that of the slowest one; a joint that stays where it is stays to the bit."""
+    own = dict.fromkeys(MAY_LIMIT[profile], (60.0, 60.0, 60.0))
+    course = fl.Reference(profile=profile, to_deg=(90.0, -20.0, 7.0), **own).course((0.0, 0.0, 7.0))
+    alone = [fl.Reference(profile=profile, to_deg=(to,), **dict.fromkeys(own, (60.0,))) for to in (90.0, -20.0)]
+    slow, fast = (each.course((0.0,)) for each in alone)
+    T = course.knots[-1]
+    assert abs(T - slow.knots[-1]) <= 8 * EPS * T
+    t = np.linspace(0, T, 200)
+    np.testing.assert_allclose(course(t)[0][:, 0], slow(t)[0][:, 0], atol=1e-14)
+    np.testing.assert_allclose(course(t)[0][:, 1], fast(t / T * fast.knots[-1])[0][:, 0], atol=1e-14)
+    assert np.all(course(t)[0][:, 2] == np.radians(7.0))
+
+
+def test_short_moves_have_no_cruise_and_shorter_ones_no_constant_acceleration() -> None:
+    """D = a t_a² of a trapezoid without cruise, D = 2 j t_j³ of an S-curve of jerk alone."""
+    triangle = fl.Reference(profile="trapezoidal", to_deg=(9.0,), max_rate_deg=(10.0,), max_acceleration_deg=(4.0,))
+    assert triangle.course((0.0,)).knots[1:].tolist() == [0.0, 1.5, 3.0]
+    most = {"max_rate_deg": (10.0,), "max_acceleration_deg": (10.0,), "max_jerk_deg": (1.0,)}
+    course = fl.Reference(profile="s_curve", to_deg=(16.0,), **most).course((0.0,))
+    np.testing.assert_allclose(course.knots[1:], [0.0, 2.0, 4.0, 6.0, 8.0], rtol=4 * EPS)
+    np.testing.assert_allclose(np.degrees(peaks(course)[1:, 0]), [4.0, 2.0, 1.0], rtol=16 * EPS)
+
+
+@pytest.mark.parametrize("speed", [20.0, 500.0])
+def test_an_s_curve_becomes_the_trapezoid_as_its_jerk_grows(speed: float) -> None:
+    """It is t_j = a/j behind at the end, and nowhere by more than it covers in that time, max |ṙ| t_j."""
+    most = {"max_rate_deg": (speed,), "max_acceleration_deg": (100.0,)}
+    trapezoid = fl.Reference(profile="trapezoidal", to_deg=(50.0,), **most).course((0.0,))
+    t = np.linspace(0, trapezoid.knots[-1], 1000)
+    for jerk in (1e4, 1e6, 1e9, 1e14):
+        course = fl.Reference(profile="s_curve", to_deg=(50.0,), max_jerk_deg=(jerk,), **most).course((0.0,))
+        allowed = peaks(trapezoid)[1, 0] * 100.0 / jerk
+        assert np.abs(course(t)[0] - trapezoid(t)[0]).max() <= allowed + 16 * EPS
+
+
+def test_with_a_duration_ramps_take_thirds() -> None:
+    """v = 3/2 D/T, a = 9/2 D/T² of the trapezoid; a = 27/4 D/T², j = 243/4 D/T³ of the S-curve; 15/8, 10/√3, 60."""
+    D, T = np.radians(40.0), 1.5
+    wanted = {"quintic": (15 / 8, 10 / np.sqrt(3), 60.0), "trapezoidal": (1.5, 4.5), "s_curve": (1.5, 6.75, 60.75)}
+    for profile, ratios in wanted.items():
+        course = fl.Reference(profile=profile, to_deg=(50.0,), duration=T, start=0.25).course((10.0,))
+        found = peaks(course)[1:, 0] * T ** np.arange(1, 4) / D
+        np.testing.assert_allclose(found[: len(ratios)], ratios, rtol=1e-13)
+        assert course.knots[-1] == pytest.approx(1.75, rel=4 * EPS)
+
+
+def test_a_linear_table_is_straight_between_its_times_and_still_outside() -> None:
+    course = fl.Reference(profile="linear", **TABLE).course((5.0,))
+    angle, rate, acceleration = course([-1.0, 0.25, 1.25, 2.0, 9.0])
+    np.testing.assert_allclose(np.degrees(angle[:, 0]), [0.0, 15.0, 10.0, -10.0, -10.0], rtol=4 * EPS)
+    np.testing.assert_allclose(np.degrees(rate[:, 0]), [0.0, 60.0, -40.0 / 1.5, 0.0, 0.0], rtol=4 * EPS)
+    assert not acceleration.any()
+    assert course.jumps.tolist() == [0.0, 0.5, 2.0]
+
+
+def test_a_held_table_steps_without_a_ramp() -> None:
+    course = fl.Reference(profile="hold", **TABLE).course((5.0,))
+    angle, rate, _ = course([0.0, np.nextafter(0.5, 0), 0.5, 1.9, 2.0, 9.0])
+    np.testing.assert_array_equal(angle[:, 0], np.radians([0.0, 30.0, 30.0, 30.0, -10.0, -10.0]))
+    assert not rate.any()
+    np.testing.assert_allclose(course.jumps, [0.5, 2.0], rtol=10 * EPS)
+
+
+@pytest.mark.parametrize(("known", "smooth"), [(1, 2), (2, 1), (3, 2)])
+def test_a_smooth_table_goes_through_all_that_is_known_with_continuous_derivatives(known: int, smooth: int) -> None:
+    names = ("angle_deg", "rate_deg", "acceleration_deg")
+    rows = {"angle_deg": ((0.0,), (30.0,), (-10.0,)), "rate_deg": ((0.0,), (12.0,), (0.0,)),
+            "acceleration_deg": ((0.0,), (-7.0,), (0.0,))}  # fmt: skip
+    course = fl.Reference(
+        profile="smooth", times=TABLE["times"], **{name: rows[name] for name in names[:known]}
+    ).course((0.0,))
+    found = np.degrees(course(TABLE["times"]))
+    for k in range(known):
+        np.testing.assert_allclose(found[k], rows[names[k]], atol=1e-12)
+    for piece in range(len(course.knots) - 1):
+        before, after = came_to(course, piece), np.array(course(course.knots[piece + 1]))
+        inside = slice(smooth + 1) if 0 < piece < len(course.knots) - 2 else slice(2)
+        np.testing.assert_allclose(before[inside], after[inside], atol=1e-12)
+    assert course.jumps.size == 0
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(st.integers(0, 2**32))
+def test_extremes_are_those_of_every_piece(seed: int) -> None:
+    """Against a thousand times a piece, between which a smooth extreme is passed by less than max |r̈| dt²/8."""
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.1, 1.0, 5))
+    parts = [tuple(map(tuple, rng.uniform(-90, 90, (5, 2)))) for _ in range(3)]
+    parts[1] = (0.0, 0.0), *parts[1][1:-1], (0.0, 0.0)
+    table = dict(zip(("angle_deg", "rate_deg", "acceleration_deg"), parts, strict=True))
+    course = fl.Reference(profile="smooth", times=tuple(t), **table).course((0.0, 0.0))
+    sampled = course(np.linspace(t[0], t[-1], 4001))[0]
+    low, high = course.extremes()
+    passed = peaks(course)[2] * ((t[-1] - t[0]) / 4000) ** 2 / 8
+    for found, seen in ((high, sampled.max(axis=0)), (-low, -sampled.min(axis=0))):
+        assert np.all(found >= seen - 64 * EPS * peaks(course)[0])
+        assert np.all(found <= seen + passed + 64 * EPS * peaks(course)[0])
+
+
+def test_a_course_on_other_knots_is_the_same(rng: np.random.Generator) -> None:
+    """Taylor's shift of a quintic: some twenty sums, within 64 ε of the largest term."""
+    course = fl.Reference(profile="quintic", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
+    knots = np.union1d(course.knots, rng.uniform(0, 1.2, 9))
+    other = fl.Course(knots, course.restated(knots))
+    t = np.linspace(-0.5, 2.0, 500)
+    for ours, theirs in zip(other(t), course(t), strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=64 * EPS * 60)
+
+
+REFUSED = {
+    "no time": ({"profile": "quintic", "to_deg": (9.0,)}, "duration: missing; give it, or max_rate_deg or"),
+    "two times": ({"profile": "quintic", "to_deg": (9.0,), "duration": 1.0, "max_rate_deg": (1.0,)},
+                  r"duration = 1.0: max_rate_deg is given, too"),
+    "no acceleration": ({"profile": "trapezoidal", "to_deg": (9.0,), "max_rate_deg": (1.0,)},
+                        "duration: missing; give it, or max_acceleration_deg"),
+    "no jerk": ({"profile": "s_curve", "to_deg": (9.0,), "max_acceleration_deg": (1.0,)},
+                "duration: missing; give it, or max_jerk_deg"),
+    "a trapezoid's jerk": ({"profile": "trapezoidal", "to_deg": (9.0,), "duration": 1.0, "max_jerk_deg": (1.0,)},
+                           r"max_jerk_deg = \(1.0,\): profile 'trapezoidal' takes to_deg, and may have"),
+    "no goal": ({"profile": "quintic", "duration": 1.0}, "to_deg: missing; profile 'quintic' takes"),
+    "limit of zero": ({"profile": "quintic", "to_deg": (9.0,), "max_rate_deg": (0.0,)}, r"max_rate_deg\[0\] = 0.0"),
+    "a table's goal": ({"profile": "hold", **TABLE, "to_deg": (1.0,)}, r"to_deg = \(1.0,\): profile 'hold' takes"),
+    "unsorted": ({"profile": "linear", **TABLE, "times": (0.0, 3.0, 2.0)},
+                 r"times\[2\] = 2.0: must be greater than times\[1\] = 3.0"),
+    "a time twice": ({"profile": "linear", **TABLE, "times": (0.0, 0.0, 2.0)}, r"times\[1\] = 0.0: must be greater"),
+    "a time that is none": ({"profile": "linear", **TABLE, "times": (0.0, np.nan, 2.0)}, r"times\[1\] = nan"),
+    "a gap": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (np.nan,), (1.0,))}, r"angle_deg\[1\]\[0\] = nan"),
+    "a row too few": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), (1.0,))}, "angle_deg has 2 rows: expected"),
+    "a row of none": ({"profile": "linear", **TABLE, "angle_deg": ((0.0,), None, (1.0,))}, r"angle_deg\[1\] = None"),
+    "nothing": ({"profile": "linear", "times": (), "angle_deg": ()}, r"times = \(\): a table has one row or more"),
+    "no rates": ({"profile": "smooth", **TABLE, "acceleration_deg": TABLE["angle_deg"]}, "rate_deg: missing"),
+    "misspelt": ({"profile": "quintik", "to_deg": (9.0,)}, "did you mean 'quintic'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_bad_reference_is_refused_by_key_and_row(what: str) -> None:
+    given, message = REFUSED[what]
+    with pytest.raises(fl.SceneError, match=message):
+        fl.Reference(**given)
+
+
+def test_what_does_not_fit_the_arm_or_float64_is_refused() -> None:
+    with pytest.raises(fl.SceneError, match=r"angle_deg\[0\] = \(0.0,\): expected one number per link, 2"):
+        fl.Reference(profile="linear", **TABLE).course((0.0, 0.0))
+    with pytest.raises(fl.SceneError, match="faster than float64 can hold"):
+        fl.Reference(profile="linear", **TABLE | {"times": (0.0, 5e-324, 1.0)}).course((0.0,))
+    with pytest.raises(fl.SceneError, match=r"start = 100.0: a move of 1e-15 s is shorter than float64 tells"):
+        fl.Reference(profile="quintic", to_deg=(1.0,), start=100.0, duration=1e-15).course((0.0,))
+
+
+def test_a_course_of_ones_own_is_checked() -> None:
+    for knots, c, message in (
+        ([0.0, 1.0], np.zeros((1, 1, 1)), r"shapes must be \(m,\), \(m, degree \+ 1, d\)"),
+        ([0.0, 0.0], np.zeros((2, 1, 1)), r"knots\[1\] = .*must be later"),
+        ([0.0], np.full((1, 1, 1), np.inf), "not finite"),
+        ([0.0], np.ones((1, 2, 1)), "must be constant"),
+    ):
+        with pytest.raises(fl.ArgumentError, match=message):
+            fl.Course(knots, c)
+    assert repr(still([1.0, 2.0])) == "<Course of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
+
+
+def driven(reference: fl.Reference, **fields: object) -> fl.Scene:
+    """A free, a locked and a free joint, the first and the last within limits, driven by PD."""
+    near, far = fl.Joint(limits_deg=(-90.0, 45.0)), fl.Joint(limits_deg=(-10.0, 10.0))
+    links = fl.Link(name="near", length=1.0, joint=near), fl.Link(name="mid", joint=fl.Joint(locked=True))
+    drive = fl.Drive(kind="pd", kp=(9.0, 0.0, 9.0), kd=(1.0, 0.0, 1.0), reference=reference)
+    fields = {"initial": fl.Initial(joint_deg=(5.0, 30.0, -5.0)), "drive": drive, **fields}
+    return make_scene(*links, fl.Link(name="far", length=1.0, joint=far), tip=fl.Payload(mass=1.0), **fields)
+
+
+def test_a_scene_leads_its_free_joints_in_their_order_from_where_they_are() -> None:
+    scene = driven(fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0))
+    for arrays in (scene.course, reference_arrays(scene, fl.lump(scene))):
+        np.testing.assert_allclose(
+            np.degrees(arrays.coefficients[[0, -1], 0]), [[5.0, -5.0], [40.0, 7.0]], rtol=4 * EPS
+        )
+    assert driven(fl.Reference(profile="quintic", to_deg=(45.0, 0.0, -10.0), duration=1.0)), "limits may be reached"
+
+
+OUT = {
+    "a move": (fl.Reference(profile="quintic", to_deg=(46.0, 0.0, 0.0), duration=1.0),
+               r"drive.reference reaches 46 deg: outside limits_deg = \[-90.0, 45.0\] of the joint of 'near'"),
+    "between rows": (fl.Reference(profile="smooth", times=(0.0, 1.0, 2.0, 3.0),
+                                  angle_deg=((0.0, 0.0, 0.0), (0.0, 0.0, 9.9), (0.0, 0.0, 9.9), (0.0, 0.0, 0.0))),
+                     r"reaches 12.* deg: outside limits_deg = \[-10.0, 10.0\] of the joint of 'far'"),
+    "a jump within a step": (fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3)),
+                             r"drive.reference jumps, or its rate does: t = 0.10003: must be a multiple of run.step"),
+    "a shaper unknown": (fl.Reference(profile="quintic", to_deg=(1.0,) * 3, duration=1.0,
+                                      shaper=fl.Shaper(kind="ZZ", frequency_hz=(1.0,))),
+                         r"drive.reference.shaper.kind = 'ZZ': unknown"),
+    "a link too few": (fl.Reference(profile="quintic", to_deg=(1.0, 1.0), duration=1.0),
+                       r"drive.reference.to_deg = \(1.0, 1.0\): expected one number per link, 3"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", OUT)
+def test_a_reference_that_does_not_fit_the_scene_is_refused(what: str) -> None:
+    reference, message = OUT[what]
+    with pytest.raises(fl.SceneError, match=message):
+        driven(reference)
+
+
+def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: Path) -> None:
+    """From −5° to 9° in no time, by impulses 2, −2, 1: −5° + 2 · 14° = 23° for a while."""
+    path = tmp_path / "own.toml"
+    rule = 'about = "a"\nsource = "b"\nzeros = 0\nhalf_periods = [0, 0.5, 1]\nweights = [2, -2, 1]\n'
+    path.write_text(rule, encoding="utf-8")
+    shaper = fl.Shaper(kind=str(path), frequency_hz=(1.0,))
+    move = fl.Reference(profile="quintic", to_deg=(5.0, 0.0, 9.0), duration=1e-3, shaper=shaper)
+    with pytest.raises(fl.SceneError, match=r"reaches 23 deg: .* 'far'"):
+        driven(move)
+
+
+def test_a_reference_may_jump_between_steps_that_follow_from_a_tolerance() -> None:
+    jump = fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3))
+    assert driven(jump, run=fl.Run(tolerance=1e-4)).course is not None
+
+
+def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
+    move, here = {"profile": "quintic", "to_deg": (1.0,) * 3, "duration": 1.0}, (0.0, 0.0)
+    with pytest.raises(
+        fl.SceneError, match=r"drive.reference.from_deg: missing; initial.joint_deg, its default, is not"
+    ):
+        driven(fl.Reference(**move), initial=fl.Initial(q=here))
+    scene = driven(fl.Reference(**move), initial=fl.Initial(q=here, joint_deg=(5.0, 30.0, -5.0)))
+    with pytest.raises(
+        fl.SceneError, match=r"from_deg: missing; the joint of 'near' is at 0 deg by initial.q, at 5 by"
+    ):
+        reference_arrays(scene, fl.lump(scene))
+    later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began
+    np.testing.assert_array_equal(reference_arrays(later, fl.lump(later)).knots, scene.course.knots)
+    given_here = driven(fl.Reference(**move, from_deg=(0.0,) * 3), initial=fl.Initial(q=here))
+    assert not reference_arrays(given_here, fl.lump(given_here)).coefficients[0].any()
+
+
+def test_a_pd_drive_has_one_target() -> None:
+    gains = {"kind": "pd", "kp": (9.0,), "kd": (1.0,)}
+    move = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0)
+    with pytest.raises(fl.SceneError, match="takes kp, kd, target_deg or reference"):
+        fl.Drive(**gains)
+    with pytest.raises(fl.SceneError, match="takes kp, kd, reference"):
+        fl.Drive(**gains, target_deg=(9.0,), reference=move)
+    with pytest.raises(fl.SceneError, match=r"reference = .*takes torque"):
+        fl.Drive(kind="constant", torque=(1.0,), reference=move)
+
+
+def test_parts_of_a_reference_vary_by_path() -> None:
+    scene = driven(fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0))
+    fields = {"drive.reference.to_deg.far": -3.0, "drive.reference.profile": "s_curve", "drive.reference.shaper": ZV}
+    other = scene.varied(fields).drive.reference
+    assert other == fl.Reference(profile="s_curve", to_deg=(40.0, 0.0, -3.0), duration=1.0, shaper=ZV)
+
+
+def test_a_shaper_file_is_sought_beside_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rule = 'about = "a"\nsource = "b"\nzeros = 1\nhalf_periods = [0, 1]\nweights = [1, 1]\n'
+    (tmp_path / "own.toml").write_text(rule, encoding="utf-8")
+    move = fl.Reference(profile="quintic", to_deg=(40.0, 0.0, 7.0), duration=1.0, shaper=ZV)
+    text = driven(move).to_toml().replace('"ZV"', '"own.toml"')
+    (tmp_path / "scene.toml").write_text(text, encoding="utf-8")
+    scene = fl.load_scene(tmp_path / "scene.toml")
+    np.testing.assert_array_equal(scene.course.knots, driven(move).course.knots)
+    monkeypatch.chdir("/")
+    assert fl.load_scene(tmp_path / "scene.toml") == scene
+    (tmp_path / "own.toml").write_text(rule.replace("zeros = 1", "zeros = 2"), encoding="utf-8")
+    with pytest.raises(fl.DataFileError, match=r"scene.toml: drive.reference.shaper.kind = .*own.toml: zeros = 2"):
+        fl.load_scene(tmp_path / "scene.toml")

@@ -1,0 +1,193 @@
+"""What input shapers leave of a vibration: nothing of those that they are for, little of those nearby."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+
+import flexlink as fl
+from flexlink.describe import catalogue
+from flexlink.describe.shaping import ShaperRule
+
+EPS = np.finfo(float).eps
+ZEROS = {"ZV": 1, "ZVD": 2, "ZVDD": 3, "EI": 0}
+
+
+def left(shaper: fl.Shaper, pole: complex, derivative: int = 0) -> complex:
+    """Σ a_i exp(−λ t_i), or its derivative to λ."""
+    t, a = shaper.impulses
+    return complex(np.sum(a * (-t) ** derivative * np.exp(-pole * t)))
+
+
+def residual(course: fl.Course, pole: complex) -> float:
+    """Amplitude of ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 from rest when its reference has ended, by matrix exponentials.
+
+    x^j of a piece are states, too, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
+    """
+    order = course.coefficients.shape[1]
+    A = np.zeros((2 + order, 2 + order))
+    A[0, 1], A[1, 0], A[1, 1] = 1.0, -(abs(pole) ** 2), 2 * pole.real
+    A[range(3, 2 + order), range(2, 1 + order)] = np.arange(1, order)
+    y = np.array([course.coefficients[0, 0, 0], 0.0])
+    for x, c in zip(np.diff(course.knots), course.coefficients[:-1, :, 0], strict=True):
+        A[1, 2:] = abs(pole) ** 2 * c
+        y = (expm(A * x) @ np.concatenate([y, np.eye(order)[0]]))[:2]
+    return float(np.hypot(y[0] - course.coefficients[-1, 0, 0], y[1] / abs(pole)))
+
+
+def test_every_shaper_that_comes_along_is_tested() -> None:
+    assert set(catalogue.names("shapers")) == set(ZEROS)
+    for name, zeros in ZEROS.items():
+        assert catalogue.load("shapers", "kind", name, ShaperRule).zeros == zeros
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
+@settings(deadline=None, max_examples=25)
+@given(
+    frequency=st.floats(0.5, 20), damping=st.floats(0, 0.5),
+    profile=st.sampled_from(["quintic", "trapezoidal", "s_curve"]), duration=st.floats(0.1, 2),
+)  # fmt: skip
+def test_a_shaped_reference_leaves_no_vibration(
+    kind: str, frequency: float, damping: float, profile: str, duration: float
+) -> None:
+    """Of 1 rad: 1e-12 is some thousand roundings, of up to 28 pieces and their exponentials."""
+    shaper = fl.Shaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
+    course = fl.Reference(profile=profile, to_deg=(np.degrees(1.0),), duration=duration).course((0.0,))
+    assert residual(course.shaped(*shaper.impulses), shaper.vibrations[0]) <= 1e-12
+
+
+def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() -> None:
+    shaper = fl.Shaper(kind="ZVD", frequency_hz=(1.7, 2.6), damping=(0.02, 0.01))
+    course = fl.Reference(profile="trapezoidal", to_deg=(np.degrees(1.0),), duration=0.3).course((0.0,))
+    assert len(shaper.impulses[0]) == 9
+    for pole in shaper.vibrations:
+        assert residual(course, pole) > 0.1
+        assert residual(course.shaped(*shaper.impulses), pole) <= 1e-12
+
+
+@pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD"])
+@given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.9))
+def test_a_shaper_has_as_many_derivatives_to_the_frequency_zero_as_it_says(
+    kind: str, frequency: float, damping: float
+) -> None:
+    """In units of 1/|λ|^k; what each impulse adds is |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
+    shaper = fl.Shaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
+    (pole,), (t, a) = shaper.vibrations, shaper.impulses
+    for k in range(ZEROS[kind] + 1):
+        added = np.sum(np.abs(a * np.exp(-pole * t)) * np.abs(pole * t) ** k * (1 + np.abs(pole * t)))
+        found = abs(left(shaper, pole, k)) * abs(pole) ** k
+        assert (found <= 8 * EPS * added) == (k < ZEROS[kind])
+
+
+def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> None:
+    """At its frequency, and nowhere from 0.83 to 1.17 of it; ZVD leaves more there. Without damping."""
+    shapers = {kind: fl.Shaper(kind=kind, frequency_hz=(1.0,)) for kind in ("EI", "ZVD")}
+    band = 2j * np.pi * np.linspace(0.83, 1.17, 201)
+    most = {kind: max(abs(left(shaper, pole)) for pole in band) for kind, shaper in shapers.items()}
+    assert abs(left(shapers["EI"], 2j * np.pi)) == pytest.approx(0.05, rel=1e-12)
+    assert most["EI"] < 0.05 + 1e-12 < most["ZVD"]
+
+
+@given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.99))
+def test_impulses_sum_to_one_and_poles_say_the_same_as_frequency_and_damping(frequency: float, damping: float) -> None:
+    shaper = fl.Shaper(kind="ZVD", frequency_hz=(frequency,), damping=(damping,))
+    (pole,), (t, a) = shaper.vibrations, shaper.impulses
+    assert a.sum() == pytest.approx(1.0, abs=4 * EPS)
+    assert abs(pole) == pytest.approx(2 * np.pi * frequency, rel=8 * EPS)
+    assert -pole.real / abs(pole) == pytest.approx(damping, rel=8 * EPS)
+    for given_by, same in zip(fl.Shaper.at([pole]).impulses, (t, a), strict=True):
+        np.testing.assert_array_equal(given_by, same)
+    K = np.exp(np.pi * pole.real / pole.imag)
+    np.testing.assert_allclose(a * (1 + K) ** 2, [1, 2 * K, K**2], rtol=EPS * (8 - 2 * np.log(K)))  # as in textbooks
+
+
+def test_a_shaped_reference_is_the_sum_of_delayed_ones(rng: np.random.Generator) -> None:
+    """Also of impulses below 0: within 64 ε of the largest value of each."""
+    times, weights = rng.uniform(0, 1, 5), rng.uniform(-1, 1, 5)
+    course = fl.Reference(profile="s_curve", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
+    shaped, t = course.shaped(times, weights), np.linspace(-1, 4, 777)
+    sums = [sum(a * part for a, part in zip(weights, parts, strict=True))
+            for parts in zip(*(course(t - later) for later in times), strict=True)]  # fmt: skip
+    for ours, theirs in zip(shaped(t), sums, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=64 * EPS * np.abs(theirs).max())
+
+
+def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
+    """Of unity magnitude, +1, −1, +1 after sixths of a period: faster than ZV."""
+    path = tmp_path / "um_zv.toml"
+    rule = 'about = "UM-ZV"\nsource = "Singhose, Singer & Seering 1994"\nzeros = {}\n'
+    rule += "half_periods = [0, 0.3333333333333333, 0.6666666666666666]\nweights = [1, -1, 1]\n"
+    path.write_text(rule.format(1), encoding="utf-8")
+    shaper = fl.Shaper(kind=str(path), frequency_hz=(3.0,), damping=(0.1,))
+    assert abs(left(shaper, shaper.vibrations[0])) < 8 * EPS
+    path.write_text(rule.format(2), encoding="utf-8")
+    with pytest.raises(fl.DataFileError, match=r"um_zv.toml: zeros = 2: derivative 1 of what is left is .*, not 0"):
+        _ = shaper.impulses
+
+
+REFUSED = {
+    "frequency": ({"frequency_hz": (0.0,)}, r"frequency_hz\[0\] = 0.0: expected float > 0"),
+    "negative frequency": ({"frequency_hz": (1.0, -2.0)}, r"frequency_hz\[1\] = -2.0"),
+    "damping of 1": ({"frequency_hz": (1.0,), "damping": (1.0,)}, r"damping\[0\] = 1.0: expected float < 1"),
+    "damping below 0": ({"frequency_hz": (1.0,), "damping": (-0.1,)}, r"damping\[0\] = -0.1: expected float >= 0"),
+    "dampings": ({"frequency_hz": (1.0,), "damping": (0.1, 0.1)}, "expected one ratio per frequency_hz"),
+    "both": ({"frequency_hz": (1.0,), "poles": ((-1.0, 2.0),)}, "give one of both"),
+    "neither": ({}, "give one of both"),
+    "no vibration": ({"frequency_hz": ()}, "no vibration to shape away"),
+    "a growing pole": ({"poles": ((1.0, 2.0),)}, r"poles\[0\] = \(1.0, 2.0\): a vibration has Re λ ≤ 0 and Im λ > 0"),
+    "an aperiodic pole": ({"poles": ((-1.0, 0.0),)}, r"poles\[0\] = "),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_a_bad_shaper_is_refused(what: str) -> None:
+    given, message = REFUSED[what]
+    with pytest.raises(fl.SceneError, match=message):
+        fl.Shaper(kind="ZV", **given)
+
+
+def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
+    with pytest.raises(fl.ArgumentError, match=r"kind = 'zvd': unknown; .*did you mean 'ZVD'"):
+        _ = fl.Shaper(kind="zvd", frequency_hz=(1.0,)).impulses
+    with pytest.raises(fl.ArgumentError, match="3 impulses for each of 7 vibrations are more than 1024"):
+        _ = fl.Shaper(kind="ZVD", frequency_hz=tuple(range(1, 8))).impulses
+    shaper = fl.Shaper(kind="zvd", frequency_hz=(1.0,))
+    with pytest.raises(fl.SceneError, match=r"^shaper.kind = 'zvd': unknown"):
+        fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0, shaper=shaper).course((0.0,))
+    course = fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0).course((0.0,))
+    with pytest.raises(fl.ArgumentError, match=r"impulses on .* pieces"):
+        course.shaped(np.linspace(0, 1, 30_000), np.ones(30_000))
+    with pytest.raises(fl.ArgumentError, match="times, weights"):
+        course.shaped([0.0, 1.0], [1.0])
+
+
+def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
+    """I q̈ = −kp q − kd q̇."""
+    wheel = fl.Payload(mass=1.0, inertia=(2.0, 2.0, 3.0))
+    chain = fl.lump(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0)))
+    (pole,) = fl.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
+    assert pole == pytest.approx(complex(-0.25, np.sqrt(4.0 - 0.25**2)), rel=1e-13)
+    assert fl.pd_poles(chain, [0.0], kp=12.0, kd=100.0).size == 0, "aperiodic"
+    with pytest.raises(fl.ArgumentError, match=r"kp\[0\] = .*must be >= 0"):
+        fl.pd_poles(chain, [0.0], kp=-1.0, kd=0.0)
+    with pytest.raises(fl.ArgumentError, match="kd has shape"):
+        fl.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
+
+
+def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
+    """At a bent posture under gravity; what the joint still gives is of the order of the arm's stiffness by kp."""
+    scene = make_scene(flexible("a", flex="yz"), tip=fl.Payload(mass=1.0), initial=fl.Initial(joint_deg=(30.0,)))
+    chain = fl.lump(scene)
+    q = fl.solve_static(chain, np.full(chain.n, 0.1), locked=chain.active).q
+    held = fl.modes(chain, q, locked=chain.active).eigenvalues
+    held = held[held.imag > 0]
+    poles = fl.pd_poles(chain, q, kp=1e9, kd=1e3)
+    for pole in held[np.argsort(np.abs(held))][:2]:
+        assert np.abs(poles - pole).min() < 1e-4 * abs(pole)

@@ -1,0 +1,513 @@
+"""Sweeps: each member once, with the numbers of its own run, whatever runs it and however often it is stopped."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sqlite3
+import subprocess
+import sys
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, compiled, make_scene
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.interruption import Stop
+from flexlink.motion.batch import outcomes
+from flexlink.sweeps import identity, members, sweeping
+from flexlink.sweeps.execution import DEATHS
+from flexlink.sweeps.measures import REDUCTIONS, Quantity
+from flexlink.sweeps.plan import Plan
+from flexlink.sweeps.ranges import Range, Spread, points
+from flexlink.sweeps.table import SweepRows
+
+WANTED = {"x": fl.Quantity(of="tip x [m]"), "bend": fl.Quantity(of="deflection [m]", take="max")}
+DEADLY = 5  # number of the member that ends its process
+
+
+@pytest.fixture(scope="module")
+def paper() -> fl.Scene:
+    run = fl.Run(duration=0.002, sample=0.001)
+    return fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run": run})
+
+
+def masses(scene: fl.Scene, *kilograms: float, **fields: object) -> fl.Sweep:
+    return fl.Sweep(scene=scene, quantity=WANTED, grid={"tip.mass": list(kilograms)}, **fields)
+
+
+def test_each_combination_is_a_member_with_the_numbers_of_its_own_run(paper: fl.Scene) -> None:
+    grid = {"run.step": [1e-4, 5e-5], "tip.mass": [0.0, 1.0, 2.0]}
+    rows = fl.sweep(fl.Sweep(scene=paper, quantity=WANTED, grid=grid))
+    assert rows.columns == ("number", "status", "reason", "warnings", "run.step", "tip.mass", "x", "bend")
+    assert [row[4:6] for row in rows.rows] == [(h, m) for h in grid["run.step"] for m in grid["tip.mass"]]
+    for number, status, reason, _, step, mass, x, bend in rows.rows:
+        run = fl.simulate(paper.varied({"run.step": step, "tip.mass": mass}))
+        straight = np.where(np.isin(range(run.chain.n), run.chain.active), run.q, 0.0)
+        away = np.linalg.norm(run.tip - fl.tip_position(run.chain, straight), axis=1)
+        assert (status, reason) == ("done", ""), number
+        assert x == pytest.approx(run.tip[-1, 0], rel=1e-12)
+        assert bend == pytest.approx(away.max(), rel=1e-9)
+
+
+def test_what_keeps_members_from_going_side_by_side_varies_slowest(paper: fl.Scene) -> None:
+    sweep = fl.Sweep(scene=paper, quantity=WANTED, grid={"tip.mass": [0.0, 1.0], "link.*.segments": [3, 5]})
+    plan = Plan(sweep)
+    assert [tuple(plan.values(k).values()) for k in range(4)] == [(0.0, 3), (1.0, 3), (0.0, 5), (1.0, 5)]
+
+
+@compiled
+def test_a_members_numbers_do_not_depend_on_its_neighbours(paper: fl.Scene, rng: np.random.Generator) -> None:
+    insisting = paper.varied({"run.unstable": "allow"})
+    scenes = [
+        insisting.varied({"tip.mass": m, "link.*.joint.coulomb": float(m > 1)}) for m in rng.uniform(0, 2, 11).tolist()
+    ]
+    scenes[4] = insisting.varied({"initial.rate_deg": [0.0, 1e120, 0.0]})  # diverges; its block runs one by one
+    every, shuffled = outcomes(scenes, Stop()), outcomes(scenes[::-1], Stop())[::-1]
+    for scene, one, other in zip(scenes, every, shuffled, strict=True):
+        (alone,) = outcomes([scene], Stop())
+        if isinstance(one, fl.Trajectory) and isinstance(other, fl.Trajectory) and isinstance(alone, fl.Trajectory):
+            np.testing.assert_array_equal(one.q, other.q)
+            np.testing.assert_array_equal(one.q, alone.q)
+        else:
+            assert type(one) is type(other) is type(alone) is fl.DivergenceError
+            assert scene is scenes[4]
+
+
+def test_a_member_that_is_refused_or_diverges_is_a_row_with_its_reason(paper: fl.Scene) -> None:
+    quick = {"unstable": "allow", "duration": 0.5, "sample": 0.001}
+    runs = [{"step": 1e-4}, {"step": 1e-3}, {"step": 1e-3, **quick}, {"step": -1.0}, {"step": 1e-4, "method": "RK5"}]
+    rows = fl.sweep(fl.Sweep(scene=paper, quantity=WANTED, grid={"run": [{"duration": 0.01, **r} for r in runs]}))
+    assert rows.column("status") == ["done", *["failed"] * 4]
+    assert [reason.split(":")[0] for reason in rows.failed.values()] == [
+        "UnstableStepError", "DivergenceError", "SceneError", "SceneError",
+    ]  # fmt: skip
+    assert rows.column("x")[1:] == [None] * 4
+    assert "run.step = -1.0" in rows.failed[3]
+
+
+def test_a_number_that_a_run_does_not_have_leaves_the_others(paper: fl.Scene) -> None:
+    wanted = {**WANTED, "last": fl.Quantity(of="q upper.4.z [rad]")}
+    rows = fl.sweep(fl.Sweep(scene=paper, quantity=wanted, grid={"link.*.segments": [3, 5]}))
+    assert rows.column("status") == ["failed", "done"]
+    assert rows.column("x")[0] is not None
+    assert "last: of = 'q upper.4.z [rad]': no such quantity" in rows.failed[0]
+
+
+def test_warnings_are_kept(paper: fl.Scene) -> None:
+    insisting = paper.varied({"run.step": 5e-4, "run.unstable": "allow"})
+    (warning,) = fl.sweep(masses(insisting, 0.0)).column("warnings")
+    assert warning.startswith("insisted on run.step = 0.0005 s")
+
+
+def test_reductions_are_what_their_names_say() -> None:
+    t, x = np.array([0.0, 1.0, 2.0]), np.array([1.0, -3.0, 2.0])
+    found = {name: float(reduce(t, x)) for name, reduce in REDUCTIONS.items()}
+    assert found == {
+        "final": 2.0, "first": 1.0, "min": -3.0, "max": 2.0, "largest": 3.0, "range": 5.0, "mean": 0.0,
+        "rms": pytest.approx(np.sqrt(14 / 3)), "time of min": 1.0, "time of max": 2.0,
+    }  # fmt: skip
+    for name in REDUCTIONS:
+        Quantity(of="tip x [m]", take=name)  # each is allowed
+
+
+def test_settling_is_measured_against_the_place_of_rest() -> None:
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square", flex="z", segments=3)
+    held = make_scene(
+        rod.__class__(**{**{f: getattr(rod, f) for f in rod.__struct_fields__}, "joint": fl.Joint(locked=True)}),
+        gravity=(0.0, 9.81, 0.0),
+        run=fl.Run(step=1e-5, sample=1e-4, duration=0.02),
+    ).varied({"link.a.damping": fl.Damping(ratio=0.9, at_hz=30.0)})
+    run, chain = fl.simulate(held), fl.lump(held)
+    goal = fl.tip_position(chain, fl.solve_static(chain).q)
+    tolerance = float(np.linalg.norm(run.tip - goal, axis=1)[len(run.t) // 2])
+    wanted = {
+        "settled": fl.Quantity(of="settling time [s]", tolerance=tolerance),
+        "over": fl.Quantity(of="overshoot [m]", target=tuple(goal)),
+        "left": fl.Quantity(of="residual vibration [m]", after=0.01),
+        "steps": fl.Quantity(of="steps"),
+    }
+    rows = fl.sweep(fl.Sweep(scene=held, quantity=wanted, grid={"gravity": [held.gravity]}))
+    assert rows.rows[0][5:] == pytest.approx(
+        (
+            fl.settling_time(run, target=goal, tolerance=tolerance), fl.overshoot(run, target=goal),
+            fl.residual_vibration(run, after=0.01), 2000,
+        ), rel=1e-9,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("said", "values"),
+    [
+        ({"between": [0, 1], "count": 3}, [0.0, 0.5, 1.0]),
+        ({"between": [1, 100], "count": 3, "spacing": "log"}, [1.0, 10.0, 100.0]),
+        ({"between": [0, 0.3], "step": 0.1}, [0.0, 0.1, 0.2, 0.3]),
+        ({"between": [3, 9], "step": 2, "whole": True}, [3, 5, 7, 9]),
+        ({"between": [2, 2], "count": 1}, [2.0]),
+    ],
+)
+def test_ranges_count_both_ends_in(said: dict, values: list) -> None:
+    found = Range(**said).values
+    assert found == pytest.approx(values, rel=1e-15)
+    assert list(map(type, found)) == list(map(type, values))
+
+
+@pytest.mark.parametrize("method", ["latin", "random", "sobol", "halton"])
+def test_samples_fill_the_cube_and_come_again_by_their_seed(method: str) -> None:
+    drawn = points(method, 3, 100, 7)
+    assert drawn.shape == (100, 3)
+    assert ((drawn >= 0) & (drawn < 1)).all()
+    points.cache_clear()
+    np.testing.assert_array_equal(points(method, 3, 100, 7), drawn)
+    assert (points(method, 3, 100, 8) != drawn).any()
+    counts = np.array([np.histogram(column, 10, (0, 1))[0] for column in drawn.T])
+    assert (counts == 10).all() or method != "latin", "one in each hundredth"
+    assert np.abs(counts - 10).max() <= 15  # binomial(100, 1/10): 5 deviations
+
+
+def test_spreads_map_parts_to_values() -> None:
+    assert Spread(between=(2, 6)).value(0.25) == 3.0
+    assert Spread(between=(1, 100), spacing="log").value(0.5) == pytest.approx(10)
+    assert [Spread(between=(1, 3), whole=True).value(u) for u in (0.0, 0.5, 0.999)] == [1, 2, 3]
+    assert Spread(mean=5, deviation=2).value(0.5) == 5.0
+    assert Spread(mean=5, deviation=2).value(0.8413447460685429) == pytest.approx(7)
+    assert np.isfinite(Spread(mean=5, deviation=2).value(0.0))
+
+
+def test_keys_that_go_together_are_one_axis(paper: fl.Scene) -> None:
+    sweep = masses(paper, 0.0, 1.0, together={"run.method": ["RK4", "RK10"], "run.step": [1e-4, 2e-4]})
+    assert [tuple(Plan(sweep).values(k).values()) for k in range(4)] == [
+        (0.0, "RK4", 1e-4), (1.0, "RK4", 1e-4), (0.0, "RK10", 2e-4), (1.0, "RK10", 2e-4),
+    ]  # fmt: skip
+
+
+def test_an_engine_is_a_key_like_others(paper: fl.Scene) -> None:
+    pytest.importorskip("mujoco")
+    rows = fl.sweep(fl.Sweep(scene=paper, quantity={"x": WANTED["x"]}, grid={"engine": ["native", "mujoco"]}))
+    native, mujoco = rows.column("x")
+    assert native != mujoco
+    assert mujoco == pytest.approx(native, abs=1e-9)
+
+
+FILE = """
+scene = "scene.toml"
+set.run.step = 5e-5
+[grid]
+"tip.mass" = [0, 1]
+link.upper.length = { between = [1, 2], count = 2 }
+[sample]
+count = 2
+keys = { material.aluminium.young = { between = [60e9, 70e9] } }
+[quantity]
+x = { of = "tip x [m]" }
+"""
+
+
+def test_a_sweep_file_says_the_same_as_python(tmp_path: Path, paper: fl.Scene) -> None:
+    """Keys in quotes and keys as tables are the same."""
+    (tmp_path / "scene.toml").write_text(paper.to_toml(), encoding="utf-8")
+    (tmp_path / "sweep.toml").write_text(FILE, encoding="utf-8")
+    assert fl.load_sweep(tmp_path / "sweep.toml") == fl.Sweep(
+        scene=fl.load_scene(tmp_path / "scene.toml"),
+        set={"run.step": 5e-5},
+        grid={"tip.mass": [0, 1], "link.upper.length": {"between": [1, 2], "count": 2}},
+        sample=fl.Sample(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
+        quantity={"x": WANTED["x"]},
+    )
+
+
+REFUSED = [
+    ({"grid": {"tip.mas": [1.0]}}, r"tip.mas = 1.0: 'mas' is unknown here; .*did you mean 'mass'\?"),
+    ({"grid": {"tip.mass": []}}, "grid.tip.mass = \\[\\]: empty"),
+    ({"grid": {"tip.mass": 1.0}}, "grid.tip.mass = 1.0: expected a list of values, or { between"),
+    ({"grid": {"tip.mass": {"between": [2, 1], "count": 2}}}, "between = \\[2.0, 1.0\\]: the range is empty"),
+    ({"grid": {"tip.mass": {"between": [0, 1]}}}, "takes count, how many numbers, or step"),
+    ({"grid": {"tip.mass": {"between": [0, 1], "step": 1e-9}}}, "step = 1e-09: more than 10000000 numbers"),
+    ({"grid": {"tip.mass": {"between": [0, 1], "count": 10**12}}}, "grid.tip.mass.count = 1000000000000"),
+    ({"grid": {"tip.mass": {"between": [0, 1], "count": 2, "spacing": "log"}}}, "both ends must be > 0"),
+    ({"grid": {"tip.mass": {"between": [0, 1], "cuont": 2}}}, "unknown key; .*did you mean 'count'"),
+    ({"grid": {k: {"between": [0, 1], "count": 10_000} for k in ("tip.mass", "link.1.length", "link.2.length")}},
+     "1000000000000 members: a sweep has at most 10000000"),
+    ({"together": {"tip.mass": [1.0], "run.step": [1e-4, 2e-4]}}, "keys go together number by number"),
+    ({"grid": {"tip.mass": [1.0]}, "together": {"tip.mass": [1.0]}}, "tip.mass: varies twice"),
+    ({"grid": {"tip.mass": [1.0]}, "quantity": {}}, "quantity: empty"),
+    ({"quantity": {"X": WANTED["x"], "x": WANTED["x"]}}, "X: would name two columns"),
+    ({"quantity": {"number": WANTED["x"]}}, "number: would name two columns"),
+    ({"quantity": {"x": {"of": "tip X [m]"}}}, r"quantity.x.of = 'tip X \[m\]': .*did you mean 'tip x \[m\]'"),
+    ({"quantity": {"x": {"of": "tip x [m]", "take": "maximum"}}}, "take = 'maximum'"),
+    ({"quantity": {"x": {"of": "steps", "take": "max"}}}, "take = 'max': 'steps' takes nothing else"),
+    ({"quantity": {"x": {"of": "settling time [s]"}}}, "tolerance: missing"),
+    ({"sample": {"count": 10**12, "keys": {"tip.mass": {"between": [0, 1]}}}}, "count = 1000000000000"),
+    ({"sample": {"count": 2, "keys": {}}}, "sample.keys: empty"),
+    ({"sample": {"count": 2, "keys": {"tip.mass": {"between": [0, 1], "mean": 1}}}}, "one of both"),
+    ({"sample": {"count": 2, "method": "lattice", "keys": {}}}, "method = 'lattice': allowed are 'latin'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("fields", "words"), REFUSED)
+def test_what_cannot_be_is_refused_before_the_first_run(fields: dict, words: str, paper: fl.Scene) -> None:
+    with pytest.raises(fl.SceneError, match=words):
+        fl.sweep(fl.Sweep(**{"scene": paper, "quantity": WANTED, **fields}))
+
+
+def test_a_file_with_an_unknown_key_says_what_is_allowed(tmp_path: Path, capsys) -> None:
+    (tmp_path / "sweep.toml").write_text('scene = "a.toml"\ngird = 1\n', encoding="utf-8")
+    assert main(["sweep", str(tmp_path / "sweep.toml")]) == 2
+    assert "gird = 1: unknown key; allowed are scene, quantity, about, set, grid" in capsys.readouterr().err
+
+
+# Rows, wherever they are kept.
+
+
+def lines(path: Path) -> list[tuple]:
+    with sqlite3.connect(path) as db:
+        return db.execute("SELECT * FROM rows ORDER BY number").fetchall()
+
+
+def test_rows_are_the_same_from_every_executor_and_after_a_stop(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
+    sweep = masses(paper, *np.linspace(0, 1, 21).tolist())
+    whole = fl.sweep(sweep)
+    with ThreadPoolExecutor(2) as threads:
+        assert fl.sweep(sweep, executor=threads) == whole
+    out = tmp_path / "sweep.db"
+    seen: list[float] = []
+
+    def stopped(part: float) -> None:
+        seen.append(part)
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fl.sweep(sweep, out=out, progress=stopped)
+    assert 0 < len(lines(out)) < 21
+    kept = lines(out)
+    ran = []
+    real = members.rows_of
+    monkeypatch.setattr(
+        "flexlink.sweeps.execution.rows_of", lambda *question: (ran.extend(question[2]), real(*question))[1]
+    )
+    again = fl.sweep(sweep, out=out, progress=seen.append)
+    assert again == whole
+    assert sorted(ran) == [row[0] for row in again.rows[len(kept) :]], "none is repeated"
+    assert seen[0] == 0
+    assert seen[-1] == 1
+    assert fl.sweep(sweep, out=out) == whole
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"grid": {"tip.mass": [0.0, 2.0]}}, r"grid.tip.mass\[1\] was 1.0 and is 2.0"),
+        ({"set": {"run.duration": 0.001}}, "set.run.duration was None and is 0.001"),
+        ({"quantity": {"x": WANTED["x"], "y": fl.Quantity(of="tip y [m]")}}, "quantity.bend was"),
+    ],
+)
+def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scene, change: dict, words: str) -> None:
+    sweep, out = masses(paper, 0.0, 1.0), tmp_path / "sweep.db"
+    fl.sweep(sweep, out=out)
+    kept = lines(out)
+    with pytest.raises(fl.ArgumentError, match=f"holds rows of another sweep: .*{words}.*begin anew"):
+        fl.sweep(replace(sweep, **change), out=out)
+    assert lines(out) == kept
+    assert len(fl.sweep(replace(sweep, **change), out=out, fresh=True).rows) == 2
+
+
+def test_a_changed_scene_version_or_file_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
+    sweep, out = masses(paper, 0.0), tmp_path / "sweep.db"
+    fl.sweep(sweep, out=out)
+    with pytest.raises(fl.ArgumentError, match=r"scene.gravity\[2\] was 9.81 and is 1.0"):
+        fl.sweep(replace(sweep, scene=paper.varied({"gravity": [0.0, 0.0, 1.0]})), out=out)
+    fl.sweep(replace(sweep, about="other words"), out=out)
+    monkeypatch.setattr(identity, "version", lambda: "0.2.0")
+    with pytest.raises(fl.ArgumentError, match=r"versions.flexlink was '0.1.0 .*' and is '0.2.0'"):
+        fl.sweep(sweep, out=out)
+    monkeypatch.undo()
+    own = tmp_path / "own.toml"
+    own.write_text((ROOT / "flexlink/describe/data/methods/RK4.toml").read_text(encoding="utf-8"), encoding="utf-8")
+    fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out, fresh=True)
+    own.write_text(own.read_text(encoding="utf-8") + "\n", encoding="utf-8")
+    with pytest.raises(fl.ArgumentError, match=r"files\..*own.toml was"):
+        fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out)
+
+
+def test_what_is_no_sweeps_database_is_left_as_it_is(tmp_path: Path, paper: fl.Scene) -> None:
+    text, other, folder = tmp_path / "notes.txt", tmp_path / "other.db", tmp_path / "folder"
+    text.write_text("not a database, but something that somebody needs" * 30, encoding="utf-8")
+    with sqlite3.connect(other) as db:
+        db.execute("CREATE TABLE rows (number)")
+    folder.mkdir()
+    before = text.read_bytes(), other.read_bytes()
+    for path in (text, other):
+        for fresh in (False, True):
+            with pytest.raises(fl.OutputError, match=r"holds no sweep .* and is left as it is"):
+                fl.sweep(masses(paper, 0.0), out=path, fresh=fresh)
+    for path in (folder, tmp_path / "missing" / "sweep.db"):
+        with pytest.raises(fl.OutputError, match="unable to open"):
+            fl.sweep(masses(paper, 0.0), out=path)
+    assert (text.read_bytes(), other.read_bytes()) == before
+
+
+def test_a_damaged_database_is_told_and_begun_anew_only_if_asked(tmp_path: Path, paper: fl.Scene) -> None:
+    out, sweep = tmp_path / "sweep.db", masses(paper, *np.linspace(0, 1, 200).tolist())
+    fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
+    data = bytearray(out.read_bytes())
+    data[8192:12288] = os.urandom(4096)
+    out.write_bytes(data)
+    with pytest.raises(fl.OutputError, match="is damaged"):
+        fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
+    assert out.read_bytes() == data
+    assert len(fl.sweep(masses(paper, 0.0), out=out, fresh=True).rows) == 1
+
+
+def test_a_second_writer_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
+    out, sweep = tmp_path / "sweep.db", masses(paper, 0.0, 1.0)
+    monkeypatch.setattr("flexlink.sweeps.store.WAIT", 0.05)
+    told = []
+
+    def meanwhile(_: float) -> None:
+        for fresh in (False, True):
+            with pytest.raises(fl.OutputError, match="another process is writing to it"):
+                fl.sweep(sweep, out=out, fresh=fresh)
+            told.append(len(lines(out)))  # reading is allowed
+
+    assert len(fl.sweep(sweep, out=out, progress=meanwhile).rows) == 2
+    assert told[0] == 0
+
+
+FILLS_THE_DISK = """
+import resource, sys
+from flexlink.cli.main import main
+from flexlink.sweeps import execution
+execution.SECONDS = 1e-9  # eight members a task, and a commit
+resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
+sys.exit(main(["sweep", sys.argv[1], "--out", sys.argv[2]]))
+"""
+
+
+def sweep_file(tmp_path: Path, paper: fl.Scene, count: int, **run: float) -> Path:
+    (tmp_path / "scene.toml").write_text(paper.varied({f"run.{k}": v for k, v in run.items()}).to_toml(), "utf-8")
+    path = tmp_path / "sweep.toml"
+    path.write_text(
+        f'scene = "scene.toml"\n[grid]\ntip.mass = {{ between = [0, 1], count = {count} }}\n'
+        '[quantity]\nx = { of = "tip x [m]" }\n', "utf-8",
+    )  # fmt: skip
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of size")
+def test_a_full_disk_keeps_the_rows_that_are_there(tmp_path: Path, paper: fl.Scene) -> None:
+    path, out = sweep_file(tmp_path, paper, 200), tmp_path / "sweep.db"
+    call = [sys.executable, "-c", FILLS_THE_DISK, str(path), str(out)]
+    ended = subprocess.run(call, capture_output=True, text=True, check=False, cwd=tmp_path, env=own_environment())
+    assert ended.returncode == 2
+    assert "cannot be written" in ended.stderr
+    assert "the same command goes on" in ended.stderr
+    assert 0 < len(lines(out)) < 200
+    assert len(fl.sweep(path, out=out).rows) == 200
+
+
+def own_environment() -> dict[str, str]:
+    return os.environ | {"PYTHONPATH": str(ROOT)}
+
+
+# Workers.
+
+
+def make_deadly() -> None:
+    """A process in which one member ends it, another raises what no member may raise."""
+    real = members._row
+
+    def row(plan: Plan, number: int, outcome: object) -> members.Row:
+        if number == DEADLY:
+            os._exit(13)
+        if number == DEADLY + 2:
+            raise ZeroDivisionError("a mistake of the program")
+        return real(plan, number, outcome)
+
+    members._row = row  # type: ignore[assignment]
+
+
+def deadly_pool() -> Executor:
+    return ProcessPoolExecutor(2, mp_context=get_context("spawn"), initializer=make_deadly)
+
+
+@pytest.mark.slow
+def test_a_member_that_ends_its_process_is_a_row_and_takes_no_other_along(paper: fl.Scene) -> None:
+    sweep = masses(paper, *np.linspace(0, 1, 21).tolist())
+    rows, whole = fl.sweep(sweep, executor=deadly_pool), fl.sweep(sweep)
+    assert rows.failed == {
+        DEADLY: f"the process that ran it ended {DEATHS} times",
+        DEADLY + 2: "ZeroDivisionError: a mistake of the program",
+    }
+    good = [k for k in range(21) if k not in rows.failed]
+    assert [rows.rows[k] for k in good] == [whole.rows[k] for k in good]
+    with deadly_pool() as given, pytest.raises(fl.EngineError, match="the executor is broken; all rows are kept"):
+        fl.sweep(sweep, executor=given)
+
+
+@pytest.mark.slow
+def test_rows_of_two_workers_are_those_of_one(tmp_path: Path, paper: fl.Scene) -> None:
+    sweep = masses(paper, *np.linspace(0, 1, 101).tolist())
+    assert fl.sweep(sweep, workers=2) == fl.sweep(sweep)
+
+
+def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> None:
+    monkeypatch.setattr(members, "version", lambda: "0.0.9")
+    with pytest.raises(fl.EngineError, match=r"a worker has flexlink 0.0.9, but flexlink 0.1.0 .* has started"):
+        fl.sweep(masses(paper, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"workers": 0}, "workers = 0: must be at least 1"),
+        ({"executor": 3}, "executor = 3: expected a concurrent.futures.Executor"),
+        ({"fresh": "no"}, "fresh = 'no': must be True or False"),
+        ({"out": 3}, "out = 3: expected a str or a Path"),
+    ],
+)
+def test_arguments_that_cannot_be_are_refused(arguments: dict, words: str, paper: fl.Scene) -> None:
+    with pytest.raises(fl.ArgumentError, match=words):
+        fl.sweep(masses(paper, 0.0), **arguments)
+
+
+# Tables.
+
+
+def test_rows_are_exported_exactly(tmp_path: Path, paper: fl.Scene, capsys) -> None:
+    path = sweep_file(tmp_path, paper, 3)
+    out = tmp_path / "rows.db"
+    assert main(["sweep", str(path), "--out", str(out), "--export", "csv"]) == 0
+    assert "3 members run" in capsys.readouterr().out
+    with (tmp_path / "rows.csv").open(encoding="utf-8", newline="") as file:
+        header, *rows = list(csv.reader(file))
+    kept = lines(out)
+    assert header == ["number", "status", "reason", "warnings", "tip.mass", "x"]
+    assert [(float(row[4]), float(row[5])) for row in rows] == [row[4:] for row in kept]
+    frame = fl.sweep(path, out=out).to_pandas()
+    assert frame["x"].tolist() == [row[5] for row in kept]
+    assert frame.index.name == "number"
+
+
+def test_parquet_reads_back_or_says_what_it_needs(tmp_path: Path, paper: fl.Scene, capsys, monkeypatch) -> None:
+    path, out = sweep_file(tmp_path, paper, 2), tmp_path / "rows.db"
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "pyarrow", None)
+        assert main(["sweep", str(path), "--out", str(out), "--export", "parquet"]) == 2
+        assert "needs pyarrow" in capsys.readouterr().err
+        assert not out.exists(), "known before the work"
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    assert main(["sweep", str(path), "--out", str(out), "--export", "parquet"]) == 0
+    assert pandas.read_parquet(tmp_path / "rows.parquet")["x"].tolist() == [row[5] for row in lines(out)]
+
+
+def test_a_table_says_what_it_is() -> None:
+    assert repr(SweepRows(("number", "x"), ((0, 1.0),))) == "<SweepRows: 1 rows of number, x>"
+    assert sweeping.InterruptedSweepError("stopped", 15).signal == 15

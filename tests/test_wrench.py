@@ -1,0 +1,339 @@
+"""The tip wrench: in frame 0 or following the tip, constant or as a table in time, in all that a run does with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+from scipy.integrate import quad
+
+import flexlink as fl
+from flexlink.analysis.stability import eigenvalues
+from flexlink.engines import load
+from flexlink.motion.simulator import Simulator
+
+TIMES = (0.0, 0.013, 0.03, 0.045)
+TABLE: dict[str, Any] = {
+    "times": TIMES,
+    "forces": ((3.0, -2.0, 1.0), (-4.0, 5.0, 2.0), (6.0, 1.0, -5.0), (2.0, 2.0, 2.0)),
+    "moments": ((0.3, 0.2, -0.1), (-0.4, 0.1, 0.6), (0.2, -0.5, 0.3), (0.0, 0.1, 0.2)),
+}
+IN_TIME: dict[str, dict[str, Any]] = {
+    "constant": {"force": (3.0, -2.0, 1.0), "moment": (0.3, 0.2, -0.1)},
+    "linear": TABLE,
+    "smooth": {**TABLE, "smooth": True},
+    "hold": {**TABLE, "hold": True},
+}
+WRENCHES = {
+    f"{kind}, {frame}": {**table, "frame": frame} for kind, table in IN_TIME.items() for frame in ("world", "tip")
+}
+FLEX = {"plane": "z", "space": "xyz"}
+each_wrench = pytest.mark.parametrize("wrench", WRENCHES)
+each_room = pytest.mark.parametrize("room", FLEX)
+
+
+def arm(wrench: dict[str, Any], room: str = "space", **changes: object) -> fl.Scene:
+    """Two links that bend, driven, with friction, damping, payload and a turned tip."""
+    friction = fl.Joint(viscous=0.1, coulomb=0.3, coulomb_width=0.05, armature=0.01)
+    skew = fl.Mount() if room == "plane" else fl.Mount(rpy_deg=(40.0, -30.0, 20.0))
+    links = (
+        flexible("upper", FLEX[room], 2, joint=friction),
+        flexible("fore", FLEX[room], 2, mount=skew, joint=friction),
+        fl.Link(name="hand", length=0.2, mount=skew),
+    )
+    scene = make_scene(
+        *links, tip=fl.Payload(mass=0.5, inertia=(4e-3, 5e-3, 6e-3)), wrench=fl.Wrench(**wrench),
+        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(-80.0, -10.0, 30.0), rate_deg=(20.0, 0.0, -40.0)),
+        drive=fl.Drive(kind="pd", kp=(40.0, 20.0, 5.0), kd=(1.0, 0.5, 0.1), target_deg=(-60.0, 0.0, 0.0)),
+    )  # fmt: skip
+    run = {"run.duration": 0.05, "run.sample": 0.005, "run.step": 1e-4, "material.aluminium.loss_time": 1e-5}
+    return scene.varied({**run, **changes})
+
+
+def said(wrench: dict[str, Any], t: float) -> np.ndarray:
+    """Force and moment at time t as a user reads the scene: the table's rows, by NumPy."""
+    if "times" not in wrench:
+        return np.array([*wrench["force"], *wrench["moment"]])
+    rows = np.hstack([wrench["forces"], wrench["moments"]])
+    if wrench.get("hold"):
+        return rows[max(0, np.searchsorted(TIMES, t + 1e-12, side="right") - 1)]
+    return np.array([np.interp(t, TIMES, column) for column in rows.T])
+
+
+# --- what acts --------------------------------------------------------------------------------------------------------
+
+
+@each_room
+@pytest.mark.parametrize("name", [name for name in WRENCHES if "smooth" not in name])
+def test_what_acted_in_a_run_is_what_the_scene_says_turned_with_the_tip(name: str, room: str) -> None:
+    scene = arm(WRENCHES[name], room)
+    run = fl.simulate(scene)
+    tips = fl.frames(run.chain, run.q).rotations[:, -1]
+    for t, R, found in zip(run.t, tips, run.tip_wrench, strict=True):
+        given = said(WRENCHES[name], t).reshape(2, 3)
+        wanted = given @ R.T if scene.wrench.frame == "tip" else given
+        np.testing.assert_allclose(found, wanted.ravel(), rtol=0, atol=1e-13)  # rounding of numbers up to 6
+
+
+def test_a_smooth_table_goes_through_its_rows_and_between_them_as_a_drive_does() -> None:
+    scene = arm({**IN_TIME["smooth"], "moments": None}, "plane")
+    torques = tuple((x, 0.0, 0.0) for x, _, _ in TABLE["forces"])
+    driven = scene.varied({"drive": fl.Drive(kind="table", times=TIMES, torques=torques, smooth=True)})
+    run = fl.simulate(driven, sample=1e-3)
+    np.testing.assert_array_equal(run.tip_wrench[:, 0], run.tau[:, 0])
+
+
+def test_accelerations_and_loads_of_a_run_are_those_under_the_wrench_of_each_sample() -> None:
+    run = fl.simulate(arm(WRENCHES["linear, tip"]))
+    for k in (0, 3, 7):
+        state = run.q[k], run.qd[k]
+        qdd = fl.forward_dynamics(run.chain, *state, run.tau[k], tip_wrench=run.tip_wrench[k])
+        np.testing.assert_array_equal(run.qdd[k], qdd)
+        one = fl.internal_loads(run.chain, *state, qdd, tip_wrench=run.tip_wrench[k])
+        np.testing.assert_array_equal(run.loads.moment[k], one.moment)
+
+
+def test_one_wrench_a_state_is_asked_for_in_as_many_rows() -> None:
+    chain = fl.lump(arm(IN_TIME["constant"]))
+    still = np.zeros((3, chain.n))
+    with pytest.raises(fl.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"):
+        fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
+    with pytest.raises(fl.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
+        fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
+
+
+# --- closed forms -----------------------------------------------------------------------------------------------------
+
+ROD = {"length": 0.5, "joint": fl.Joint(armature=0.1)}  # J = 0.1 kg m², the rod itself has no mass
+
+
+def test_a_force_across_the_tip_that_follows_it_turns_a_rod_ever_faster() -> None:
+    """J q̈ = L f for ever: q = L f t²/2J, exact for a method of order 2 and more, and W = L f q."""
+    scene = make_scene(fl.Link(name="a", **ROD), gravity=(0, 0, 0), wrench=fl.Wrench((0.0, 4.0, 0.0), frame="tip"))
+    run = fl.simulate(scene, step=0.01, sample=0.1, duration=2.0)
+    wanted = 0.5 * 4.0 * run.t**2 / (2 * 0.1)
+    assert wanted[-1] > 2 * np.pi
+    np.testing.assert_allclose(run.q[:, 0], wanted, rtol=1e-13)
+    np.testing.assert_allclose(run.work, 0.5 * 4.0 * wanted, rtol=1e-12)
+    np.testing.assert_allclose(run.energy.kinetic, 0.5 * 4.0 * wanted, rtol=1e-12)
+
+
+def test_a_moment_that_grows_with_time_turns_a_wheel_with_its_square() -> None:
+    """J q̈ = m t: q = m t³/6J, W = J q̇²/2 = m² t⁴/8J, exact for a method of order 4."""
+    table = fl.Wrench(times=(0.0, 10.0), moments=((0.0, 0.0, 0.0), (0.0, 0.0, 30.0)))
+    run = fl.simulate(make_scene(fl.Link(name="a", **ROD), gravity=(0, 0, 0), wrench=table), step=0.01, sample=0.1)
+    np.testing.assert_allclose(run.q[:, 0], 3.0 * run.t**3 / (6 * 0.1), rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(run.work, (3.0 * run.t**2) ** 2 / (8 * 0.1), rtol=1e-11, atol=1e-15)
+
+
+@pytest.mark.parametrize("end", [30.0, 60.0, 90.0])
+def test_a_cantilever_rests_where_the_elastica_under_a_follower_force_does(end: float) -> None:
+    """EI θ'' = −F cos(α − θ) with the tip's angle α: F L²/EI = ½ (∫₀^α dψ / √sin ψ)²; of n hinges up to O(1/n²)."""
+    α = np.radians(end)
+    load = 0.5 * quad(lambda x: 2.0 / np.sqrt(np.sin(x * x) / (x * x)), 0.0, np.sqrt(α))[0] ** 2  # ψ = x²
+
+    def slope(n: int) -> float:
+        locked = fl.Joint(locked=True)
+        scene = make_scene(flexible("a", segments=n, lumping="midpoint", joint=locked), gravity=(0, 0, 0))
+        link, chain = scene.arm.links[0], fl.lump(scene)
+        EI = 70e9 * 0.04**4 / 12
+        force = (0.0, load * EI / link.length**2, 0.0)
+        scene = scene.varied({"wrench": fl.Wrench(force, frame="tip"), "initial.passive": "static"})
+        q, qd = fl.initial_state(scene, chain)
+        run = fl.simulate(scene, duration=0.0)
+        residual = fl.bias_torque(chain, q, qd, tip_wrench=run.tip_wrench[0]) + fl.elastic_torque(chain, q)
+        assert np.abs(residual).max() <= 1e-12 * force[1] * link.length
+        return float(q.sum())
+
+    errors = {n: abs(slope(n) - α) for n in (20, 40)}
+    assert errors[40] <= 2e-4
+    assert np.log2(errors[20] / errors[40]) == pytest.approx(2.0, abs=0.1)
+
+
+# --- the balance and the order ----------------------------------------------------------------------------------------
+
+
+@each_room
+@each_wrench
+def test_energy_gained_is_the_work_of_every_wrench(wrench: str, room: str) -> None:
+    """To the order of the method: half the step leaves a sixteenth; steps end at a table's times."""
+    scene = arm(WRENCHES[wrench], room, **{"run.step": 5e-4, "run.unstable": "allow"})
+    coarse, fine = (fl.simulate(scene, step=h) for h in (1e-4, 5e-5))
+    bare = fl.simulate(scene.varied({"wrench": None}), step=1e-4)
+    assert np.abs(coarse.work - bare.work).max() > 0.01  # J: the wrench has a say
+    assert np.abs(fine.imbalance).max() <= np.abs(coarse.imbalance).max() / 8 + 1e-12 * coarse.exchanged[-1]
+    assert np.abs(coarse.imbalance).max() <= 1e-5 * coarse.exchanged[-1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frame", ["world", "tip"])
+@pytest.mark.parametrize(("method", "order", "steps"), [("RK2", 2, 1), ("RK4", 4, 1), ("Radau5", 5, 10)])
+def test_a_smooth_table_keeps_the_order_of_the_method(method: str, order: int, steps: int, frame: str) -> None:
+    """Within half an order: its pieces are cubic, their third derivative jumps inside few of the steps."""
+    times = tuple(np.linspace(0.0, 0.05, 6))
+    turning = 2 * np.pi * np.array(times)[:, None] / 0.05 + np.arange(3)
+    table = fl.Wrench(times=times, forces=tuple(map(tuple, 30 * np.sin(turning))), smooth=True, frame=frame)
+    scene = arm(IN_TIME["constant"], "plane", **{"link.*.joint.coulomb": 0.0}).varied({"wrench": table})
+    best = fl.simulate(scene, method="RK10", step=1.25e-5).q[-1]
+    errors = [np.abs(fl.simulate(scene, method=method, step=steps * h).q[-1] - best).max() for h in (1e-4, 5e-5)]
+    assert np.log2(errors[0] / errors[1]) >= order - 0.5
+
+
+# --- one wrench, many ways to run -------------------------------------------------------------------------------------
+
+
+@each_wrench
+def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(wrench: str) -> None:
+    scene = arm(WRENCHES[wrench])
+    whole = fl.simulate(scene)
+    t, q, qd = whole.state(4)
+    rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.03)
+    for name in ("q", "qd", "tau", "tip", "tip_wrench"):
+        np.testing.assert_array_equal(getattr(rest, name), getattr(whole, name)[4:], err_msg=name)
+
+
+@each_wrench
+def test_a_stepped_arm_and_a_law_and_many_runs_feel_the_same_wrench(wrench: str) -> None:
+    scene = arm(WRENCHES[wrench])
+    run, stepped = fl.simulate(scene), Simulator(scene)
+    for _ in run.t[1:]:
+        stepped.step()
+    np.testing.assert_array_equal(stepped.state.q, run.q[-1])
+    again, other = fl.simulate_many([scene, scene.varied({"initial.joint_deg": (0.0, 0.0, 0.0)})])
+    np.testing.assert_array_equal(again.q, run.q)
+    assert not np.array_equal(other.q, run.q)
+    free = scene.varied({"drive": None})
+    idle = fl.simulate(free, control=lambda t, q, qd: np.zeros(3))
+    np.testing.assert_allclose(idle.q, fl.simulate(free).q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(idle.work, fl.simulate(free).work, rtol=0, atol=1e-10)
+
+
+@pytest.mark.slow
+@each_wrench
+def test_runs_with_a_tolerance_keep_it_under_every_wrench(wrench: str) -> None:
+    """Twice the tolerance at any sample, as under other loads; the truth is RK10 at a tenth of its stable step."""
+    scene = arm(WRENCHES[wrench], "plane")
+    exact = fl.simulate(scene, method="RK10", step=2.5e-5)
+    for method in ("Radau5", "DOP853"):
+        run = fl.simulate(scene, method=method, tolerance=1e-5)
+        assert np.abs(run.tip - exact.tip).max() <= 2e-5
+        assert np.abs(run.imbalance).max() <= 1e-2 * run.exchanged[-1]
+
+
+@each_room
+@each_wrench
+@pytest.mark.slow
+def test_pinocchio_and_mujoco_feel_the_same_wrench_at_the_same_stages(wrench: str, room: str) -> None:
+    """Engines turn a wrench that follows by their own kinematics; 500 steps leave rounding."""
+    pytest.importorskip("pinocchio")
+    pytest.importorskip("mujoco")
+    scene = arm(WRENCHES[wrench], room)
+    run = fl.simulate(scene)
+    for name in ("pinocchio", "mujoco"):
+        _, q, qd = load(name, run.chain).integrate(scene)
+        assert np.abs(q - run.q).max() <= 1e-11, name
+        assert np.abs(qd - run.qd).max() <= 1e-8, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "module", "method"), [("drake", "pydrake", "RK3"), ("exudyn", "exudyn", "RK4")])
+@each_wrench
+def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module: str, method: str, wrench: str) -> None:
+    pytest.importorskip(module)
+    scene = arm(WRENCHES[wrench], **{"run.method": method, "run.duration": 0.02})
+    engine = load(name, fl.lump(scene))
+    if scene.wrench.hold:
+        with pytest.raises(
+            fl.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
+        ):
+            engine.integrate(scene)
+        return
+    assert np.abs(engine.integrate(scene)[1] - fl.simulate(scene).q).max() <= 1e-11
+
+
+# --- stability --------------------------------------------------------------------------------------------------------
+
+
+def test_a_follower_force_counts_in_the_eigenvalues_as_in_the_modes() -> None:
+    """Beck's column: 18 EI/L² is below, 21 above the load from which it flutters, 20.05 EI/L²."""
+    column = flexible("a", segments=12, lumping="midpoint", joint=fl.Joint(locked=True))
+    scene = make_scene(column, gravity=(0, 0, 0))
+    chain, EI = fl.lump(scene), 70e9 * 0.04**4 / 12
+    still = np.zeros(chain.n)
+    for part, flutters in ((18.0, False), (21.0, True)):
+        wrench = [-part * EI / 1.25**2, 0, 0, 0, 0, 0]
+        λ = eigenvalues(chain, still, tip_wrench=wrench, follower=True)
+        assert (λ.real.max() > 1e-6 * np.abs(λ).max()) == flutters
+        assert fl.modes(chain, tip_wrench=wrench, follower=True).stable != flutters
+
+
+@each_room
+def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
+    """Central differences of forward dynamics along every angle, off by their step squared."""
+    scene = arm(WRENCHES["constant, tip"], room)
+    chain, wrench, (q, qd) = (
+        fl.lump(scene),
+        said(WRENCHES["constant, tip"], 0.0),
+        fl.initial_state(scene, fl.lump(scene)),
+    )
+    n, tau = chain.n, np.zeros(chain.n)
+
+    def qdd(angles: np.ndarray) -> np.ndarray:
+        R = fl.frames(chain, angles).rotations[-1]
+        return fl.forward_dynamics(chain, angles, qd, tau, tip_wrench=(wrench.reshape(2, 3) @ R.T).ravel())
+
+    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, follower=True)
+    np.testing.assert_allclose(model.rate[n:], qdd(q), rtol=1e-9)
+    h = 1e-5 * np.eye(n)
+    slopes = np.array([(qdd(q + step) - qdd(q - step)) / 2e-5 for step in h]).T
+    dead = fl.linearize(chain, q, qd, tau, tip_wrench=fl.simulate(scene, duration=0.0).tip_wrench[0])
+    size = np.abs(slopes).max()
+    assert np.abs(model.A[n:, :n] - slopes).max() <= 1e-7 * size
+    assert np.abs(dead.A[n:, :n] - slopes).max() > 1e-5 * size
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fields", "told"),
+    [
+        (
+            {"times": (0.0, 0.5, 0.5), "forces": ((0.0, 0.0, 0.0),) * 3},
+            r"times\[2\] = 0.5: must be greater than times\[1\] = 0.5",
+        ),
+        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0),)}, "forces has 1 rows: expected one per time, 2"),
+        ({"times": (0.0, 1.0), "moments": ((0.0, 0.0, 0.0),) * 3}, "moments has 3 rows: expected one per time, 2"),
+        ({"times": (0.0, np.nan), "forces": ((0.0, 0.0, 0.0),) * 2}, r"times\[1\] = nan"),
+        ({"times": (0.0, 1.0), "forces": ((0.0, 0.0, 0.0), (0.0, np.inf, 0.0))}, r"forces\[1\]\[1\] = inf"),
+        ({"times": (), "forces": ()}, r"times = \(\): a table has one row or more"),
+        ({"times": (0.0,)}, "takes forces, moments or both, one row per time"),
+        ({"forces": ((1.0, 0.0, 0.0),)}, "forces = .*: needs times, one per row"),
+        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "force": (1.0, 0.0, 0.0)}, "a table takes forces"),
+        ({"times": (0.0,), "forces": ((0.0, 0.0, 0.0),), "smooth": True}, "needs a table with at least 2 times"),
+        ({"hold": True}, "hold = True: takes a table that is not smooth"),
+        ({"frame": "hand"}, "frame = 'hand'"),
+    ],
+)
+def test_a_wrench_that_cannot_be_is_refused_by_its_row(fields: dict[str, Any], told: str) -> None:
+    with pytest.raises(fl.SceneError, match=told):
+        fl.Wrench(**fields)
+
+
+def test_what_a_scene_cannot_do_with_a_wrench_is_refused_by_its_key() -> None:
+    steep = {"times": (0.0, 5e-324), "forces": ((0.0, 0.0, 0.0), (1e300, 0.0, 0.0))}
+    with pytest.raises(fl.SceneError, match=r"wrench\.forces: change faster .* than float64 can hold"):
+        fl.simulate(arm(steep))
+    with pytest.raises(fl.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"):
+        arm(IN_TIME["hold"], **{"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.04})
+    with pytest.raises(fl.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
+        _ = arm(WRENCHES["constant, tip"]).tip_wrench
+
+
+def test_a_scene_with_a_table_reads_back_and_a_file_that_cannot_hold_it_says_so(tmp_path) -> None:
+    scene = arm(WRENCHES["smooth, tip"])
+    path = tmp_path / "a.toml"
+    path.write_text(scene.to_toml(), encoding="utf-8")
+    assert fl.load_scene(path) == scene

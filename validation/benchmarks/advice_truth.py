@@ -1,0 +1,117 @@
+"""What advice is judged by: paths of the tip that it did not compute, what a careless model costs, the cheapest one.
+
+The truth has all axes of all beams, at Gauss points, by Radau IIA of nine steps with a tolerance of its own, levels
+extrapolated until two limits agree: nothing of the advice's screening, estimates or candidates is in it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
+from flexlink.describe.scene import Scene
+
+Array = NDArray[np.float64]
+
+LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
+METHOD, OF_MOTION = "Radau9", 1e-6
+NAIVE = 8
+"""Hinges about three axes, by RK4 at its stable step: what is taken without thinking."""
+
+GRID = {"midpoint": (1, 2, 3, 4, 6), "gauss": (2, 4, 6, 8, 12, 16), "legendre": (3, 4, 5, 6, 8)}
+FACTORS = (1.0, 0.5)
+TOLERANCES = (10.0, 3.0, 1.0, 0.3, 0.1)
+METHODS = ("Radau5", "DOP853")
+
+
+class Truth(NamedTuple):
+    """Path of the tip, how far it gets, and how well it is known [m]."""
+
+    tip: Array
+    motion: float
+    error: float
+
+
+def truth(scene: Scene, within: float, budget: float) -> Truth:
+    """Limit of finer and finer models, until its last change is `within` a part of the motion, or it takes too long."""
+    bench, axes = Bench(scene, budget), most_axes(scene)
+    tips: list[tuple[int, Array]] = []
+    limits: list[Array] = []
+    motion, error = 1.0, np.inf
+    for hinges in LEVELS:
+        outcome = _whole_run(bench, uniform(axes, hinges), OF_MOTION * motion)
+        if outcome is None:
+            break
+        tips.append((hinges, outcome.tip))
+        motion = float(np.linalg.norm(outcome.tip - outcome.tip[0], axis=1).max())
+        if len(tips) > 1:
+            (Na, a), (Nb, b) = tips[-2:]
+            limits.append(b + (b - a) / ((Nb / Na) ** 2 - 1))
+        if len(limits) > 1:
+            error = float(np.linalg.norm(limits[-1] - limits[-2], axis=1).max())
+            if error <= within * motion:
+                break
+    tip = limits[-1] if limits else np.full((scene.run.samples, 3), np.nan)
+    return Truth(tip, motion, error)
+
+
+def _whole_run(bench: Bench, model: Model, tolerance: float) -> Outcome | None:
+    for method in (METHOD, "auto"):
+        outcome = bench.run(model, Stepping(method, tolerance=tolerance))
+        if outcome.whole:
+            return outcome
+    return None
+
+
+def naive_cost(scene: Scene) -> float:
+    """CPU time of the careless model [s], by its evaluations, without running it."""
+    bench, model = Bench(scene, np.inf), uniform(most_axes(scene), NAIVE)
+    stepping = bench.fixed(OF_STABLE * bench.stable(model))
+    return np.inf if stepping is None else bench.fixed_cost(model, stepping)
+
+
+def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes) -> dict[float, float]:
+    """Cost of the cheapest model with these axes and methods [s] for each tolerance [m], up to `allowed` costs.
+
+    Every combination of a grid of rules and hinges of each link, or rigid, with every method; runs that get dearer than
+    what is known already are stopped.
+    """
+    best = dict(allowed)
+    for model in _grid(scene, axes):
+        for stepping in _steppings(scene, model, best):
+            bench = Bench(scene, max(best.values()))
+            if stepping.step is not None and bench.fixed_cost(model, stepping) >= bench.budget:
+                continue
+            outcome = bench.run(model, stepping)
+            if outcome.whole:
+                error = float(np.linalg.norm(outcome.tip - true.tip, axis=1).max())
+                best |= {
+                    tolerance: min(cost, outcome.seconds) for tolerance, cost in best.items() if error <= tolerance
+                }
+    return best
+
+
+def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
+    choices: list[list[Bend | None]] = [
+        [None] + [Bend(flex, rule, n) for rule, counts in GRID.items() for n in counts if flex != "rigid"]
+        for flex in axes
+    ]
+    models = [model for model in itertools.product(*choices) if is_scene(scene, model)]
+    return iter(sorted(models, key=lambda model: sum(bend.hinges for bend in model if bend)))
+
+
+def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
+    bench = Bench(scene, np.inf)
+    stable = bench.stable(model)
+    for factor in FACTORS:
+        stepping = bench.fixed(factor * OF_STABLE * stable)
+        if stepping is not None:
+            yield stepping
+    for method, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):
+        yield Stepping(method, tolerance=factor * tolerance)

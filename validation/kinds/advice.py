@@ -1,0 +1,160 @@
+"""Advice on random scenes that nothing was tuned on, and on robots: is it true, is it cheap, what does it cost?"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.advice.advise import advise
+from flexlink.advice.verdict import Advice
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.motion.endings import DivergenceError
+from flexlink.motion.single import simulate
+from validation.benchmarks.advice_scenes import SAMPLES, random_scene
+from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
+from validation.case import Case, Measured
+from validation.facts import Facts
+
+
+class Settings(Spec, frozen=True):
+    """Seeds of the random scenes, parts of the motion that are allowed, and what the truth may take.
+
+    `durations` are those of the case's own scenes [s]; `grid` are seeds for which every model of a grid is tried.
+    """
+
+    first: int
+    scenes: int
+    tolerances: tuple[Positive, ...]
+    known_to: Positive  # of the smallest tolerance
+    budget: Positive
+    durations: dict[str, Positive]
+    grid: tuple[int, ...] = ()
+    few: NonNegative = 0.0
+
+
+class Cell(NamedTuple):
+    """Advice on a scene for a tolerance, and the truth about it."""
+
+    scene: str
+    tolerance: float  # part of the motion
+    advice: Advice
+    error: float  # true, of the scene that was handed over [m]
+    naive: float  # cost of the careless model [s]
+    seconds: float  # of CPU that the advice took
+    true: Truth
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """A row a cell, then what all of them say together."""
+    cells: list[Cell] = []
+    optimum: list[float] = []
+    for scene, seed in _scenes(case, settings):
+        true = truth(scene, settings.known_to * min(settings.tolerances), settings.budget)
+        judged = []
+        for tolerance in settings.tolerances:
+            facts: Facts = {"tolerance": tolerance}
+            try:
+                cell = _cell(scene, tolerance, true)
+            except FlexlinkError as error:
+                yield Measured("refused", 1.0, scene.name, varied=facts, note=f"{type(error).__name__}: {error}")
+                continue
+            yield from _rows(cell, facts)
+            judged.append(cell)
+        cells += judged
+        if seed in settings.grid:
+            for ratio, tolerance in _beside_the_grid(scene, true, judged):
+                optimum.append(ratio)
+                yield Measured("cost over the grid's cheapest", ratio, scene.name, varied={"tolerance": tolerance})
+    yield from _summary(cells, optimum)
+
+
+def _scenes(case: Case, settings: Settings) -> Iterator[tuple[Scene, int]]:
+    for scene in case.load_scenes():
+        duration = settings.durations[scene.name]
+        every = duration / SAMPLES
+        changes = {"run.step": every, "run.sample": every, "run.duration": duration}
+        yield scene.varied(changes), -1
+    for seed in range(settings.first, settings.first + settings.scenes):
+        yield random_scene(seed), seed
+
+
+def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
+    started = time.thread_time()
+    advice = advise(scene, tolerance)
+    seconds = time.thread_time() - started
+    try:
+        tip = simulate(advice.scene).tip
+        error = float(np.linalg.norm(tip - true.tip, axis=1).max())
+    except DivergenceError:
+        error = np.inf
+    return Cell(scene.name, tolerance, advice, error, naive_cost(scene), seconds, true)
+
+
+def _is_known(cell: Cell) -> bool:
+    """Whether the truth is known well enough to judge: to a tenth of what is allowed."""
+    return cell.true.error <= 0.1 * cell.advice.tolerance
+
+
+def _is_wrong(cell: Cell) -> bool:
+    return cell.advice.met and not cell.error <= cell.advice.tolerance
+
+
+def _rows(cell: Cell, facts: Facts) -> Iterator[Measured]:
+    advice, kept = cell.advice, cell.scene
+    word = "met" if advice.met else "cannot"
+    note = f"{word}; {advice.runs} runs; {advice.lines[-2]}" + ("" if _is_known(cell) else "; the truth is not known")
+    yield Measured("true error", cell.error / cell.true.motion, kept, varied=facts, note=note)
+    if advice.met and advice.limit is not None and _is_known(cell):
+        yield Measured("stated over true error", advice.error / cell.error, kept, varied=facts)
+    if advice.met:
+        yield Measured("naive over advised cost", cell.naive / advice.seconds, kept, varied=facts)
+    yield Measured("advice over naive cost", advice.effort / cell.naive, kept, varied=facts)
+
+
+def _beside_the_grid(scene: Scene, true: Truth, cells: list[Cell]) -> Iterator[tuple[float, float]]:
+    met = {cell.advice.tolerance: cell for cell in cells if cell.advice.met and _is_known(cell)}
+    if not met:
+        return
+    finest = max(met.values(), key=lambda cell: -cell.tolerance)
+    axes = tuple(link.flex for link in finest.advice.scene.arm.links)
+    best = cheapest(scene, true, {tolerance: cell.advice.seconds for tolerance, cell in met.items()}, axes)
+    for tolerance, cell in met.items():
+        yield cell.advice.seconds / best[tolerance], cell.tolerance
+
+
+def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
+    known = [cell for cell in cells if _is_known(cell)]
+    wrong = [f"{cell.scene} {cell.tolerance:g}" for cell in known if _is_wrong(cell)]
+    yield Measured("met, but is not", len(wrong), note=", ".join(wrong))
+    yield Measured("cells", len(cells))
+    yield Measured("cells judged", len(known))
+    yield Measured("cells met", sum(cell.advice.met for cell in cells))
+    stated = [c.advice.error / c.error for c in known if c.advice.met and c.advice.limit is not None]
+    yield from _spread("stated over true error", stated)
+    yield from _spread("advice over naive cost", [cell.advice.effort / cell.naive for cell in cells])
+    yield from _spread("advice's time over naive cost", [cell.seconds / cell.naive for cell in cells])
+    for tolerance in sorted({cell.tolerance for cell in cells}, reverse=True):
+        ratios = [c.naive / c.advice.seconds for c in cells if c.advice.met and c.tolerance == tolerance]
+        if ratios:
+            yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
+    late = [c.advice.horizon / _true_horizon(c) for c in known if not c.advice.met]
+    yield from _spread("horizon over true horizon", late)
+    yield from _spread("cost over the grid's cheapest", optimum)
+
+
+def _true_horizon(cell: Cell) -> float:
+    """Time up to which the model handed over is within the tolerance [s]."""
+    run = simulate(cell.advice.scene)
+    beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > cell.advice.tolerance)
+    return float(run.t[-1] if not beyond.size else run.t[max(1, beyond[0] - 1)])
+
+
+def _spread(quantity: str, values: list[float]) -> Iterator[Measured]:
+    if values:
+        for name, q in (("smallest", 0.0), ("median", 0.5), ("upper quartile", 0.75), ("largest", 1.0)):
+            yield Measured(f"{quantity}, {name}", float(np.quantile(values, q)), note=f"{len(values)} cells")

@@ -1,0 +1,185 @@
+"""Digits of M, T_GC and q̈ of every engine at extremes, cell by cell, against 100-digit arithmetic on the same numbers.
+
+The error of a quantity is the largest over its elements and over a few states, as a part of the largest element in each
+state; 1 at most, which is no digit at all. Of M it is also told as a part of √(M_jj M_kk), "M, scaled".
+
+A cell's ratio is flexlink's error over that of the better engine, which counts as √n eps at least: ten times that is
+what rounding explains (`dynamics.rounding`), and an engine that is better by luck is no reason to ask for more. Cells
+whose cond(M) is above 10¹⁶ are told apart: there M, rounded, is singular, and whoever is right was lucky in its zeros.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink import engines
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import EPS
+from flexlink.engines.quantities import QUANTITIES
+from flexlink.engines.states import State
+from validation.benchmarks.cells import Cell, Map, recipe
+from validation.case import Case, Measured
+from validation.facts import said
+from validation.oracles.common_origin import of_state
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+Numbers = dict[str, Array]
+
+LONG = True
+
+NATIVE = "native"
+MEASURES = {"M": "M", "M, scaled": "M", "T_GC": "T_GC", "q̈": "q̈"}
+"""What is measured, and of which quantity."""
+
+
+SINGULAR = 1e16
+"""cond(M) from where M, rounded, may be singular: 1/eps is 4.5e15."""
+
+
+class States(Spec, frozen=True):
+    """How states are drawn, uniformly, rates up to `rate` [rad/s] and T_EX of driven joints up to `torque` [N m].
+
+    angle, bend
+        Largest angles of driven joints and of hinges [rad].
+    gimbal
+        How far from 90° the middle one of three axes at one point stands [rad]; None: as it is drawn.
+    """
+
+    angle: float = np.pi
+    bend: float = 0.3
+    rate: float = 10.0
+    torque: float = 10.0
+    gimbal: float | None = None
+    samples: Annotated[int, msgspec.Meta(ge=1)] = 3
+
+    def draw(self, chain: Chain) -> list[State]:
+        """The states, always the same of a chain."""
+        random = np.random.default_rng(0)
+        return [self._one(chain, random) for _ in range(self.samples)]
+
+    def _one(self, chain: Chain, random: np.random.Generator) -> State:
+        n, driven = chain.n, chain.active
+        q, tau = random.uniform(-self.bend, self.bend, n), np.zeros(n)
+        q[driven] = random.uniform(-self.angle, self.angle, len(driven))
+        tau[driven] = random.uniform(-self.torque, self.torque, len(driven))
+        if self.gimbal is not None:
+            groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
+            q[groups["first"] + 1] = np.pi / 2 - self.gimbal
+        return State(q, random.uniform(-self.rate, self.rate, n), tau, np.zeros(6))
+
+
+class Settings(Map, frozen=True):
+    """The map, and the engines beside flexlink."""
+
+    engines: tuple[str, ...]
+
+
+class Found(NamedTuple):
+    """A cell: joints, cond(M), errors by engine and measure (of what is refused none), and what was refused."""
+
+    n: int
+    condition: float
+    errors: dict[tuple[str, str], float]
+    said: str
+
+    def ratio(self, measure: str) -> float:
+        """Flexlink's error over that of the better engine; nan where there is no such pair."""
+        others = [e for (engine, of), e in self.errors.items() if of == measure and engine != NATIVE]
+        own = self.errors.get((NATIVE, measure), np.nan)
+        return own / max(min(others), np.sqrt(self.n) * EPS) if others else np.nan
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """The worst ratio of each measure in all and by axis, how many cells there are, and the cells themselves."""
+    found = [(cell, look(settings, cell)) for cell in settings.cells()]
+    regular = [each for each in found if each[1].condition <= SINGULAR]
+    for measure in MEASURES:
+        yield _worst(measure, regular, {})
+        for axis in settings.axis:
+            yield _worst(measure, [each for each in regular if axis in each[0].values], {"axis": axis})
+        beyond = _worst(measure, [each for each in found if each[1].condition > SINGULAR], {})
+        yield beyond._replace(quantity=f"{measure}, cond(M) > 10¹⁶")
+    yield Measured("cells", len(found))
+    yield Measured("judged", sum(bool(each.errors) for _, each in found))
+    yield _series(case, settings, found)
+
+
+def told(case: Case, settings: Settings, number: int) -> Iterator[str]:
+    """What one cell is, and what becomes of it, in lines."""
+    cell = list(settings.cells())[number]
+    found = look(settings, cell)
+    yield f"{cell.scene}, {said(cell.values)}: {found.n} joints, cond(M) = {found.condition:.2g}"
+    for (engine, measure), error in found.errors.items():
+        yield f"{engine:<10} {measure:<10} error {error:.2g} of the largest element"
+    yield found.said
+
+
+def look(settings: Settings, cell: Cell) -> Found:
+    """A cell in all engines."""
+    try:
+        scene, state = settings.situation(cell)
+        chain = lump(scene)
+        states = States(**state).draw(chain)
+        exact = [of_state(chain, s.q, s.qd, s.tau) for s in states]
+    except FlexlinkError as refused:
+        return Found(0, np.nan, {}, str(refused))
+    errors, words = dict[tuple[str, str], float](), list[str]()
+    for name in (NATIVE, *settings.engines):
+        for measure, error in _measured(name, chain, list(zip(states, exact, strict=True))):
+            if isinstance(error, str):
+                words.append(f"{name}: {error}")
+            else:
+                errors[name, measure] = error
+    return Found(chain.n, max(float(np.linalg.cond(truth["M"])) for truth in exact), errors, "; ".join(words))
+
+
+def _measured(name: str, chain: Chain, states: list[tuple[State, Numbers]]) -> Iterator[tuple[str, float | str]]:
+    """Every measure of an engine with its error over the states, or why there is none."""
+    try:
+        engine = engines.load(name, chain)
+    except FlexlinkError as refused:
+        yield "", str(refused)
+        return
+    for measure, quantity in MEASURES.items():
+        try:
+            with np.errstate(all="ignore"):
+                values = [(QUANTITIES[quantity].evaluate(engine, s), truth[quantity]) for s, truth in states]
+        except FlexlinkError as refused:
+            yield measure, f"{measure}: {refused}"
+        else:
+            yield measure, max(_error(measure, *pair) for pair in values)
+
+
+def _error(measure: str, value: Array, exact: Array) -> float:
+    scale: Any = np.abs(exact).max()
+    if measure == "M, scaled":
+        scale = np.sqrt(np.outer(np.diag(exact), np.diag(exact)))
+    error = np.abs(value - exact)
+    return float(np.where(error == 0, 0.0, error / scale).max()) if (error < scale).all() else 1.0
+
+
+def _worst(measure: str, found: list[tuple[Cell, Found]], facts: dict[str, str]) -> Measured:
+    ratios = [(each.ratio(measure), cell) for cell, each in found if not np.isnan(each.ratio(measure))]
+    worst, cell = max(ratios, key=lambda each: each[0], default=(np.nan, None))
+    note = f"{cell.scene}, {said(cell.values)}" if cell else ""
+    return Measured(measure, worst, varied=facts, note=note)
+
+
+def _series(case: Case, settings: Settings, found: list[tuple[Cell, Found]]) -> Series:
+    names = [(engine, measure) for measure in MEASURES for engine in (NATIVE, *settings.engines)]
+    heads = ("cell", "recipe", "situation", "varied", "axes", "n", "cond(M)", *map(" ".join, names), "said")
+    rows = [
+        (number, recipe(case, number), cell.scene, said(cell.values), " and ".join(cell.values), each.n, each.condition,
+         *(each.errors.get(name, np.nan) for name in names), each.said)
+        for number, (cell, each) in enumerate(found)
+    ]  # fmt: skip
+    return Series("digits", "Digits at extremes", table(heads, rows), "cond(M)", "cond(M)", "error", "log", "log")

@@ -1,0 +1,70 @@
+"""Derivatives of random arms against differences in 60 digits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import EPS, ROUNDINGS
+from validation.benchmarks.random_arms import random_arm
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.oracles.spatial_chain import derivatives
+
+NAMES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
+CLOSE = 1e-12
+BEND = 6
+"""Hinges are bent by up to 180° / BEND."""
+
+
+class Settings(Spec, frozen=True):
+    """Number of arms, the fewest and most joints of those that count, and the first seed."""
+
+    arms: int
+    joints: tuple[int, int]
+    seed: int = 0
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Of each derivative the share of arms within `CLOSE`, the largest error, and that by what rounding explains."""
+    errors, seeds, conditions, joints = [], [], [], []
+    for seed, chain in _arms(settings):
+        rng = np.random.default_rng(seed)
+        q, qd = rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10.0, 10.0, chain.n)
+        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / BEND)
+        tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
+        found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
+        exact = derivatives(chain, q, qd, tau, wrench)
+        errors.append([_error(ours, theirs) for ours, theirs in zip(found, exact, strict=True)])
+        conditions.append(np.linalg.cond(fl.mass_matrix(chain, q)))
+        joints.append(chain.n)
+        seeds.append(seed)
+    facts: Facts = {"arms": settings.arms}
+    for name, column in zip(NAMES, np.transpose(errors), strict=True):
+        k = int(np.argmax(column))
+        note = f"Largest for arm {seeds[k]}, of which M has the condition {conditions[k]:.1e}."
+        yield Measured(name, float(column[k]), "random arms", "native", facts, note=note)
+        explained = column / (ROUNDINGS * EPS * np.sqrt(joints) * conditions)
+        yield Measured(f"{name}, by rounding", float(explained.max()), "random arms", "native", facts)
+        yield Measured(f"{name}, share", float(np.mean(column <= CLOSE)), "random arms", "native", facts)
+
+
+def _arms(settings: Settings) -> Iterator[tuple[int, Chain]]:
+    seed, (fewest, most) = settings.seed, settings.joints
+    for _ in range(settings.arms):
+        while not fewest <= (chain := lump(random_arm(seed))).n <= most:
+            seed += 1
+        yield seed, chain
+        seed += 1
+
+
+def _error(ours: NDArray[np.float64], exact: NDArray[np.float64]) -> float:
+    """Largest, in units of the largest element; where all is zero to the last of the digits, in units of 1."""
+    largest = np.abs(exact).max()
+    return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))

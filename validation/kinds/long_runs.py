@@ -1,0 +1,75 @@
+"""Long runs of an arm that keeps its energy and its angular momentum: what millions of steps do to both, and to time.
+
+Without gravity and friction E stays, and the momentum (M q̇)₁ of the first joint, which nothing turns about. Their drift
+grows with every step by what the method does to them, and by rounding, at most eps of their size: no faster than in
+proportion to the number of steps. So a run's drift is told against that of its first hundredth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.rounding import EPS
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.motion.result import Trajectory
+from flexlink.motion.single import simulate
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+
+LONG = True
+
+SAMPLES = 200
+PART = SAMPLES // 100
+
+
+class Settings(Spec, frozen=True):
+    """Number of steps, and each method's step [s]."""
+
+    number: int
+    steps: dict[str, Positive]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Drifts of every method, each as a part of what is kept, over what its first hundredth lets expect."""
+    for scene in case.load_scenes():
+        rows = list[tuple[str, float, float, float]]()
+        for method, step in settings.steps.items():
+            facts: Facts = {"method": method, "step": step, "steps": settings.number}
+            found = simulate(_long(scene, method, step, settings.number))
+            late = float(np.abs(found.t - np.arange(len(found.t)) * (settings.number // SAMPLES) * step).max() / step)
+            yield Measured("time", late, scene.name, varied=facts)
+            drifts = {"energy": _drift(np.asarray(found.energy.total)), "momentum": _drift(_momentum(found))}
+            for what, drift in drifts.items():
+                expected = 100 * drift[: PART + 1].max() + settings.number * EPS
+                note = f"First hundredth of the run: {drift[: PART + 1].max():.2g}."
+                yield Measured(f"{what} drift", float(drift.max()), scene.name, varied=facts, note=note)
+                yield Measured(f"{what} drift / expected", float(drift.max() / expected), scene.name, varied=facts)
+            steps = np.arange(len(found.t)) * (settings.number // SAMPLES)
+            rows += zip([method] * len(steps), steps[1:], drifts["energy"][1:], drifts["momentum"][1:], strict=False)
+        columns = table(("method", "steps", "energy", "momentum"), rows)
+        title = f"{scene.name}: drift in {settings.number:,} steps"
+        yield Series("long run", title, columns, "steps", "steps [1]", "drift [1]", "log", "log", group="method",
+                     scene=scene.name)  # fmt: skip
+
+
+def _long(scene: Scene, method: str, step: float, number: int) -> Scene:
+    sample = step * (number // SAMPLES)
+    return scene.varied({"run": {"method": method, "step": step, "sample": sample, "duration": SAMPLES * sample}})
+
+
+def _drift(values: Array) -> Array:
+    """Largest change up to each sample, as a part of the first value."""
+    return np.maximum.accumulate(np.abs(values / values[0] - 1))
+
+
+def _momentum(run: Trajectory) -> Array:
+    """(M q̇)₁ of every sample [kg m²/s]."""
+    return np.array([mass_matrix(run.chain, q)[0] @ qd for q, qd in zip(run.q, run.qd, strict=True)])

@@ -1,0 +1,113 @@
+"""A control loop in Python: a joint PD in NumPy samples an arm, and `Simulator.step` or MuJoCo's `mj_step` goes on.
+
+The law is part of the time; it and the joints are the same for all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.dynamics.terms import gravity_torque
+from flexlink.engines.mujoco import MujocoEngine
+from flexlink.motion.simulator import Simulator
+from flexlink.motion.start import initial_state
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.timing.stopwatch import Work, race
+
+TIMED = True
+
+Array = NDArray[np.float64]
+Law = Callable[[float, Array, Array], Array]
+"""T_EX of the driven joints (d,) [N m] from t [s], q and q̇ (n,)."""
+
+SWING = 0.1  # rad, of the joints' target, once a second
+
+
+class Way(Spec, frozen=True):
+    """A method and its fixed step [s]."""
+
+    method: str
+    step: Positive
+
+
+class Settings(Spec, frozen=True):
+    """Ways by name, rate of the loop [Hz], PD gains per driven joint, and how often and how long [s] each
+    contestant runs.
+    """
+
+    way: dict[str, Way]
+    rate: Positive
+    kp: tuple[Positive, ...]  # N m/rad
+    kd: tuple[Positive, ...]  # N m s/rad
+    turns: int = 10
+    turn: NonNegative = 0.02
+
+
+def rehearsal(settings: Settings) -> Settings:
+    """Every way, for one sample."""
+    return replace(settings, turns=1, turn=0.0)
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Time of a sample, how often it goes into the time it stands for, and MuJoCo's over ours, with the same steps."""
+    between = 1.0 / settings.rate
+    for scene in case.load_scenes():
+        for name, way in settings.way.items():
+            own = scene.varied({"run.method": way.method, "run.step": way.step})
+            chain = lump(own)
+            law = _pd(own, chain, settings)
+            works = {"native": _native(own, law, between)}
+            if way.method == "RK4":
+                works["mujoco"] = _mujoco(own, chain, law, between)
+            laps = race(works, settings.turns, settings.turn)
+            facts: Facts = {"method": way.method, "step": way.step, "n": chain.n}
+            for party, lap in laps.items():
+                yield Measured("time of a sample", 1e6 * lap.seconds, scene.name, party, facts, timed=True)
+            ours = laps.pop("native").seconds
+            yield Measured(f"{name}: times real time", between / ours, scene.name, "native", facts, timed=True)
+            for party, lap in laps.items():
+                yield Measured(f"{party} / native", lap.seconds / ours, scene.name, party, facts, timed=True)
+
+
+def _pd(scene: Scene, chain: Chain, settings: Settings) -> Law:
+    """Towards angles that swing about the start, with the torque that holds the arm there."""
+    driven, (start, _) = chain.active, initial_state(scene, chain)
+    target, hold = start[driven], gravity_torque(chain, start)[driven]
+    kp, kd = np.array(settings.kp), np.array(settings.kd)
+    return lambda t, q, qd: hold + kp * (target + SWING * math.sin(2 * math.pi * t) - q[driven]) - kd * qd[driven]
+
+
+def _native(scene: Scene, law: Law, between: float) -> Work:
+    simulator = Simulator(scene)
+
+    def work(calls: int) -> None:
+        state = simulator.state
+        for _ in range(calls):
+            state = simulator.step(law(*state), duration=between)
+
+    return work
+
+
+def _mujoco(scene: Scene, chain: Chain, law: Law, between: float) -> Work:
+    engine, driven = MujocoEngine(chain), chain.active
+    model, data, steps = engine.model, engine.data, round(between / scene.run.step)
+    model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_RK4, scene.run.step
+    data.qpos, data.qvel = initial_state(scene, chain)
+
+    def work(calls: int) -> None:
+        for _ in range(calls):
+            data.qfrc_applied[driven] = law(data.time, data.qpos, data.qvel)
+            mujoco.mj_step(model, data, steps)
+
+    return work

@@ -1,0 +1,158 @@
+"""The stable step that is predicted against the one that is observed, of every explicit method on every scene.
+
+Each arm rests where gravity and wrench bend it, its joints held by constant torques. Two runs of a few steps h, which
+start a little aside along all modes at once, either way, tell by how much a step multiplies each mode: with w its left
+eigenvector (of `linearize`, which `stable_step` does not use) and δ half the difference of the runs,
+
+    |μ|^N = |w·δ(N h)| / |w·δ(0)|
+
+and h is stable while no |μ| is above 1 + 1e-6, as `stable_step` has it. The largest such h is sought by bisection. Not
+counted are modes that grow by themselves, as of an arm that stands, and those that hardly move in a step; where one
+that grows bounds the predicted step, as if it swung at its rate, there is nothing to observe.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from flexlink.analysis.linear import linearize
+from flexlink.analysis.stability import stable_step, stable_step_of
+from flexlink.analysis.stability_function import GROWTH
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ConvergenceError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.terms import bias_torque, elastic_torque
+from flexlink.motion.endings import DivergenceError
+from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
+from validation.case import Case, Measured
+from validation.store import Series, table
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+LONG = True
+
+STEPS = 3
+"""Of a run: what grows by itself, tenfold in such a step where an arm stands, still leaves differences small."""
+
+ASIDE, OF_WIDTH = 1e-8, 1e-4
+"""Largest difference at the start, of angles [rad], and of rates as a part of the width in which friction turns round:
+their squares cancel, also where a hinge is 10⁸ times as stiff as its neighbour; cubes, and what rounding is of them,
+are far below the growth that counts."""
+
+SLOW = 0.02
+"""|hλ| of a mode that hardly moves in a step: far from any method's limit."""
+
+OWN_GROWTH = 1e-2
+"""Re λ / |λ| of a mode that grows by itself; what rounding makes of an undamped one is less."""
+
+SIDES, HALVINGS = (0.8, 1.25), 9
+"""Parts of the predicted step between which the observed one is sought, down to (1.25 − 0.8) / 2⁹ = 0.1 %."""
+
+
+class Settings(Spec, frozen=True):
+    """The explicit methods."""
+
+    methods: tuple[str, ...]
+
+
+class Rest(NamedTuple):
+    """A scene that stays at rest at q; λ [1/s] and left vectors of modes that do not grow by themselves; all aside."""
+
+    scene: Scene
+    q: Array
+    λ: Complex
+    left: Complex  # (modes, 2 n)
+    aside: Array  # (2 n,)
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Observed over predicted less 1 of every scene with a largest stable step, and how many there are."""
+    rows = list[tuple[str, int, str, float, float, float]]()
+    scenes = case.load_scenes()
+    for scene in scenes:
+        rest = at_rest(scene)
+        chain = lump(rest.scene)
+        for name in settings.methods:
+            predicted = stable_step(chain, rest.q, tip_wrench=rest.scene.tip_wrench, method=name)
+            if rest.λ.size and predicted < 0.999 * stable_step_of(rest.λ, name):
+                yield Measured("bounded by what grows by itself", predicted, scene.name, varied={"method": name})
+            elif predicted <= scene.run.duration:
+                ratio = observed(rest, name, predicted)
+                yield Measured("observed / predicted − 1", abs(ratio - 1), scene.name, varied={"method": name})
+                rows.append((scene.name, chain.n, name, predicted, ratio * predicted, ratio))
+    yield Measured("scenes", len(scenes))
+    yield Measured("scenes with a largest stable step", len({row[0] for row in rows}))
+    heads = ("scene", "n", "method", "predicted [s]", "observed [s]", "observed / predicted")
+    columns = table(heads, rows or [("", 0, "", np.nan, np.nan, np.nan)])
+    yield Series(
+        "stable steps", "Stable step, observed and predicted", columns, heads[3], heads[3], heads[4], "log",
+        group="method",
+    )  # fmt: skip
+
+
+def at_rest(scene: Scene) -> Rest:
+    """The scene's arm at rest at its initial posture, joints held by constant torques, and its modes."""
+    still = {"motion": (), "initial.rate_deg": None, "initial.qd": None, "initial.q": None, "drive": {"kind": "none"}}
+    scene = scene.varied(still | {"initial.passive": "static", "initial.time": None})
+    chain = lump(scene)
+    try:
+        q, zero = initial_state(scene, chain)
+    except ConvergenceError:  # too soft for its weight
+        scene = scene.varied({"gravity": (0.0, 0.0, 0.0)})
+        chain = lump(scene)
+        q, zero = initial_state(scene, chain)
+    hold = np.zeros(chain.n)
+    needed = bias_torque(chain, q, zero, tip_wrench=scene.tip_wrench) + elastic_torque(chain, q)
+    hold[chain.active] = needed[chain.active]
+    torque = np.zeros(len(scene.arm.links))
+    torque[[chain.coordinates[k].link - 1 for k in chain.active]] = hold[chain.active]
+    scene = scene.varied({"drive": {"kind": "constant", "torque": torque}, "initial.passive": None})
+    λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
+    counted = λ.real <= OWN_GROWTH * np.abs(λ)
+    one_of_two = right[:, counted & (λ.imag >= 0)]
+    aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each in angle and in rate
+    width = chain.hinges["coulomb_width"].min(where=chain.hinges["coulomb"] > 0, initial=np.inf)
+    angles, rates = (np.abs(part).max() for part in np.split(aside, 2))
+    with np.errstate(divide="ignore", invalid="ignore"):  # nothing holds or brakes the arm: no step is too large
+        aside *= min(ASIDE / angles, ASIDE * np.abs(λ).max() / rates, OF_WIDTH * width / rates)
+    return Rest(scene, q, λ[counted], left.T.conj()[counted], aside)
+
+
+def observed(rest: Rest, name: str, predicted: float) -> float:
+    """The largest stable step over the predicted one; a side where it lies beyond."""
+    low, high = SIDES
+    if growth(rest, name, low * predicted) > GROWTH:
+        return low
+    if growth(rest, name, high * predicted) <= GROWTH:
+        return high
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if growth(rest, name, middle * predicted) > GROWTH else (middle, high)
+    return (low + high) / 2
+
+
+def growth(rest: Rest, name: str, h: float) -> float:
+    """Largest |μ| − 1 of the modes that move in a step of h [s]."""
+    start = np.concatenate([rest.q, np.zeros(len(rest.q))])
+    try:
+        ends = [_after_some_steps(rest.scene, name, h, start + sign * rest.aside) for sign in (-1, 1)]
+    except DivergenceError:
+        return np.inf
+    moving = rest.left[np.abs(h * rest.λ) > SLOW]
+    grown = np.abs(moving @ (ends[1] - ends[0]) / 2) / np.abs(moving @ rest.aside)
+    return float((grown ** (1 / STEPS)).max(initial=0.0) - 1)
+
+
+def _after_some_steps(scene: Scene, name: str, h: float, state: Array) -> Array:
+    q, qd = np.split(state, 2)
+    run = {"method": name, "step": h, "sample": STEPS * h, "duration": STEPS * h, "unstable": "allow"}
+    last = simulate(scene.varied({"run": run, "initial.q": q, "initial.qd": qd}))
+    return np.concatenate([last.q[-1], last.qd[-1]])
