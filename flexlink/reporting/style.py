@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reports.numbers import number
+from flexlink.reporting.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
