@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -76,3 +77,9 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
     )
+
+
+def colour_along(part: float) -> str:
+    """A colour between pale and dark blue, for 0 … 1, on light and dark pages."""
+    pale, dark = (0.66, 0.80, 0.92), (0.05, 0.32, 0.62)
+    return str(to_hex([a + part * (b - a) for a, b in zip(pale, dark, strict=True)]))
