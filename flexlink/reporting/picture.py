@@ -63,7 +63,7 @@ class Picture:
             write_whole(path, write)
 
     def save(self, folder: Path, definitions: dict[str, str], svg: bool = True) -> str:
-        """Write the PNG, CSV and, if wanted, SVG files; returns the SVG for the page, as `flexlink.reporting.inline.inline`."""
+        """Write the PNG, CSV and, if wanted, SVG files; returns the SVG for the page, as `inline` does."""
         self.save_png(folder / f"{self.name}.png")
         self.figure.set_layout_engine("none")  # the layout is found by now; finding it again takes as long as drawing
         buffer = io.StringIO()
