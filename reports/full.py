@@ -13,10 +13,12 @@ import jinja2
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.page import make_folder
+from flexlink.reporting.tables import table_csv
 from reports import verdict
-from reports.build import Report, environment_rows, make_folder, write
+from reports.build import Report, environment_rows, write
 from reports.results import Results
-from reports.tables import meanings, rows_csv, table_csv
+from reports.tables import meanings, rows_csv
 from validation.judgement import crowd
 
 HERE = Path(__file__).parent

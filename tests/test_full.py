@@ -10,9 +10,9 @@ import pytest
 from studies import BUSY, REASON, VERSIONS, row, stored, timed
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import stacked_axes
 from reports import __main__, full
-from reports.picture import Picture
-from reports.style import stacked_axes
 
 
 @pytest.fixture(autouse=True)

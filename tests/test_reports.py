@@ -15,14 +15,14 @@ import pytest
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.reporting.numbers import JOIN, number
+from flexlink.reporting.picture import Picture
 from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
-from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.picture import Picture
 from reports.results import Results, used
 from reports.tables import limit, table
 from validation.store import Series, Store
@@ -344,7 +344,7 @@ def test_the_report_does_not_depend_on_the_number_of_processes(tmp_path: Path, m
     results = stored(tmp_path / "results", row())
     for k in range(5):
         columns = {"n": np.arange(3.0), "error": 2.0 ** -np.arange(k, k + 3.0)}
-        series = Series("errors", f"Title {k}", columns, "n", "n", "error", "log", "log", part=str(k))
+        series = Series("halves", f"Title {k}", columns, "n", "n", "error", "log", "log", part=str(k))
         Store(results).add_series("terms", series)
     alone = build(results, tmp_path / "alone", tmp_path / "none")
     monkeypatch.setattr("reports.drawing.WORTH_A_PROCESS", 2)
