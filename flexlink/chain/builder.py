@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,19 @@ from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
 from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
+
+
+class Piece(NamedTuple):
+    """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
+
+    `place` puts its start and axes into a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
+    """
+
+    link: int  # from 1
+    part: tuple[float, float]  # of the link's length, where it starts and where it ends
+    body: int
+    place: Pose
+    length: float  # [m]
 
 
 @dataclasses.dataclass
@@ -45,12 +59,18 @@ class Builder:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
+        self.pieces: list[Piece] = []
         self.running = HERE
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
         R, p = self.running
         self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+
+    def advance(self, link: int, part: tuple[float, float], length: float) -> None:
+        """Go along a piece of a link, to its end."""
+        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, length))
+        self.move(np.array([length, 0.0, 0.0]))
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""

@@ -1,4 +1,4 @@
-"""`flexlink info | simulate | advise | modes | export | compare | import | robots | sweep`: one line on errors."""
+"""`flexlink info | simulate | advise | modes | show | export | …`: every command, one line on errors."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ from flexlink.cli.import_robot import import_scene
 from flexlink.cli.info import show_info
 from flexlink.cli.modes import show_modes
 from flexlink.cli.robots import list_robots
+from flexlink.cli.show import add_options as add_show_options
+from flexlink.cli.show import show_scene
 from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
@@ -38,6 +40,8 @@ EXAMPLES = """examples:
   flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
   flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
+  flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
+  flexlink show models/t3_spatial.toml --colour strain --speed 0.25
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
@@ -153,6 +157,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     shapes.add_argument("--count", type=int, default=8, help="how many modes to show, slowest first (default: 8)")
     shapes.add_argument("--plot", type=Path, help="draw the mode shapes to this .png, .svg or .pdf file")
+
+    add_show_options(add("show", show_scene, "Simulate a scene and show the arm in motion: .gif, .mp4, or a page."))
 
     export = add("export", export_scenes, "Write the chains of scenes as files that other engines load exactly.")
     export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
