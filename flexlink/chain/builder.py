@@ -14,6 +14,9 @@ from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
 
+RIGHT, BELOW = np.triu_indices(3, 1)
+"""Of the elements above a diagonal; the other way round they are those below."""
+
 
 class Piece(NamedTuple):
     """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
@@ -25,7 +28,12 @@ class Piece(NamedTuple):
     part: tuple[float, float]  # of the link's length, where it starts and where it ends
     body: int
     place: Pose
-    length: float  # [m]
+    end: Array  # from there, along x [m]
+
+    @property
+    def length(self) -> float:
+        """From its start to its end [m]."""
+        return float(self.end[0])
 
 
 @dataclasses.dataclass
@@ -47,8 +55,8 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     I = records["inertia"]
-    records["inertia"] = np.triu(I) + np.triu(I, 1).transpose(0, 2, 1)  # R I Rᵀ is symmetric up to rounding only
-    records["turned"] = (records["rotation"] != np.eye(3)).any(axis=(1, 2))
+    I[:, BELOW, RIGHT] = I[:, RIGHT, BELOW]  # R I Rᵀ is symmetric up to rounding only
+    records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
 
 
@@ -65,12 +73,15 @@ class Builder:
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
         R, p = self.running
-        self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+        if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
+            self.running = Pose(R if rotation is None else rotation, translation)
+        else:
+            self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
 
-    def advance(self, link: int, part: tuple[float, float], length: float) -> None:
+    def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
         """Go along a piece of a link, to its end."""
-        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, length))
-        self.move(np.array([length, 0.0, 0.0]))
+        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, end))
+        self.move(end)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
