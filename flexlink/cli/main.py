@@ -126,29 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     info = add("info", show_info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")
     info.add_argument("scene", type=Path, help="scene file (.toml)")
 
-    own = "the scene's"
-    run = add("simulate", simulate_scene, "Simulate a scene with the native solver.")
-    run.add_argument("scene", type=Path, help="scene file (.toml)")
-    run.add_argument(
-        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
-    )
-    run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
-    run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")
-    run.add_argument(
-        "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
-    )
-    run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
-    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
-    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
-    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
-    run.add_argument(
-        "--insist", action="store_const", const="allow", dest="unstable",
-        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
-    )  # fmt: skip
-    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
-    run.add_argument(
-        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
-    )
+    _of_simulate(add("simulate", simulate_scene, "Simulate a scene with the native solver."))
 
     _advice_options(
         add("advise", advise_scene, "Find the smallest model that keeps the tip within a tolerance, and check it.")
@@ -209,6 +187,32 @@ def _parser() -> argparse.ArgumentParser:
         "robots", list_robots, "List the arms of example-robot-data that `flexlink import` takes by name."
     ).add_argument("--out", type=Path, help="folder to write their scenes to")
     return parser
+
+
+def _of_simulate(run: argparse.ArgumentParser) -> None:
+    """Options of `simulate`."""
+    own = "the scene's"
+    run.add_argument("scene", type=Path, help="scene file (.toml)")
+    run.add_argument(
+        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
+    )
+    run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
+    run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")
+    run.add_argument(
+        "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
+    )
+    run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
+    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
+    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
+    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
+    run.add_argument(
+        "--insist", action="store_const", const="allow", dest="unstable",
+        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
+    )  # fmt: skip
+    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
+    run.add_argument(
+        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
+    )
 
 
 def _advice_options(advice: argparse.ArgumentParser) -> None:
