@@ -53,7 +53,7 @@ class Chapter:
     cases: tuple[CaseBlock, ...]
 
 
-def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> Path:
+def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg: bool = True) -> Path:
     """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
 
     A pure function of what is stored: no engine is needed and nothing is simulated.
@@ -66,6 +66,8 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
         Folder for the report; made if missing.
     reference_run
         Folder of the reference run whose times stand beside.
+    svg
+        Whether there are files of the SVGs, too, which the page holds anyway.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
     """
     study, beside = Results.read(results), reference.read(reference_run)
     make_folder(out)
-    shown, definitions = figures_of(study, out)
+    shown, definitions = figures_of(study, out, svg)
     chapters = list(_chapters(study, out, shown))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
@@ -98,11 +100,12 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
         speed=speed_limits.lines(study, beside),
         conditions=speed_limits.conditions(study),
         beside=beside,
-        environment=_rows(study.environment),
+        environment=environment_rows(study.environment),
         limitations=_limitations(),
         unobtained=[row for row in study.rows if row.value is None],
         given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
         definitions=definitions,
+        svg=svg,
     )
     write_text(out / "index.html", page)
     return out / "index.html"
@@ -188,7 +191,7 @@ def _verdict_csv(results: Results) -> str:
     return table_csv(heads, [*lines, *missing])
 
 
-def _rows(environment: Environment) -> list[tuple[str, str]]:
+def environment_rows(environment: Environment) -> list[tuple[str, str]]:
     """(name, text) of everything that is known."""
     versions = environment.versions.items()
     own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name != "versions")

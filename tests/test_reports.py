@@ -333,6 +333,16 @@ def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
     assert error.count("\n") == 1
 
 
+@pytest.mark.slow
+def test_a_report_without_files_of_svgs_leads_to_none(tmp_path: Path) -> None:
+    page = build(stored(tmp_path / "results", row()), tmp_path / "report", tmp_path / "none", svg=False)
+    names = {file.name for file in page.parent.iterdir()}
+    led = {target for target in links(page.read_text(encoding="utf-8")).targets if not target.startswith("#")}
+    assert led <= names
+    assert any(name.endswith(".png") for name in led)
+    assert not any(name.endswith(".svg") for name in names)
+
+
 def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(FlexlinkError, match="file"):

@@ -13,6 +13,9 @@ from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
 
+RIGHT, BELOW = np.triu_indices(3, 1)
+"""Of the elements above a diagonal; the other way round they are those below."""
+
 
 @dataclasses.dataclass
 class Body:
@@ -33,8 +36,8 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     I = records["inertia"]
-    records["inertia"] = np.triu(I) + np.triu(I, 1).transpose(0, 2, 1)  # R I Rᵀ is symmetric up to rounding only
-    records["turned"] = (records["rotation"] != np.eye(3)).any(axis=(1, 2))
+    I[:, BELOW, RIGHT] = I[:, RIGHT, BELOW]  # R I Rᵀ is symmetric up to rounding only
+    records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
 
 
@@ -50,7 +53,10 @@ class Builder:
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
         R, p = self.running
-        self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+        if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
+            self.running = Pose(R if rotation is None else rotation, translation)
+        else:
+            self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""

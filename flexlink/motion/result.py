@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
+from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -182,8 +183,8 @@ class Trajectory:
             raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
         return self.work
 
-    @property
-    def columns(self) -> dict[str, Array]:
+    @functools.cached_property
+    def columns(self) -> Mapping[str, Array]:
         """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
 
         "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", then
