@@ -1,4 +1,4 @@
-"""`flexlink info | simulate | advise | modes | export | compare | import | robots | sweep`: one line on errors."""
+"""`flexlink`: `info`, `simulate`, `advise`, `modes`, `export`, `compare`, `report` and the rest; one line on errors."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from flexlink.cli.export import export_scenes
 from flexlink.cli.import_robot import import_scene
 from flexlink.cli.info import show_info
 from flexlink.cli.modes import show_modes
+from flexlink.cli.report import report_scene
 from flexlink.cli.robots import list_robots
 from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.sweep import add_options, sweep_members
@@ -43,6 +44,9 @@ EXAMPLES = """examples:
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
   flexlink compare models/t3_spatial.toml --trajectory --duration 0.1
   flexlink compare models/t3_spatial.toml --file theirs.xml
+  flexlink report models/t3_spatial.toml --out t3_report
+  flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
+  flexlink report models/ptp_move.toml --out move --against measured.csv
   flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
   flexlink robots --out models/robots
   flexlink sweep sweep.toml --out sweep.db
@@ -166,6 +170,17 @@ def _parser() -> argparse.ArgumentParser:
 
     check = add("compare", compare_engines, "Compare the native solver with other engines on a scene.")
     _of_compare(check)
+
+    page = add(
+        "report", report_scene, "Write a page about a scene: model, agreement, accuracy, cost, statics, modes, loads."
+    )
+    page.add_argument("scene", type=Path, help="scene file (.toml)")
+    page.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="folder for index.html and its files")
+    page.add_argument(
+        "--against", type=Path, metavar="FILE",
+        help="MJCF, URDF or SDF of the same arm, to be compared; or a CSV of measurements, with t [s] and columns of "
+        "`flexlink simulate --out run.csv`",
+    )  # fmt: skip
 
     robot = add("import", import_scene, "Make a scene of a robot's URDF: the arm between two links, some bending.")
     robot.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
