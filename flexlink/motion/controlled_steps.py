@@ -263,7 +263,7 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
-    least = SMALLEST * rounding.of_reach(reach)
+    least = least_tolerance(reach)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(reach), 0.0
@@ -277,6 +277,11 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
     errors = one * absolute, OF_A_DEFLECTION * one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
     return *errors, order, SHORTEST * run.duration, largest
+
+
+def least_tolerance(reach: float) -> float:
+    """The smallest tolerance of an arm of this reach [m]."""
+    return SMALLEST * rounding.of_reach(reach)
 
 
 def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array]:
