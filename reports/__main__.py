@@ -9,7 +9,7 @@ from pathlib import Path
 from flexlink.common.errors import FlexlinkError
 
 try:
-    from reports import reference
+    from reports import full, reference
     from reports.build import build, readme_figure
     from reports.results import Results
 except ImportError as missing:
@@ -23,6 +23,7 @@ EXAMPLES = """examples:
   python -m reports
   python -m reports --results old/results --out old/report
   python -m reports --readme-figure docs/paper_fig5.png
+  python -m reports --full                              reports/full anew, from what python -m validation --full stored
   python -m reports --reference                         after a whole study on a machine at rest
 """
 
@@ -40,10 +41,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="default: reports/latest")
     parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="make only the README's figure, as this file")
     parser.add_argument("--reference", action="store_true", help="make this study the reference run that is checked in")
+    parser.add_argument("--full", action="store_true", help="make reports/full, which is checked in")
     wanted = parser.parse_args(arguments)
     try:
         if wanted.readme_figure:
             print(readme_figure(wanted.results, wanted.readme_figure))
+        elif wanted.full:
+            print(full.save(wanted.results))
         elif wanted.reference:
             print(reference.save(Results.read(wanted.results)))
         else:

@@ -15,14 +15,14 @@ import pytest
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.reporting.numbers import JOIN, number
+from flexlink.reporting.picture import Picture
 from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
-from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.picture import Picture
 from reports.results import Results, used
 from reports.tables import limit, table
 from validation.store import Series, Store
@@ -331,6 +331,16 @@ def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
     error = capsys.readouterr().err
     assert name in error
     assert error.count("\n") == 1
+
+
+@pytest.mark.slow
+def test_a_report_without_files_of_svgs_leads_to_none(tmp_path: Path) -> None:
+    page = build(stored(tmp_path / "results", row()), tmp_path / "report", tmp_path / "none", svg=False)
+    names = {file.name for file in page.parent.iterdir()}
+    led = {target for target in links(page.read_text(encoding="utf-8")).targets if not target.startswith("#")}
+    assert led <= names
+    assert any(name.endswith(".png") for name in led)
+    assert not any(name.endswith(".svg") for name in names)
 
 
 def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import datetime
 import subprocess
 import sys
 import time
+from concurrent import futures
 from pathlib import Path
 
 import numpy as np
@@ -228,6 +229,42 @@ def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, messag
 def test_a_case_that_does_not_exist_is_named_with_those_that_do(study, capsys):
     assert study("nothing*")[0] == 2
     assert "case = 'nothing*': no such case; there are small" in capsys.readouterr().err
+
+
+def test_a_full_study_takes_all_cases_even_those_that_run_by_name_and_skips_what_is_stored(study):
+    study.case_file.with_name("small_long.toml").write_text("by_name = true\n" + CASE, encoding="utf-8")
+    before = study()[1].finished()
+    code, store = study("--full")
+    assert code == 0
+    assert set(store.plan()) == set(store.finished()) == {"small", "small_long"}
+    assert store.finished()["small"] == before["small"]
+
+
+def test_a_full_study_of_some_cases_is_none(study, capsys):
+    assert study("--full", "small")[0] == 2
+    assert "--full small: --full means all cases; leave one of both away" in capsys.readouterr().err
+
+
+def test_a_case_that_cannot_be_run_is_named_and_keeps_no_other_from_running(study, capsys):
+    study.case_file.with_name("a_bad.toml").write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
+    code, store = study()
+    assert (code, set(store.finished())) == (2, {"small"})
+    assert set(store.plan()) == {"a_bad", "small"}  # so that a report says what is missing
+    assert capsys.readouterr().err.startswith("validation: a_bad: ")
+
+
+@pytest.mark.slow
+def test_one_of_many_side_by_side_that_cannot_be_run_keeps_no_other_from_running(study, monkeypatch):
+    class Pool(futures.ThreadPoolExecutor):  # processes would not know of the cases of this test
+        def __init__(self, *_, **__):
+            super().__init__(2)
+
+    monkeypatch.setattr(runner, "_pool", Pool)
+    for name in ("b", "c", "d"):
+        study.case_file.with_name(f"{name}.toml").write_text(CASE, encoding="utf-8")
+    study.case_file.write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
+    code, store = study()
+    assert (code, set(store.finished())) == (2, {"b", "c", "d"})
 
 
 @pytest.mark.parametrize(("words", "meant"), [
@@ -455,6 +492,11 @@ def test_what_was_timed_on_a_busy_machine_is_timed_again_and_what_was_not_is_ski
     second = timed(QUIET)[1].finished()["small"]
     assert (first.busy, second.busy) == (True, False)
     assert timed(BUSY)[1].finished()["small"] == second
+
+
+def test_a_full_study_goes_on_and_times_nothing_again_even_on_a_busy_machine(timed):
+    first = timed(BUSY)[1].finished()["small"]
+    assert timed(QUIET, "--full")[1].finished()["small"] == first
 
 
 @pytest.mark.parametrize(("conditions", "busy"), [

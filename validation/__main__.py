@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from flexlink.common.errors import FlexlinkError
+from flexlink.common.errors import ArgumentError, FlexlinkError
 from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import MISSED, correctness, speed, speed_state
 from validation.store import Row, Store
@@ -34,6 +34,7 @@ EXAMPLES = """examples:
   python -m validation pointwise 'traj*'    some cases, by name, kind or glob
   python -m validation --force --no-report  measure again, keep the old report
   python -m validation other_solvers_long   one of those that take minutes, and run only when they are named
+  python -m validation --full               all of it, an hour; stopped and started again, it goes on where it was
   python -m validation --list               what there is
 """
 
@@ -44,15 +45,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     console = Console()
     try:
         _demand_checkout()
-        cases = load_cases(*(options.cases or (ALL if options.list else ())))
+        if options.full and options.cases:
+            raise ArgumentError(f"--full {options.cases[0]}: --full means all cases; leave one of both away")
+        cases = load_cases(*(options.cases or (ALL if options.list or options.full else ())))
         if options.list:
             _print_cases(console, cases)
             return 0
         store = Store(options.results)
         store.prepare({case.name for case in load_cases(*ALL)})
-        _run(console, cases, store, options.force)
+        failed = _run(console, cases, store, options)
         rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
-        page = None if options.no_report else _report(store.path)
+        page = None if options.no_report else _report(store.path, options.full)
     except FlexlinkError as error:
         print(f"validation: {error}", file=sys.stderr)
         return 2
@@ -62,7 +65,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _print_verdict(console, rows, store)
     if page is not None:
         console.print(f"report: {page}", soft_wrap=True)
-    return 1 if correctness(rows).failed else 0
+    for case, why in failed.items():
+        print(f"validation: {case}: {why}", file=sys.stderr)
+    return 2 if failed else 1 if correctness(rows).failed else 0
 
 
 def _demand_checkout() -> None:
@@ -84,6 +89,12 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("cases", nargs="*", metavar="CASE", help="names, kinds or globs of cases (default: all)")
+    parser.add_argument(
+        "--full",
+        action="store_true",
+        help="every case, also those that run only when they are named, into reports/full, which is checked in; what "
+        "is stored is skipped, even if the machine was busy",
+    )
     parser.add_argument("--force", action="store_true", help="measure again what is stored")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
     parser.add_argument("--no-report", action="store_true", help="do not write the report")
@@ -93,7 +104,9 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> None:
+def _run(
+    console: Console, cases: Sequence[Case], store: Store, options: argparse.Namespace
+) -> dict[str, FlexlinkError]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     started: list[str] = []
     with Progress(*columns, console=console) as progress:
@@ -110,15 +123,20 @@ def _run(console: Console, cases: Sequence[Case], store: Store, force: bool) -> 
             if row.passed is False and not row.timed:
                 console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
-        run_cases(cases, store, force, report)
-        progress.update(task, description="all cases stored", completed=len(cases))
+        failed = run_cases(cases, store, options.force, report, again_if_busy=not options.full)
+        stored = "all cases stored" if not failed else f"{len(cases) - len(failed)} of {len(cases)} cases stored"
+        progress.update(task, description=stored, completed=len(cases))
+    return failed
 
 
-def _report(results: Path) -> Path | None:
+def _report(results: Path, full: bool) -> Path | None:
     """Write the report with the package `reports`, if it is there."""
     if importlib.util.find_spec("reports") is None:
         return None
-    page: Path = importlib.import_module("reports.build").build(results, REPORT)
+    if full:
+        page: Path = importlib.import_module("reports.full").save(results)
+    else:
+        page = importlib.import_module("reports.build").build(results, REPORT)
     return page
 
 

@@ -12,6 +12,8 @@ WORDS: dict[str, tuple[str, str]] = {
     "situation": ("situation", "{}"),
     "chain": ("chain", "{}"),
     "job": ("job", "{}"),
+    "run": ("run", "{}"),
+    "part": ("part", "{}"),
     "load": ("load", "{}"),
     "PL²/EI": ("PL²/EI [1]", "PL²/EI = {:g}"),
     "force": ("force [N]", "{:g} N"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-import importlib.metadata
 import math
 import multiprocessing
 import os
@@ -13,14 +12,15 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing.connection import wait
 from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
 from flexlink.describe.spec import decode
+from flexlink.reporting.machine import processor, system, versions
 from validation.case import ALL, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.store import Environment, Finished, Planned, Row, Series, Store
@@ -46,44 +46,75 @@ Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
 
 
-def run_cases(cases: Sequence[Case], store: Store, force: bool, report: Report) -> None:
+def run_cases(
+    cases: Sequence[Case], store: Store, force: bool, report: Report, again_if_busy: bool = True
+) -> dict[str, FlexlinkError]:
     """Run every case that is not stored yet: side by side, and then, one at a time, those that measure time.
+
+    Parameters
+    ----------
+    cases, store
+        What to run, and where its results belong.
+    force
+        Also what is stored.
+    report
+        Told of every case that starts, and of every row.
+    again_if_busy
+        Also what is stored, has a limit of time, and was measured on a busy machine.
+
+    Returns
+    -------
+    dict
+        The cases that cannot be run, with the reason: bad settings, a missing engine, a run that diverges. The others
+        have been run all the same.
 
     Raises
     ------
-    FlexlinkError
-        A case cannot be run: bad settings, a missing engine, an unwritable folder, a run that diverges.
+    OutputError
+        The store cannot be written.
     """
     shared, known = _hash_of_sources(), load_cases(*ALL)
     keys = {case.name: _key(case, shared) for case in known}
-    wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store)]
+    wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store, again_if_busy)]
     named = {case.name for case in cases} | set(store.finished())
     planned = [case for case in known if not case.by_name or case.name in named]
     store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in planned})
     if wanted:
         store.note_environment(environment())
         store.reopen({case.name for case in wanted})
+    failed: dict[str, FlexlinkError] = {}
     for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
         watch = Watch() if case.kind in TIMED else None
-        for result in results:
-            if isinstance(result, Series):
-                store.add_series(case.name, result)
-            else:
-                store.append(result)
-                report(case.name, result)
+        try:
+            _keep(case, results, store, report)
+        except OutputError:  # so would be the next one
+            raise
+        except FlexlinkError as error:
+            failed[case.name] = error
+            continue
         conditions = watch.conditions() if watch else None
-        store.finish(case.name, Finished(keys[case.name], _date(), _processor(), conditions))
+        store.finish(case.name, Finished(keys[case.name], _date(), processor(), conditions))
+    return failed
 
 
-def _is_done(case: Case, key: str, store: Store) -> bool:
-    """Stored for the same sources and versions; a case with a limit of time must have had the machine for itself."""
+def _keep(case: Case, results: Iterable[Row | Series], store: Store, report: Report) -> None:
+    for result in results:
+        if isinstance(result, Series):
+            store.add_series(case.name, result)
+        else:
+            store.append(result)
+            report(case.name, result)
+
+
+def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
+    """Stored for the same sources and versions; where it is asked for, its limits of time on a machine for itself."""
     done = store.finished().get(case.name)
     if done is None or done.key != key:
         return False
-    return not (
-        done.busy and any(row.timed and row.passed is not None for row in store.rows() if row.case == case.name)
-    )
+    if not (again_if_busy and done.busy):
+        return True
+    return not any(row.timed and row.passed is not None for row in store.rows() if row.case == case.name)
 
 
 def _in_order_of_completion(
@@ -104,9 +135,9 @@ def _in_order_of_completion(
             try:
                 for done in as_completed(running):
                     report(running[done].name, None)
-                    yield running[done], done.result()
+                    yield running[done], _results_of(done)
                 for rehearsal in rehearsals:
-                    rehearsal.result()
+                    rehearsal.exception()  # waits; what keeps it from running keeps the case, which then says so
             finally:
                 pool.shutdown(cancel_futures=True)
     for case in alone:
@@ -130,6 +161,11 @@ def _end_with_parent() -> None:
     if parent is not None:
         watch = Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True)
         watch.start()
+
+
+def _results_of(done: Future[list[Row | Series]]) -> Iterator[Row | Series]:
+    """Raises what the case did when it is asked for the first result, as a case does that is measured here."""
+    yield from done.result()
 
 
 def _all_results(case: Case, key: str) -> list[Row | Series]:
@@ -201,7 +237,7 @@ def _key(case: Case, shared: bytes) -> str:
 
 def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
-    digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
+    digest = hashlib.sha256(repr([platform.python_version(), versions(PACKAGES)]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
         for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
@@ -214,39 +250,21 @@ def _study_data(folder: Path) -> Iterator[Path]:
     yield from folder.glob("scenes/*/*.toml")
 
 
-def versions() -> dict[str, str]:
-    """Installed versions; "" for what is absent."""
-    found = {}
-    for name in PACKAGES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = ""
-    return found
-
-
 def environment() -> Environment:
     """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
     return Environment(
         date=_date(),
         commit=_commit(),
         python=platform.python_version(),
-        versions=versions(),
-        processor=_processor(),
+        versions=versions(PACKAGES),
+        processor=processor(),
         cores=os.cpu_count() or 0,
-        system=f"{platform.system()} {platform.machine()}",
+        system=system(),
     )
 
 
 def _date() -> datetime.datetime:
     return datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def _commit() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,27 @@ from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
 from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
+
+RIGHT, BELOW = np.triu_indices(3, 1)
+"""Of the elements above a diagonal; the other way round they are those below."""
+
+
+class Piece(NamedTuple):
+    """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
+
+    `place` puts its start and axes into a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
+    """
+
+    link: int  # from 1
+    part: tuple[float, float]  # of the link's length, where it starts and where it ends
+    body: int
+    place: Pose
+    end: Array  # from there, along x [m]
+
+    @property
+    def length(self) -> float:
+        """From its start to its end [m]."""
+        return float(self.end[0])
 
 
 @dataclasses.dataclass
@@ -33,8 +55,8 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     I = records["inertia"]
-    records["inertia"] = np.triu(I) + np.triu(I, 1).transpose(0, 2, 1)  # R I Rᵀ is symmetric up to rounding only
-    records["turned"] = (records["rotation"] != np.eye(3)).any(axis=(1, 2))
+    I[:, BELOW, RIGHT] = I[:, RIGHT, BELOW]  # R I Rᵀ is symmetric up to rounding only
+    records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
 
 
@@ -45,12 +67,21 @@ class Builder:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
+        self.pieces: list[Piece] = []
         self.running = HERE
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
         """Shift the running frame along its own axes [m], then turn it."""
         R, p = self.running
-        self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+        if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
+            self.running = Pose(R if rotation is None else rotation, translation)
+        else:
+            self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+
+    def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
+        """Go along a piece of a link, to its end."""
+        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, end))
+        self.move(end)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
-from flexlink.chain.builder import Builder, recorded
+from flexlink.chain.builder import Builder, Piece, recorded
 from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rigid import RigidBody
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -20,6 +21,10 @@ from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
 TWIST, GEAR = 1, 3  # axes of coordinates
+LIMITS = {"lower", "upper"}
+BUT_LIMITS = [k for k, field in enumerate(HINGE.names or ()) if field not in LIMITS]
+"""Columns of an array of hinges, whose fields are one number each."""
+
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -47,17 +52,7 @@ def lump(scene: Scene) -> Chain:
     ArgumentError
         `scene` is no Scene.
     """
-    name, arm = given("scene", scene, Scene).name, scene.arm
-    moved = {arm.number(motion.link) for motion in scene.motion}
-    placed = hinges_of(arm)
-    builder = Builder()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
-        for k, link in enumerate(arm.links):
-            _add_mount(builder, link, arm.links[k - 1] if k else None)
-            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-            _add_line(builder, arm, link, k + 1, *placed[k])
-        builder.add_payload(arm.tip)
-    builder.start_body()
+    name, builder = given("scene", scene, Scene).name, _walked(scene)
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
@@ -68,15 +63,39 @@ def lump(scene: Scene) -> Chain:
         hinges=hinges,
         gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
-        link_names=tuple(link.name for link in arm.links),
+        link_names=tuple(link.name for link in scene.arm.links),
     )
 
 
+def pieces(scene: Scene) -> list[Piece]:
+    """The straight pieces of the links that `lump` cuts, from the base outward: what a picture of the arm shows.
+
+    Errors as there.
+    """
+    return _walked(given("scene", scene, Scene)).pieces
+
+
+def _walked(scene: Scene) -> Builder:
+    """Bodies, hinges and pieces of an arm, from the base to its tip frame."""
+    arm, builder = scene.arm, Builder()
+    moved = {arm.number(motion.link) for motion in scene.motion}
+    placed = hinges_of(arm)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
+        for k, link in enumerate(arm.links):
+            _add_mount(builder, link, arm.links[k - 1] if k else None)
+            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
+            _add_line(builder, arm, link, k + 1, *placed[k])
+        builder.add_payload(arm.tip)
+    builder.start_body()
+    return builder
+
+
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
-    if np.isfinite(array.view(np.float64)).all():  # whole numbers seen so are finite, too; only limits need not be
+    finite = np.isfinite(array.view(np.float64))  # whole numbers seen so are, too; only limits need not be
+    if finite.all() or (array.dtype == HINGE and finite.reshape(len(array), -1)[:, BUT_LIMITS].all()):
         return
     for field in array.dtype.names or ():
-        if field not in {"lower", "upper"} and not np.isfinite(array[field]).all():
+        if field not in LIMITS and not np.isfinite(array[field]).all():
             raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
 
 
@@ -120,28 +139,26 @@ def _add_line(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array,
     start, length, frame = link.beam
     builder.move(start, frame)
     if link.material is None or link.section is None:
-        builder.move(np.array([length, 0, 0]))
+        builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
-        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
-        beam = _Beam(length, arm.materials[link.material], root, tip)
-        _add_segments(builder, link, number, beam, arm.loss_time(link), nodes, weights)
+        _add_segments(builder, arm, link, number, nodes, weights)
     builder.turn(frame.T)
     builder.add_payload(link.end)
     if link.dh is not None and link.dh.convention == "standard":
         builder.move(np.subtract(link.dh.end, link.stop), about_axis_deg(0, link.dh.alpha_deg))
 
 
-def _add_segments(
-    builder: Builder, link: Link, number: int, beam: _Beam, loss_time: float, nodes: Array, weights: Array
-) -> None:
+def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array, weights: Array) -> None:
     """Segments and hinges of a beam, along the x of the running frame."""
-    rule = lumping_rule(link.lumping)
+    rule, material = lumping_rule(link.lumping), arm.materials[link.material or ""]
+    root, tip = arm.sections[link.section or ""], arm.sections[link.section_tip or link.section or ""]
+    beam, loss_time = _Beam(link.beam.length, material.density, root, tip), arm.loss_time(link)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
     twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
-    stiffnesses, segments = _cut(beam, nodes.tobytes(), weights.tobytes())
+    stiffnesses = _stiffnesses(beam, material, nodes.tobytes(), weights.tobytes())
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
-    for segment, (body, end) in enumerate(segments):
+    for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
@@ -152,7 +169,7 @@ def _add_segments(
                 builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
         if body is not None:
             builder.add(body)
-        builder.move(end)
+        builder.advance(number, part, end)
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -178,20 +195,25 @@ def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weig
 
 
 @functools.lru_cache(maxsize=256)
-def _cut(beam: _Beam, nodes: bytes, weights: bytes) -> tuple[Array, list[tuple[RigidBody | None, Array]]]:
-    """Spring constants, shape (3, N) [N m/rad], and of each segment its body and its end [m]; links alike share them.
+def _stiffnesses(beam: _Beam, material: Material, nodes: bytes, weights: bytes) -> Array:
+    """Spring constants, shape (3, N) [N m/rad]; links alike share them."""
+    x, w = np.frombuffer(nodes), np.frombuffer(weights)
+    return np.asarray(beam.rigidities(material, x) / (w * beam.length))
+
+
+@functools.lru_cache(maxsize=256)
+def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, tuple[float, float], Array]]:
+    """Of each segment its body, part of the link, end [m]; links alike share them, of whatever stiffness.
 
     A hinge at the very root has nothing before it.
     """
-    x, w = np.frombuffer(nodes), np.frombuffer(weights)
-    edges = np.array([0.0, *x, 1.0])
+    edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
-    segments = [
+    return [
         (RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
-         np.array([length, 0, 0]))
-        for mass, center, inertia, length in slices
+         part, np.array([length, 0, 0]))
+        for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
     ]  # fmt: skip
-    return beam.rigidities(x) / (w * beam.length), segments
 
 
 @dataclasses.dataclass(frozen=True)
@@ -199,7 +221,7 @@ class _Beam:
     """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
 
     length: float
-    material: Material
+    density: float
     root: Section
     tip: Section
 
@@ -210,10 +232,10 @@ class _Beam:
         found = [self.root.towards(self.tip, float(place)) for place in x.flat]
         return np.reshape(np.transpose(found), (4, *x.shape))
 
-    def rigidities(self, x: Array) -> Array:
+    def rigidities(self, material: Material, x: Array) -> Array:
         """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""
         _, i_y, i_z, torsion = self.sections(x)
-        return np.array([self.material.shear * torsion, self.material.young * i_y, self.material.young * i_z])
+        return np.array([material.shear * torsion, material.young * i_y, material.young * i_z])
 
     def polar_moments(self, nodes: Array) -> tuple[Array, Array]:
         """∫ p dx and ∫ x p dx, p = ρ (I_y + I_z) L, from each node to the next, of the last to the end [kg m²].
@@ -224,7 +246,7 @@ class _Beam:
         half = np.diff(edges)[:, None] / 2
         x = edges[:-1, None] + half * (1 + GAUSS_NODES)
         _, i_y, i_z, _ = self.sections(x)
-        polar = half * GAUSS_WEIGHTS * self.material.density * self.length * (i_y + i_z)
+        polar = half * GAUSS_WEIGHTS * self.density * self.length * (i_y + i_z)
         return polar.sum(axis=1), (x * polar).sum(axis=1)
 
     def slices(self, edges: Array) -> tuple[Array, Array, Array]:
@@ -235,7 +257,7 @@ class _Beam:
         """
         u = (GAUSS_NODES + 1) / 2
         x, length = edges[:-1, None] + np.diff(edges)[:, None] * u, np.diff(edges)[:, None] * self.length
-        areas, i_y, i_z, _ = self.material.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
+        areas, i_y, i_z, _ = self.density * length * GAUSS_WEIGHTS / 2 * self.sections(x)
         mass = areas.sum(axis=1)
         center = (areas * u * length).sum(axis=1) / mass
         bending = (areas * (u * length - center[:, None]) ** 2).sum(axis=1)

@@ -93,8 +93,9 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     return found
 
 
+@functools.lru_cache(maxsize=256)
 def _is_ours(folder: str, name: str) -> bool:
-    """Whether a description of this name comes with flexlink: a look at one file, not at all of a folder."""
+    """Whether a description of this name comes with flexlink: a look at one file, once, not at all of a folder."""
     return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
 
 

@@ -38,7 +38,7 @@ class Payload(Spec, frozen=True):
                 f"inertia = {short(self.inertia)}: expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz"
             )
         size = max(map(abs, self.inertia)) or 1.0
-        low, middle, high = np.linalg.eigvalsh(self.matrix / size)
+        low, middle, high = (moment / size for moment in self.principal_moments)
         most = low + middle if self.mass else np.inf
         if low < -ROUNDING * high or high > most + ROUNDING * high:
             moments = ", ".join(f"{size * moment:.6g}" for moment in (low, middle, high))
@@ -48,6 +48,13 @@ class Payload(Spec, frozen=True):
                 f"inertia = {short(self.inertia)}: no body can have it; its principal moments are {moments}; none may "
                 f"be negative{rule}"
             )
+
+    @property
+    def principal_moments(self) -> tuple[float, ...]:
+        """Of the inertia about the centre of mass, the least one first [kg m²]."""
+        if len(self.inertia) == 3:
+            return tuple(sorted(self.inertia))
+        return tuple(np.linalg.eigvalsh(self.matrix).tolist())
 
     @property
     def matrix(self) -> Array:

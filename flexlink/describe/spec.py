@@ -28,6 +28,9 @@ BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
+UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
+
+
 class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True):
     """Frozen record whose fields are checked against their annotations, however it is built.
 
@@ -58,6 +61,10 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             if getattr(self, field.name) != default_of(field)
         ]
         return f"{type(self).__name__}({', '.join(said)})"
+
+
+SOUND = (str, int, NoneType, Spec)
+"""What needs no look for numbers that are not finite: it holds none, or has been looked through."""
 
 
 def default_of(field: msgspec.structs.FieldInfo) -> object:
@@ -187,16 +194,30 @@ def bare(kind: Any) -> Any:
 
 
 def _check_finite(value: object, path: str) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise SceneError(f"{path} = {value!r}: must be a finite number")
-    if isinstance(value, set | frozenset):
-        raise SceneError(f"{path} = {short(value)}: a set has no order; expected a list")
+    flaw = _flaw(value)
+    if flaw is not None:
+        where, text = flaw
+        raise SceneError(f"{path}{where} = {text}".lstrip("."))
+
+
+def _flaw(value: object) -> tuple[str, str] | None:
+    """Where at or below a value something is no finite number, or has no order, and what is wrong with it."""
+    if isinstance(value, float):
+        return None if math.isfinite(value) else ("", f"{value!r}: must be a finite number")
+    if isinstance(value, SOUND):
+        return None
+    if isinstance(value, UNORDERED):
+        return "", f"{short(value)}: a set has no order; expected a list"
+    items: Iterable[tuple[str, object]] = ()
     if isinstance(value, Mapping):
-        for key, item in value.items():
-            _check_finite(item, f"{path}.{key}".lstrip("."))
-    elif isinstance(value, list | tuple):
-        for k, item in enumerate(value):
-            _check_finite(item, f"{path}[{k}]")
+        items = ((f".{key}", item) for key, item in value.items())
+    elif isinstance(value, SEQUENCES):
+        items = ((f"[{k}]", item) for k, item in enumerate(value))
+    for step, item in items:
+        flaw = _flaw(item)
+        if flaw is not None:
+            return step + flaw[0], flaw[1]
+    return None
 
 
 def rising(name: str, times: Sequence[float]) -> None:

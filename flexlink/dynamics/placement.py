@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import given, integer, vector
 from flexlink.chain.chain import Chain
-from flexlink.dynamics.batches import each, is_batch
-from flexlink.kernels.kinematics import forward_kinematics
+from flexlink.dynamics.batches import each, is_batch, rows
+from flexlink.kernels.kinematics import forward_kinematics, tip_points
 
 Array = NDArray[np.float64]
 
@@ -73,8 +73,12 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     ArgumentError
         As in `frames`.
     """
-    tip: Array = frames(chain, q).points[..., -1, :]
-    return tip
+    if not is_batch(q):
+        return np.asarray(frames(chain, q).points[-1])
+    (states,) = rows(given("chain", chain, Chain).n, {"q": q})
+    tips = np.empty((len(states), 3))
+    tip_points(chain.arrays, states, tips)
+    return tips
 
 
 class Jacobian(NamedTuple):

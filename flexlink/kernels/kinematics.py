@@ -34,6 +34,15 @@ def forward_kinematics(chain, q):
     return work
 
 
+@kernel
+def tip_points(chain, qs, tips):
+    """Write the origin of the tip frame, (states, 3), at the angles of each state, (states, n)."""
+    work = kinematics_workspace(chain)
+    for row in range(len(qs)):
+        kinematics(chain, qs[row], work)
+        tips[row] = work.points[-1]
+
+
 @recursion
 def kinematics(chain, q, work):
     """Write R and p of every body and all hinge axes."""
