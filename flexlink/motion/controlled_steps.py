@@ -33,7 +33,7 @@ from flexlink.motion.endings import LawFailure
 from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
-from flexlink.motion.watch import LONG, Watch
+from flexlink.motion.watch import LONG, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,6 @@ LONG_STAGES = 5
 
 OF_A_DEFLECTION = 0.1
 """The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
-
-SMALLEST = 200.0
-"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -277,11 +274,6 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
     errors = one * absolute, OF_A_DEFLECTION * one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
     return *errors, order, SHORTEST * run.duration, largest
-
-
-def least_tolerance(reach: float) -> float:
-    """The smallest tolerance of an arm of this reach [m]."""
-    return SMALLEST * rounding.of_reach(reach)
 
 
 def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array]:

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from flexlink.describe.methods import method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
-from flexlink.motion.controlled_steps import least_tolerance
 from flexlink.motion.result import Record
-from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch
+from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 

@@ -42,6 +42,9 @@ energy and the steps' own errors, which sensitive motion, and motion that drifts
 LONG = 100
 """Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
 
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
+
 FEWEST, APART = 64, 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
@@ -71,6 +74,11 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     if run.unstable == "refuse":
         raise UnstableStepError(f"{reason}; take a smaller step, or insist with unstable = 'allow' (--insist)", largest)
     return (f"insisted on {reason}",)
+
+
+def least_tolerance(reach: float) -> float:
+    """The smallest tolerance of an arm of this reach [m]."""
+    return SMALLEST * rounding.of_reach(reach)
 
 
 def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
