@@ -9,19 +9,20 @@ from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 
-import jinja2
 import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.page import make_folder, template
+from flexlink.reporting.picture import Shown
+from flexlink.reporting.style import RC
+from flexlink.reporting.tables import table_csv
 from reports import findings, reference, speed_limits, verdict
 from reports.chapters import chapter_of_kinds, contents, sections
-from reports.drawing import Shown, figures_of, modules
+from reports.drawing import figures_of, modules
 from reports.finding import Finding
-from reports.numbers import amount, number
 from reports.results import Results, used
-from reports.style import RC
-from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
+from reports.tables import FAIL, Table, limit, rows_csv, table
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
@@ -86,8 +87,8 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
-    page = _template().render(
-        style=(HERE / "style.css").read_text(encoding="utf-8"),
+    page = template(HERE / "template.html", limit=limit).render(
+        title="flexlink validation report",
         compared=verdict.compared(study),
         measured=verdict.measured(study),
         correct=verdict.correct(study),
@@ -105,30 +106,9 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
         unobtained=[row for row in study.rows if row.value is None],
         given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
         definitions=definitions,
-        svg=svg,
     )
     write_text(out / "index.html", page)
     return out / "index.html"
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(HERE),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters.update(number=number, amount=amount, limit=limit)
-    return environment.get_template("template.html")
-
-
-def make_folder(path: Path) -> None:
-    """Make `path` and its parents; an impossible one is an error of the project."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexlinkError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
 
 
 def readme_figure(results: Path, path: Path) -> Path:

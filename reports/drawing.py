@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import importlib
 import multiprocessing
 import os
@@ -17,24 +16,13 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
+from flexlink.reporting.picture import Picture, Shown
+from flexlink.reporting.style import RC
 from reports import curves, figures
 from reports.chapters import chapter_of_kinds
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import RC
 
 WORTH_A_PROCESS = 10  # series; to start a process takes about as long as to write three or four figures
-
-
-@dataclasses.dataclass(frozen=True)
-class Shown:
-    """A figure on the page."""
-
-    name: str
-    id: str
-    title: str
-    svg: str
-    caption: str
 
 
 class Drawn(NamedTuple):
@@ -74,8 +62,7 @@ def _share(results: Results, out: Path, svg: bool, first: int, step: int) -> lis
 
 def _written(chapter: str, picture: Picture, out: Path, svg: bool) -> Drawn:
     definitions: dict[str, str] = {}
-    drawing = picture.save(out, definitions, svg)
-    return Drawn(chapter, Shown(picture.name, picture.id, picture.title, drawing, picture.caption), definitions)
+    return Drawn(chapter, picture.shown(out, definitions, svg), definitions)
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:

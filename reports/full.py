@@ -7,9 +7,9 @@ from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.tables import table_csv
 from reports.build import build, environment_rows
 from reports.results import Results
-from reports.tables import table_csv
 from validation.judgement import crowd
 
 FOLDER = Path(__file__).parent / "full"

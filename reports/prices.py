@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from flexlink.reporting.style import BLUE, GREEN, PURPLE, VERMILION
 from reports.results import Results
-from reports.style import BLUE, GREEN, PURPLE, VERMILION
 from validation.store import Row, Series
 
 KIND = "speed_trade"

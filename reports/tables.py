@@ -1,13 +1,12 @@
-"""Tables: for the page as rows of text, beside it as CSV with every digit."""
+"""Tables of checks: for the page as rows of text, beside it as CSV with every digit."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
 from collections.abc import Iterable, Mapping, Sequence
 
-from reports.numbers import amount
+from flexlink.reporting.numbers import amount
+from flexlink.reporting.tables import table_csv
 from reports.results import used
 from validation.facts import head, said
 from validation.judgement import BUSY, MET, MISSED, speed_state
@@ -145,12 +144,3 @@ def series_csv(*many: Series) -> str:
             for name in names:
                 lines.append((series.name, *labels, name, x, series.columns[name][k].item()))
     return table_csv(("series", "panel", "curve", "column", many[0].x_label, many[0].y_label), lines)
-
-
-def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """A CSV text of heads and lines."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(["" if cell is None else cell for cell in line] for line in lines)
-    return buffer.getvalue()

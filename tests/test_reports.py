@@ -15,14 +15,14 @@ import pytest
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.reporting.numbers import JOIN, number
+from flexlink.reporting.picture import Picture
 from reports.__main__ import main
 from reports.build import build
 from reports.finding import Finding
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
-from reports.numbers import JOIN, number
 from reports.panels import PANELS, draw_tall, motions
-from reports.picture import Picture
 from reports.results import Results, used
 from reports.tables import limit, table
 from validation.store import Series, Store

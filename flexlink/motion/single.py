@@ -207,7 +207,7 @@ def room_for(
         inputs = inputs._replace(drive=control.drive)
     try:
         times = multiples(scene.initial.time, run.between, run.samples if rows is None else rows)
-        record = Record(run, chain, inputs, times, *np.empty((2, len(times), chain.n)))
+        record = Record(scene, chain, inputs, times, *np.empty((2, len(times), chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"

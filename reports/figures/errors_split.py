@@ -7,10 +7,10 @@ from collections.abc import Iterator
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, WIDTH, legend_above, tidy_logs
 from reports.curves import floats
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREEN, GREY, INK, ORANGE, VERMILION, WIDTH, legend_above, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.axes import Axes
 
-from reports.picture import Picture
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.tables import table_csv
 from reports.prices import AIMS, LOOKS, OURS, SAID, Run, front, runs, works
 from reports.results import Results
-from reports.style import legend_above, stacked_axes, tidy_logs
-from reports.tables import table_csv
 
 SECTION = "trade"
 TAKES = ("work",)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reports.numbers import number
-from reports.picture import Picture
+from flexlink.reporting.numbers import number
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import INK, legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.tables import table_csv
 from reports.prices import LOOKS, OURS, SAID, Price, errors, prices, works
 from reports.results import Results
-from reports.style import INK, legend_above, stacked_axes, tidy_logs
-from reports.tables import table_csv
 
 SECTION = "trade"
 TAKES: tuple[str, ...] = ()
