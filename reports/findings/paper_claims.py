@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.numbers import amount, plural
 from reports.finding import Finding
-from reports.numbers import amount, plural
 from reports.results import Results
 from validation.store import Row
 
