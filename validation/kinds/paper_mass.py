@@ -12,6 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
+from flexlink.reporting.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
@@ -95,7 +96,9 @@ def _verdict(found: Sequence[Time], longest: Time) -> str:
     """Whether each method takes less than the one before, everywhere; and what came later."""
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < TIE]
-    later = f"composite bodies in inertial axes take {longest.times_less(LATER, THIRD):.2g} times less than method 3"
+    later = (
+        f"composite bodies in inertial axes take {number(longest.times_less(LATER, THIRD), 2)} times less than method 3"
+    )
     if dear:
         return f"does not hold for method {'; '.join(dear)}; {later}"
     return f"holds; {later}"

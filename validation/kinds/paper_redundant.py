@@ -12,6 +12,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.kernels import forward
+from flexlink.reporting.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing import loops
@@ -75,5 +76,5 @@ def _apart(chain: Chain, states: States) -> float:
 
 
 def _verdict(least: Mapping[str, float]) -> str:
-    said = ", ".join(f"at least {gain:.2g} times less in {job}" for job, gain in least.items())
+    said = ", ".join(f"at least {number(gain, 2)} times less in {job}" for job, gain in least.items())
     return f"holds: {said}" if min(least.values()) > 1.0 else f"does not hold: {said}"
