@@ -20,7 +20,6 @@ from flexlink.advice.goal import Ruler
 from flexlink.advice.model import Axes, Model, is_scene, uniform
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
-from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.motion.result import Trajectory
@@ -128,6 +127,6 @@ def growth(bench: Bench, outcome: Outcome) -> float:
     twin = bench.twin(rigid_model(bench), outcome.stepping, NUDGE)
     if twin is None:
         return 1.0
-    reach = rounding.reach(bench.chain(rigid_model(bench)))
+    reach = bench.chain(rigid_model(bench)).reach
     apart = np.linalg.norm(twin.tip - outcome.tip, axis=1).max()
     return float(apart / (NUDGE * reach)) if twin.whole else np.inf

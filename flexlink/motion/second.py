@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import method
 from flexlink.describe.situation import AUTO, Run
-from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch
 
@@ -95,7 +94,7 @@ def _within(run: Run, name: str, tolerance: float) -> Run:
 def _tolerance(watch: Watch) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
-        return watch.run.tolerance_within(rounding.reach(watch.record.chain))
+        return watch.run.tolerance_within(watch.record.chain.reach)
     return DOUBT * TIP_SHARE * _moved(watch)
 
 
