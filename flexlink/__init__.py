@@ -74,6 +74,8 @@ from flexlink.robots.importing import Imported, import_urdf
 if TYPE_CHECKING:
     from flexlink.engines.comparison import Comparison, compare
     from flexlink.engines.trajectories import TrajectoryComparison, compare_trajectories
+    from flexlink.reporting.report import report
+    from flexlink.reporting.verdict import Report
     from flexlink.sweeps.measures import Quantity
     from flexlink.sweeps.plan import Sweep, load_sweep
     from flexlink.sweeps.ranges import Sample
@@ -127,6 +129,7 @@ __all__ = [
     "PointMotion",
     "Quantity",
     "Reference",
+    "Report",
     "Run",
     "Sample",
     "Scene",
@@ -172,6 +175,7 @@ __all__ = [
     "overshoot",
     "pd_poles",
     "point_motion",
+    "report",
     "residual_vibration",
     "rigid_twin",
     "sensitivities",
@@ -193,12 +197,14 @@ LATER = {
     "compare": "engines.comparison",
     "InterruptedSweepError": "sweeps.sweeping",
     "Quantity": "sweeps.measures",
+    "Report": "reporting.verdict",
     "Sample": "sweeps.ranges",
     "Sweep": "sweeps.plan",
     "SweepRows": "sweeps.table",
     "TrajectoryComparison": "engines.trajectories",
     "compare_trajectories": "engines.trajectories",
     "load_sweep": "sweeps.plan",
+    "report": "reporting.report",
     "sweep": "sweeps.sweeping",
 }
 """What only those load who ask for it: comparison and sweeps, with the adapters of other engines."""

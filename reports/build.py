@@ -9,19 +9,20 @@ from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 
-import jinja2
 import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.page import make_folder, template
+from flexlink.reporting.picture import Shown
+from flexlink.reporting.style import RC
+from flexlink.reporting.tables import table_csv
 from reports import findings, reference, speed_limits, verdict
 from reports.chapters import chapter_of_kinds, contents, sections
-from reports.drawing import Shown, figures_of, modules
+from reports.drawing import figures_of, modules
 from reports.finding import Finding
-from reports.numbers import amount, number
 from reports.results import Results, used
-from reports.style import RC
-from reports.tables import FAIL, Table, limit, rows_csv, table, table_csv
+from reports.tables import FAIL, Table, limit, rows_csv, table
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
@@ -53,7 +54,16 @@ class Chapter:
     cases: tuple[CaseBlock, ...]
 
 
-def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg: bool = True) -> Path:
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What was written: the page, the figures of its first screen, its chapters."""
+
+    page: Path
+    overview: tuple[Shown, ...]
+    chapters: tuple[Chapter, ...]
+
+
+def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> Path:
     """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
 
     A pure function of what is stored: no engine is needed and nothing is simulated.
@@ -66,8 +76,6 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
         Folder for the report; made if missing.
     reference_run
         Folder of the reference run whose times stand beside.
-    svg
-        Whether there are files of the SVGs, too, which the page holds anyway.
 
     Returns
     -------
@@ -79,15 +87,20 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
     FlexlinkError
         There are no readable results, or `out` cannot be written.
     """
-    study, beside = Results.read(results), reference.read(reference_run)
+    return write(Results.read(results), out, reference_run).page
+
+
+def write(study: Results, out: Path, reference_run: Path = reference.FOLDER) -> Report:
+    """The same of results that are read, with what is on the page."""
+    beside = reference.read(reference_run)
     make_folder(out)
-    shown, definitions = figures_of(study, out, svg)
-    chapters = list(_chapters(study, out, shown))
+    shown, definitions = figures_of(study, out)
+    chapters = tuple(_chapters(study, out, shown))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
-    page = _template().render(
-        style=(HERE / "style.css").read_text(encoding="utf-8"),
+    page = template(HERE / "template.html", limit=limit).render(
+        title="flexlink validation report",
         compared=verdict.compared(study),
         measured=verdict.measured(study),
         correct=verdict.correct(study),
@@ -105,30 +118,9 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
         unobtained=[row for row in study.rows if row.value is None],
         given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
         definitions=definitions,
-        svg=svg,
     )
     write_text(out / "index.html", page)
-    return out / "index.html"
-
-
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(HERE),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
-    environment.filters.update(number=number, amount=amount, limit=limit)
-    return environment.get_template("template.html")
-
-
-def make_folder(path: Path) -> None:
-    """Make `path` and its parents; an impossible one is an error of the project."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexlinkError(f"{path}: cannot be made a folder: {error.strerror or error}") from None
+    return Report(out / "index.html", tuple(shown.get(SUMMARY, ())), chapters)
 
 
 def readme_figure(results: Path, path: Path) -> Path:

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from reports.picture import Picture
-from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import importlib
 import multiprocessing
 import os
@@ -17,24 +16,13 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
+from flexlink.reporting.picture import Picture, Shown
+from flexlink.reporting.style import RC
 from reports import curves, figures
 from reports.chapters import chapter_of_kinds
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import RC
 
 WORTH_A_PROCESS = 10  # series; to start a process takes about as long as to write three or four figures
-
-
-@dataclasses.dataclass(frozen=True)
-class Shown:
-    """A figure on the page."""
-
-    name: str
-    id: str
-    title: str
-    svg: str
-    caption: str
 
 
 class Drawn(NamedTuple):
@@ -45,8 +33,8 @@ class Drawn(NamedTuple):
     definitions: dict[str, str]
 
 
-def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str, list[Shown]], dict[str, str]]:
-    """Chapter id → its figures, their files written to `out`, SVGs if wanted; and what the page's SVGs share.
+def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dict[str, str]]:
+    """Chapter id → its figures, their files written to `out`; and what their SVGs share.
 
     The same on any number of processes: every process takes one figure in so many.
     """
@@ -58,8 +46,8 @@ def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str,
         if processes > 1:
             context = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(processes - 1, mp_context=context))
-            shares = [pool.submit(_share, results, out, svg, k, processes) for k in range(1, processes)]
-        parts = [_share(results, out, svg, 0, processes), *(share.result() for share in shares)]
+            shares = [pool.submit(_share, results, out, k, processes) for k in range(1, processes)]
+        parts = [_share(results, out, 0, processes), *(share.result() for share in shares)]
     for place in range(sum(map(len, parts))):
         drawn = parts[place % processes][place // processes]
         shown.setdefault(drawn.chapter, []).append(drawn.shown)
@@ -67,15 +55,14 @@ def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str,
     return shown, definitions
 
 
-def _share(results: Results, out: Path, svg: bool, first: int, step: int) -> list[Drawn]:
+def _share(results: Results, out: Path, first: int, step: int) -> list[Drawn]:
     """Every so many-th figure. Each process makes all of them, of which only writing takes time."""
-    return [_written(*made, out, svg) for made in islice(pictures(results), first, None, step)]
+    return [_written(*made, out) for made in islice(pictures(results), first, None, step)]
 
 
-def _written(chapter: str, picture: Picture, out: Path, svg: bool) -> Drawn:
+def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
     definitions: dict[str, str] = {}
-    drawing = picture.save(out, definitions, svg)
-    return Drawn(chapter, Shown(picture.name, picture.id, picture.title, drawing, picture.caption), definitions)
+    return Drawn(chapter, picture.shown(out, definitions), definitions)
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.tables import table_csv
 from reports.results import Results
-from reports.tables import state, table_csv
+from reports.tables import state
 from reports.verdict import PASS, correct, measured
 from validation.facts import said
 from validation.judgement import correctness, crowd, speed

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-from reports.numbers import amount
+from flexlink.reporting.numbers import amount
+from flexlink.reporting.tables import table_csv
 from reports.reference import Reference
 from reports.results import Results
-from reports.tables import TIMED, limit, table_csv
+from reports.tables import TIMED, limit
 from validation.judgement import crowd, speed_state
 from validation.store import Row
 

@@ -1,13 +1,12 @@
-"""Tables: for the page as rows of text, beside it as CSV with every digit."""
+"""Tables of checks: for the page as rows of text, beside it as CSV with every digit."""
 
 from __future__ import annotations
 
-import csv
 import dataclasses
-import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from reports.numbers import amount
+from flexlink.reporting.numbers import amount
+from flexlink.reporting.tables import table_csv
 from reports.results import used
 from validation.facts import head, said
 from validation.judgement import BUSY, MET, MISSED, speed_state
@@ -122,14 +121,15 @@ def share(part: float | None) -> str:
     return f"{100.0 * part:.0f} %" if part >= 0.01 else "< 1 %"
 
 
-def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished]) -> str:
+def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished], without: Collection[str] = ()) -> str:
     """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
+    fields = tuple(f for f in CSV_FIELDS if f not in without)
     facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
-    heads = (*CSV_FIELDS, *(head(name) for name in facts), "state")
+    heads = (*fields, *(head(name) for name in facts), "state")
     return table_csv(
         heads,
         (
-            [*(getattr(row, f) for f in CSV_FIELDS), *(row.varied.get(f) for f in facts), state(row, finished)]
+            [*(getattr(row, f) for f in fields), *(row.varied.get(f) for f in facts), state(row, finished)]
             for row in rows
         ),
     )
@@ -145,12 +145,3 @@ def series_csv(*many: Series) -> str:
             for name in names:
                 lines.append((series.name, *labels, name, x, series.columns[name][k].item()))
     return table_csv(("series", "panel", "curve", "column", many[0].x_label, many[0].y_label), lines)
-
-
-def table_csv(heads: Sequence[str], lines: Iterable[Sequence[object]]) -> str:
-    """A CSV text of heads and lines."""
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(["" if cell is None else cell for cell in line] for line in lines)
-    return buffer.getvalue()

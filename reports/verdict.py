@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
+from flexlink.reporting.numbers import amount, plural
 from reports.chapters import Number, Wanted
-from reports.numbers import amount, plural
 from reports.results import Results, used
 from reports.tables import FAIL, share, state
 from validation.judgement import correctness, speed

@@ -223,9 +223,9 @@ def _call_of_aba(chain):
 # work against precision
 
 
-def test_a_ladder_ends_at_its_error_or_before_its_budget():
+def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
     def run(steps: int) -> Point:
-        return Point(1 / steps, 1 / steps**2, 1e-3 * steps)
+        return Point(1 / steps, 0.1 / steps**2, 1e-3 * steps, bend=1 / steps**2)
 
     assert [point.setting for point in ladder(run, 1, 1.0, 1e-2)] == [1, 1 / 2, 1 / 4, 1 / 8, 1 / 16]
     assert [point.setting for point in ladder(run, 1, 4e-3, 1e-9)] == [1, 1 / 2, 1 / 4]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import hashlib
-import importlib.metadata
 import math
 import multiprocessing
 import os
@@ -21,6 +20,7 @@ from typing import Any
 
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
 from flexlink.describe.spec import decode
+from flexlink.reporting.machine import processor, system, versions
 from validation.case import ALL, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.store import Environment, Finished, Planned, Row, Series, Store
@@ -94,7 +94,7 @@ def run_cases(
             failed[case.name] = error
             continue
         conditions = watch.conditions() if watch else None
-        store.finish(case.name, Finished(keys[case.name], _date(), _processor(), conditions))
+        store.finish(case.name, Finished(keys[case.name], _date(), processor(), conditions))
     return failed
 
 
@@ -237,7 +237,7 @@ def _key(case: Case, shared: bytes) -> str:
 
 def _hash_of_sources() -> bytes:
     """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
-    digest = hashlib.sha256(repr([platform.python_version(), versions()]).encode())
+    digest = hashlib.sha256(repr([platform.python_version(), versions(PACKAGES)]).encode())
     for folder in (ROOT / "flexlink", ROOT / "validation"):
         for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
             digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
@@ -250,39 +250,21 @@ def _study_data(folder: Path) -> Iterator[Path]:
     yield from folder.glob("scenes/*/*.toml")
 
 
-def versions() -> dict[str, str]:
-    """Installed versions; "" for what is absent."""
-    found = {}
-    for name in PACKAGES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = ""
-    return found
-
-
 def environment() -> Environment:
     """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
     return Environment(
         date=_date(),
         commit=_commit(),
         python=platform.python_version(),
-        versions=versions(),
-        processor=_processor(),
+        versions=versions(PACKAGES),
+        processor=processor(),
         cores=os.cpu_count() or 0,
-        system=f"{platform.system()} {platform.machine()}",
+        system=system(),
     )
 
 
 def _date() -> datetime.datetime:
     return datetime.datetime.now(datetime.UTC).replace(microsecond=0)
-
-
-def _processor() -> str:
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
 
 
 def _commit() -> str:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
-from reports.picture import Picture
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
 from reports.results import Results
-from reports.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
 from reports.tables import rows_csv
 from validation.store import Finished, Row
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from statistics import median
 
-from reports.numbers import number
-from reports.picture import Picture
+from flexlink.reporting.numbers import number
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, stacked_axes
 from reports.results import Results
-from reports.style import CYCLE, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "integrators"

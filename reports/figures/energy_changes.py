@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, INK, legend_above, stacked_axes
 from reports.curves import curves
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, INK, legend_above, stacked_axes
 from reports.tables import series_csv
 
 SECTION = "trajectory"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.curves import curves
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 
 SECTION = "trajectory"

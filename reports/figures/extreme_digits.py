@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from numpy.typing import NDArray
 
-from reports.picture import Picture
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.tables import table_csv
 from reports.results import Results
-from reports.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
-from reports.tables import table_csv
 from validation.store import Series
 
 SECTION = "extremes"

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.reporting.numbers import number
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
 from reports.curves import curves
-from reports.numbers import number
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 
 SECTION = "trajectory"

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.curves import floats, groups
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.picture import Picture
 from reports.figures import paper_fig5
 from reports.panels import TAKES, caption, data, draw_tall, motions
-from reports.picture import Picture
 from reports.results import Results
 
 __all__ = ["SECTION", "TAKES", "draw"]

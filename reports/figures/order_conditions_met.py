@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reports.picture import Picture
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, INK, VERMILION, legend_above, stacked_axes
 from reports.results import Results
-from reports.style import BLUE, INK, VERMILION, legend_above, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "integrators"

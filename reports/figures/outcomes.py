@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reports.picture import Picture
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
+from flexlink.reporting.tables import table_csv
 from reports.results import Results
-from reports.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
-from reports.tables import table_csv
 
 SECTION = "extremes"
 TAKES = ("outcomes",)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.chapters import chapter_of_kinds, sections
-from reports.picture import Picture
 from reports.results import Results, used
-from reports.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import rows_csv
 from validation.store import Row
 

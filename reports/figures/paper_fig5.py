@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.picture import Picture
 from reports.panels import TAKES, Motion, caption, data, draw_tall, draw_wide, motions
-from reports.picture import Picture
 from reports.results import Results
 
 __all__ = ["SECTION", "TAKES", "draw", "readme"]

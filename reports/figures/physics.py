@@ -8,10 +8,22 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    legend_above,
+    stacked_axes,
+    tidy_logs,
+)
 from reports.curves import curves
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Row, Series
 

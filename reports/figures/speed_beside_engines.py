@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from reports.numbers import number
-from reports.picture import Picture
+from flexlink.reporting.numbers import number
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, GREY, INK, stacked_axes
 from reports.results import Results
-from reports.style import BLUE, GREY, INK, stacked_axes
 from reports.tables import rows_csv
 
 SECTION = "speed"

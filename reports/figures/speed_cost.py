@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from flexlink.reporting.numbers import number
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.curves import curves, panels_of
-from reports.numbers import number
-from reports.picture import Picture
 from reports.results import Results
-from reports.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.facts import Fact
 from validation.store import Series

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.reporting.numbers import amount, number
 from reports.curves import floats, groups
 from reports.finding import Finding
-from reports.numbers import amount, number
 from reports.results import Results
 
 SECTION = "integrators"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
+from flexlink.reporting.numbers import JOIN, number
 from reports.finding import Finding
-from reports.numbers import JOIN, number
 from reports.results import Results
 
 SECTION = "physics"

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.reporting.numbers import number
 from reports.finding import Finding
-from reports.numbers import number
 from reports.results import Results
 
 SECTION = "physics"

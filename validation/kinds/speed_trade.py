@@ -14,7 +14,7 @@ from typing import NamedTuple
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.trade import trade_scene
+from validation.benchmarks.trade import scenes, trade_scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series, table
@@ -182,6 +182,6 @@ def _series(name: str, ladders: Ladders) -> Series:
         for point in points
         if point.error < math.inf
     ]
-    title = f"{name}: what an error costs"
+    title = f"{name}: {scenes()[name].about}"
     columns, (_, _, x, y, *_) = table(LABELS, rows), LABELS
     return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)

@@ -56,9 +56,9 @@ class TooDearError(FlexlinkError):
 
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of a method with finer and finer tolerances, until the error is met or a run passes the budget."""
+    """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget."""
     scene, points, tolerance = trade_scene(name), list[Point](), COARSEST * motion_of(reference(name).tip)
-    while not points or (points[-1].error > smallest and points[-1].seconds < budget):
+    while not points or (points[-1].worst > smallest and points[-1].seconds < budget):
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
             points.append(_point(name, run, tolerance, TOO_DEAR * budget))

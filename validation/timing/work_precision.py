@@ -23,6 +23,11 @@ class Point(NamedTuple):
     evaluations: int = 0
 
     @property
+    def worst(self) -> float:
+        """The larger of the two errors."""
+        return max(self.error, self.bend)
+
+    @property
     def untold(self) -> bool:
         """Whether it stands for a run that is too long to be made: its beginning tells the time, nothing the error."""
         return math.isnan(self.error)
@@ -40,7 +45,7 @@ class Cost(NamedTuple):
 
 
 def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: float) -> list[Point]:
-    """Runs with `first`, 2 `first`, … steps between outputs, until the error is met or the next would pass the budget.
+    """Runs with `first`, 2 `first`, … steps between outputs, until both errors are met or the next passes the budget.
 
     Parameters
     ----------
@@ -51,11 +56,11 @@ def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: flo
     budget
         Longest run [CPU seconds].
     smallest
-        Error that ends the ladder.
+        Of both errors, at which the ladder ends.
     """
     points: list[Point] = []
     steps, per_step = first, 0.0
-    while not points or (per_step * steps <= budget and points[-1].error > smallest):
+    while not points or (per_step * steps <= budget and points[-1].worst > smallest):
         point = run(steps)
         if point.error < math.inf:  # one that failed ended early: its time says nothing
             point = min(point, run(steps), key=lambda each: each.seconds) if point.seconds < budget / 8 else point

@@ -10,7 +10,7 @@ import html
 import re
 from itertools import groupby
 
-from reports.style import BLUE, INK, PAPER
+from flexlink.reporting.style import BLUE, INK, PAPER
 
 DEFINITION = re.compile(r'<path id="(\w[\w-]*)"[^>]*/>|<clipPath id="(\w+)">.*?</clipPath>', re.DOTALL)
 USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')

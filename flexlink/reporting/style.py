@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from reports.numbers import number
+from flexlink.reporting.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
@@ -76,3 +77,9 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
     )
+
+
+def colour_along(part: float) -> str:
+    """A colour between pale and dark blue, for 0 … 1, on light and dark pages."""
+    pale, dark = (0.66, 0.80, 0.92), (0.05, 0.32, 0.62)
+    return str(to_hex([a + part * (b - a) for a, b in zip(pale, dark, strict=True)]))

@@ -1,0 +1,99 @@
+"""What was modelled: the arm with its hinges, links, joints, springs, and what the scene says without effect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.describe.arm import Link
+from flexlink.describe.rules import hinges_of
+from flexlink.dynamics.placement import frames
+from flexlink.motion.notes import notes
+from flexlink.reporting.numbers import number, plural
+from flexlink.reporting.part import Part
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.study import Study
+from flexlink.reporting.tables import Cell, Sheet, table_csv
+from flexlink.reporting.views import draw_arm, panels, views_of
+
+ID, TITLE, SHORT = "model", "What was modelled", "Model"
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    chain, scene = study.chain, study.scene
+    springs = int((chain.stiffness > 0).sum())
+    mass = float(chain.bodies["mass"].sum())
+    length = float(np.linalg.norm(chain.bodies["translation"], axis=1).sum())
+    moves = "in a plane" if chain.is_planar else "in space"
+    size = (
+        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. As a "
+        f"chain: {plural(chain.n, 'degree')} of freedom, {len(chain.active)} of them driven joints and {springs} "
+        f"springs, which moves {moves}."
+    )
+    gravity = f"Gravity ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
+    drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
+    if scene.motion:
+        drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
+    remarks = tuple(f"Without effect: {note}." for note in notes(scene))
+    sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
+    tables = [_links(study), _joints(study)]
+    if springs:
+        tables.append(_springs(study))
+    return Part(sentences, pictures=(_drawing(study),), tables=tuple(tables), files={"scene.toml": scene.to_toml()})
+
+
+def _drawing(study: Study) -> Picture:
+    chain, (q, _) = study.chain, study.start
+    points = frames(chain, q).points
+    views = views_of(points, chain.gravity)
+    figure, axes = panels(views, points)
+    for panel, view in zip(axes, views, strict=True):
+        draw_arm(panel, view, points, chain)
+    axes[0].legend(loc="best", fontsize=9)
+    csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
+    seen = "From the side, gravity downwards" + ("; below, from above." if len(views) > 1 else ".")
+    return Picture("arm", "The arm at the start", figure, seen, csv)
+
+
+def _links(study: Study) -> Sheet:
+    heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
+    arm = study.scene.arm
+    lines = []
+    for link, (nodes, _) in zip(arm.links, hinges_of(arm), strict=True):
+        bends = link.flex != "rigid"
+        lines.append((
+            link.name, float(link.length), link.flex if bends else "rigid", len(nodes) if bends else 0,
+            link.lumping if bends else "", link.material or "", link.section or "",
+            arm.loss_time(link) if bends else None,
+        ))  # fmt: skip
+    return Sheet("links", "Links", heads, tuple(lines))
+
+
+def _joints(study: Study) -> Sheet:
+    heads = ("joint", "starts at [deg]", "limits [deg]", "viscous [N m s/rad]", "dry friction [N m]", "rotor [kg m²]")
+    starts = study.scene.initial.joint_deg
+    lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
+    return Sheet("joints", "Joints", heads, lines)
+
+
+def _joint(link: Link, start: float) -> tuple[Cell, ...]:
+    joint = link.joint
+    if joint.locked:
+        return (f"{link.name} (locked)", start, "", None, None, None)
+    limits = "none" if joint.limits_deg is None else " … ".join(map(number, joint.limits_deg))
+    return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
+
+
+def _springs(study: Study) -> Sheet:
+    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "slack at [deg]", "at the start [deg]")
+    return Sheet("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
+
+
+def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:
+    chain = study.chain
+    for k in np.flatnonzero(chain.stiffness > 0):
+        angles = math.degrees(chain.rest[k]), math.degrees(study.start[0][k])
+        yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles)

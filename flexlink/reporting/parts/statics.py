@@ -1,0 +1,92 @@
+"""The arm at rest with its driven joints held: how it sags, what holds it, when it would buckle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.analysis.equilibrium import buckling_loads
+from flexlink.common.errors import FlexlinkError
+from flexlink.dynamics.placement import frames, tip_position
+from flexlink.motion.tip_wrench import initial_wrench
+from flexlink.reporting.numbers import number
+from flexlink.reporting.part import Part
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.study import Array, Study
+from flexlink.reporting.tables import Sheet, table_csv
+from flexlink.reporting.views import draw_arm, draw_shadow, panels, views_of
+
+ID, TITLE, SHORT = "statics", "At rest, joints held", "Statics"
+
+ROUNDING = 1e-12
+"""Part of the largest number that nobody wants to read."""
+
+VISIBLE = 0.08
+"""Part of the arm's reach that the tip is drawn to sag by at least, the deflection magnified."""
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    chain, rest = study.chain, study.rest
+    sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, study.straight(rest.q)))
+    size = float(np.linalg.norm(sag))
+    sentences = ["The driven joints are held where they start; gravity and the tip wrench bend the links."]
+    if study.bends:
+        x, y, z = (number(1e3 * part) for part in sag)
+        sentences.append(
+            f"The tip rests {number(1e3 * size)} mm from where straight links would have it, by ({x}, {y}, {z}) mm in "
+            f"frame 0. {'The posture is stable.' if rest.stable else 'The posture is not stable: it would fall.'}"
+        )
+        sentences.append(_buckling(study))
+    else:
+        sentences.append("No link bends.")
+    heads = ("joint", "angle [deg]", "held by [N m]")
+    holds = _without_rounding(rest.tau)
+    lines = tuple((chain.joint_name(int(k)), float(np.degrees(rest.q[k])), float(holds[k])) for k in chain.active)
+    tables = (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
+    return Part(tuple(sentences), pictures=(_picture(study, size),) if size > 0 else (), tables=tables)
+
+
+def _buckling(study: Study) -> str:
+    chain = study.chain
+    wrench, follower = initial_wrench(study.scene, chain)
+    if follower:
+        return ""
+    try:
+        held = chain.active.tolist()
+        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=held)
+    except FlexlinkError as error:
+        return f"Buckling could not be computed: {error}."
+    if not len(factors):
+        return "No multiple of the load would make it buckle."
+    return f"About this posture it would buckle under {number(float(factors[0]))} times the load."
+
+
+def _picture(study: Study, size: float) -> Picture:
+    chain, rest = study.chain, study.rest
+    straight, bent = (frames(chain, q).points for q in (study.straight(rest.q), rest.q))
+    scale = max(1.0, _round(VISIBLE * study.reach / size))
+    shown = straight + scale * (bent - straight)
+    both = np.stack([straight, shown])
+    views = views_of(both, chain.gravity)
+    figure, axes = panels(views, both)
+    for panel, view in zip(axes, views, strict=True):
+        draw_shadow(panel, view, straight, "straight")
+        draw_arm(panel, view, shown, chain)
+    axes[0].legend(loc="best", fontsize=9)
+    csv = table_csv(
+        ("body", "x straight [m]", "y straight [m]", "z straight [m]", "x bent [m]", "y bent [m]", "z bent [m]"),
+        [(k, *a, *b) for k, (a, b) in enumerate(zip(straight.tolist(), bent.tolist(), strict=True))],
+    )
+    magnified = f"the deflection magnified {scale:g} times" if scale > 1 else "true to scale"
+    return Picture("sag", "How the arm sags", figure, f"Grey: straight links. Blue: bent, {magnified}.", csv)
+
+
+def _without_rounding(values: Array) -> Array:
+    """What is as small as rounding of the largest one, as zero."""
+    return np.where(np.abs(values) > ROUNDING * np.abs(values).max(initial=0.0), values, 0.0)
+
+
+def _round(value: float) -> float:
+    """The next lower of 1, 2, 5, 10, 20, …"""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))

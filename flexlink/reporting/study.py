@@ -1,0 +1,122 @@
+"""What the chapters of a report share: the scene, its chain, its run, each found once, whoever asks first."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.advice.bench import Bench
+from flexlink.advice.goal import farthest
+from flexlink.analysis.equilibrium import Equilibrium, solve_static
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import tip_position
+from flexlink.motion.result import Trajectory
+from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
+from flexlink.motion.tip_wrench import initial_wrench
+
+Array = NDArray[np.float64]
+T = TypeVar("T")
+
+BUDGET = 3.0
+"""CPU time that one run beside the scene's own may take [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """One scene, and what a report looks at; what cannot be computed raises the same error for all who ask.
+
+    Attributes
+    ----------
+    scene
+        The scene.
+    against
+        File of somebody else's, or of what was measured, if any.
+    command
+        What the report was asked for with.
+    """
+
+    scene: Scene
+    against: Path | None = None
+    command: str = ""
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The scene's chain."""
+        return lump(self.scene)
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """Angles and rates at the start."""
+        return initial_state(self.scene, self.chain)
+
+    @cached_property
+    def reach(self) -> float:
+        """How far the arm reaches [m]."""
+        return self.chain.reach
+
+    @cached_property
+    def bends(self) -> bool:
+        """Whether any joint is a spring."""
+        return bool(self.chain.stiffness.any())
+
+    @cached_property
+    def bench(self) -> Bench:
+        """Where other models of the scene are run, with a budget."""
+        return Bench(self.scene, BUDGET)
+
+    @property
+    def run(self) -> Trajectory:
+        """The scene's own run."""
+        return found(self._run)
+
+    @property
+    def rest(self) -> Equilibrium:
+        """How the arm sags with its driven joints held where they start."""
+        return found(self._rest)
+
+    @cached_property
+    def travel(self) -> float:
+        """How far the tip gets from its start [m]."""
+        return farthest(self.run.tip)
+
+    @cached_property
+    def bent_by(self) -> Array:
+        """How far the hinges bend the tip away from where straight links would have it, at every sample [m]."""
+        return np.asarray(np.linalg.norm(self.run.tip - tip_position(self.chain, self.straight(self.run.q)), axis=1))
+
+    def straight(self, q: Array) -> Array:
+        """The same angles of driven joints, with every spring slack."""
+        return np.where(self.chain.stiffness > 0, self.chain.rest, q)
+
+    @cached_property
+    def _run(self) -> Trajectory | FlexlinkError:
+        try:
+            return simulate(self.scene)
+        except FlexlinkError as error:
+            return error
+
+    @cached_property
+    def _rest(self) -> Equilibrium | FlexlinkError:
+        wrench, follower = initial_wrench(self.scene, self.chain)
+        held = self.chain.active.tolist()
+        try:
+            start = self.straight(self.start[0])
+            return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)
+        except FlexlinkError as error:
+            return error
+
+
+def found(what: T | FlexlinkError) -> T:
+    """What was found, or the error that stands in its place, raised."""
+    if isinstance(what, FlexlinkError):
+        raise what
+    return what

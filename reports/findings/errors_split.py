@@ -1,0 +1,58 @@
+"""Which part of a run's error is worth mending: one table over all scenes."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+
+from flexlink.reporting.numbers import number, plural
+from reports.finding import Finding
+from reports.results import Results
+from validation.store import Series
+
+SECTION = "errors"
+PARTS = {
+    "model": "the type of the links",
+    "space": "their hinges, by number and rule",
+    "time": "method and steps",
+    "rounding": "rounding",
+}
+MM = 1e3  # in a metre
+LITTLE = 0.01  # of the error: what is smaller is not worth mending
+
+
+def find(results: Results) -> Iterator[Finding]:
+    """One table, if the study split any error."""
+    runs = [run for _, series in results.showing("errors") for run in _runs(series)]
+    if runs:
+        lines = tuple(_line(name, errors) for name, errors in runs)
+        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "most of it")
+        sentences = tuple(_sentences([errors for _, errors in runs]))
+        yield Finding("errors_split", "Where the error of a run comes from", sentences, heads, lines)
+
+
+def _runs(series: Series) -> Iterator[tuple[str, Mapping[str, float]]]:
+    for k, run in enumerate(series.columns["run"].tolist()):
+        yield f"{series.scene}: {run}", {name: float(series.columns[name][k]) for name in (*PARTS, "total")}
+
+
+def _line(name: str, errors: Mapping[str, float]) -> tuple[str | None, ...]:
+    shown = (number(MM * errors[part], 2) if errors[part] else None for part in (*PARTS, "total"))
+    return name, *shown, _most(errors)
+
+
+def _most(errors: Mapping[str, float]) -> str:
+    return max(PARTS, key=lambda part: errors[part])
+
+
+def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
+    first = Counter(map(_most, runs)).most_common()
+    yield (
+        f"What to mend first, of {plural(len(runs), 'run')}: "
+        + "; ".join(f"{PARTS[part]} in {count}" for part, count in first)
+        + "."
+    )
+    idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
+    yield f"In {idle} of them smaller steps gain less than {100 * LITTLE:.0f} %."
+    worst = max(errors["rounding"] / errors["total"] for errors in runs)
+    yield f"Rounding is at most {number(worst, 2)} of an error."

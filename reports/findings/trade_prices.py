@@ -1,0 +1,72 @@
+"""The price list: for each scene and error the cheapest way of every contestant, losses like wins."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flexlink.reporting.numbers import number
+from reports.finding import Finding
+from reports.prices import AIMS, LOOKS, OURS, SAID, Price, errors, prices, works
+from reports.results import Results
+
+SECTION = "trade"
+MOST = 8  # losses that a sentence names
+FAVOUR = (
+    "Times of others that no run shows are by the method's order beyond its best run, or of a run at the limit of "
+    "stability, taken to be right: both in their favour."
+)
+Line = tuple[str, float, dict[str, Price]]  # scene, error, contestant → price
+
+
+def find(results: Results) -> Iterator[Finding]:
+    """A table of errors of the tip, and one of those of the deflection."""
+    for aim, word in AIMS.items():
+        wanted = errors(results, aim)
+        lines = [
+            (series.scene, error, prices(results, case, series, aim, error))
+            for case, series in works(results)
+            for error in wanted
+        ]
+        if lines:
+            yield _finding(word, lines)
+
+
+def _finding(word: str, lines: list[Line]) -> Finding:
+    names = [who for who in LOOKS if any(who in price for _, _, price in lines)]
+    said = [SAID.get(who, who) for who in names]
+    times, methods = (f"{who} [ms]" for who in said), (f"{who} by" for who in said)
+    table = tuple((scene, error, *_cells(price, names)) for scene, error, price in lines)
+    heads = ("scene", f"error of the {word}", *times, "cheapest other / flexlink", *methods)
+    title = f"What an error of the {word} costs: the cheapest of each"
+    return Finding(f"trade_prices.{word}", title, _sentences(lines), heads, table)
+
+
+def _cells(price: dict[str, Price], names: list[str]) -> Iterator[float | str | None]:
+    """Times, the ratio, and, where they may be out of sight on a narrow page, the methods."""
+    found = [price.get(who) for who in names]
+    yield from (each and each.time for each in found)
+    yield _ratio(price)
+    yield from (each and each.by for each in found)
+
+
+def _ratio(price: dict[str, Price]) -> float | None:
+    """Time of the cheapest other over ours."""
+    others = [each.time for who, each in price.items() if who != OURS]
+    return min(others) / price[OURS].time if others and OURS in price else None
+
+
+def _sentences(lines: list[Line]) -> tuple[str, ...]:
+    ratios = {(scene, error): ratio for scene, error, price in lines if (ratio := _ratio(price)) is not None}
+    lost = sorted((ratio, asked) for asked, ratio in ratios.items() if ratio < 1.0)
+    nowhere = [f"{scene} at {number(error)}" for scene, error, price in lines if OURS not in price]
+    won = (
+        f"Of {len(ratios)} prices, each of an error on a scene, flexlink's is the lowest in {len(ratios) - len(lost)}."
+    )
+    sentences = [won]
+    if lost:
+        named = [f"{scene} at {number(error)} (in {number(ratio, 2)} of its time)" for ratio, (scene, error) in lost]
+        more = "; …" if len(lost) > MOST else ""
+        sentences.append(f"Another is cheaper in {len(lost)}: {'; '.join(named[:MOST])}{more}.")
+    if nowhere:
+        sentences.append(f"flexlink does not get there within the study's budget: {'; '.join(nowhere)}.")
+    return (*sentences, FAVOUR)

@@ -1,0 +1,111 @@
+"""What an error costs, contestant by contestant: the runs, the fronts and the prices of what `speed_trade` stored."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from flexlink.reporting.style import BLUE, GREEN, PURPLE, VERMILION
+from reports.results import Results
+from validation.store import Row, Series
+
+KIND = "speed_trade"
+OURS = "flexlink"
+LOOKS = {OURS: (BLUE, "o"), "MuJoCo": (PURPLE, "D"), "Pinocchio": (VERMILION, "s"), "solvers": (GREEN, "^")}
+"""Contestant, as the rows and the methods' names call it → colour, marker."""
+SAID = {"solvers": "SciPy, CVODE"}
+AIMS = {"error": "tip", "deflection error": "deflection"}
+"""What an error is of, as rows and series call it → in a word."""
+COST = "CPU time"
+BEYOND = {"Beyond": "by its order", "At its": "at its limit"}
+"""How the note on a time begins that no run has shown → in a few words."""
+
+
+class Run(NamedTuple):
+    """A run: who made it, by what step [s] or tolerance, CPU seconds, evaluations, error by aim, as a part."""
+
+    who: str
+    method: str
+    setting: float
+    seconds: float
+    evaluations: float
+    errors: dict[str, float]
+
+
+class Price(NamedTuple):
+    """CPU time [ms] of an error, and the method; of others also what is not measured: `remark` says so."""
+
+    time: float
+    method: str
+    remark: str = ""
+
+    @property
+    def by(self) -> str:
+        """The method with the remark."""
+        return f"{self.method} ({self.remark})" if self.remark else self.method
+
+
+def works(results: Results) -> Iterator[tuple[str, Series]]:
+    """(case, its runs), each scene once: the case that has the most."""
+    found: dict[str, tuple[str, Series]] = {}
+    for case, series in results.showing("work"):
+        if series.scene not in found or _length(series) > _length(found[series.scene][1]):
+            found[series.scene] = case, series
+    yield from found.values()
+
+
+def _length(series: Series) -> int:
+    return len(series.columns[series.x])
+
+
+def runs(series: Series) -> list[Run]:
+    """All runs of a scene."""
+    columns = (series.columns[name].tolist() for name in ("method", "setting", "CPU time [s]", "evaluations", *AIMS))
+    return [
+        Run(*_split(label), setting, seconds, evaluations, dict(zip(AIMS, of, strict=True)))
+        for label, setting, seconds, evaluations, *of in zip(*columns, strict=True)
+    ]
+
+
+def _split(label: str) -> tuple[str, str]:
+    """Contestant and method: those of ours have no name before them."""
+    who, _, method = label.partition(" ")
+    return (who, method) if who in LOOKS else (OURS, label.removesuffix(" at its limit"))
+
+
+def front(many: Sequence[Run], aim: str) -> list[Run]:
+    """The runs than which no other is both as cheap and as right, the most accurate first."""
+    best: list[Run] = []
+    for run in sorted(many, key=lambda run: (run.errors[aim], run.seconds)):
+        if not best or run.seconds < best[-1].seconds:
+            best.append(run)
+    return best
+
+
+def errors(results: Results, aim: str) -> list[float]:
+    """The errors that prices were asked for, the largest first."""
+    return sorted({float(row.varied[aim]) for row in _times(results, aim)}, reverse=True)
+
+
+def prices(results: Results, case: str, series: Series, aim: str, error: float) -> dict[str, Price]:
+    """Contestant → its cheapest: of ours a run that met the error, of others what the study grants them."""
+    met = [run for run in runs(series) if run.who == OURS and run.errors[aim] <= error]
+    found = {}
+    if met:
+        best = min(met, key=lambda run: run.seconds)
+        found[OURS] = Price(1e3 * best.seconds, best.method)
+    rows = [row for row in _times(results, aim) if row.case == case and row.varied[aim] == error]
+    for who in LOOKS:
+        times = [_price(row) for row in rows if row.engine == who and row.value]
+        if times:
+            found[who] = min(times)
+    return found
+
+
+def _times(results: Results, aim: str) -> Iterator[Row]:
+    return (row for _, rows in results.of_kind(KIND) for row in rows if row.quantity == COST and aim in row.varied)
+
+
+def _price(row: Row) -> Price:
+    remark = next((word for begin, word in BEYOND.items() if row.note.startswith(begin)), "")
+    return Price(row.value or 0.0, str(row.varied["method"]), remark)

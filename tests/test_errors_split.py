@@ -1,0 +1,82 @@
+"""An error in parts: each part is found where it was put, and the page says which one leads."""
+
+import numpy as np
+import pytest
+from studies import row, stored
+
+from flexlink.describe.scene import load_scene
+from reports.figures import errors_split as figure
+from reports.findings import errors_split as finding
+from reports.results import Results
+from validation.benchmarks.error_parts import Fine, Setup, Splitter
+from validation.case import MODELS
+from validation.store import Series, Store, table
+
+COARSE = {
+    "model": Setup(flex="rigid", method="DOP853", tolerance=1e-10),
+    "space": Setup(flex="z", hinges=1, method="DOP853", tolerance=1e-10),
+    "time": Setup(flex="z", rule="gauss", hinges=8, method="Radau5", tolerance=1e-2),
+}
+
+
+@pytest.fixture(scope="module")
+def splits():
+    """Short falls of the paper's arm, soft, each coarse in one respect alone."""
+    change = {"run.duration": 0.1, "run.sample": 0.01, "material.aluminium.young": 7e8}
+    scene = load_scene(MODELS / "paper_fig5.toml").varied(change)
+    exact = Fine(method="DOP853", tolerances=(1e-11, 1e-10), hinges=(10, 8))
+    splitter = Splitter(scene, "z", exact, exact)
+    return {coarse: splitter.split(setup) for coarse, setup in COARSE.items()}
+
+
+@pytest.mark.parametrize("coarse", COARSE)
+def test_the_largest_part_is_the_one_that_is_coarse(splits, coarse):
+    parts = splits[coarse].parts
+    assert max(parts, key=lambda name: parts[name].size) == coarse
+    assert parts[coarse].own < 0.1 * parts[coarse].size
+
+
+def test_parts_bound_the_error_and_are_no_larger_than_they_need_be(splits):
+    for split in splits.values():
+        sizes = sorted(part.size for part in split.parts.values())
+        assert split.total <= 1.000001 * sum(sizes)
+        assert split.total >= 0.999999 * (sizes[-1] - sum(sizes[:-1]))
+
+
+def test_a_rigid_arm_has_no_error_of_hinges_and_the_true_type_none_of_model(splits):
+    assert splits["model"].parts["space"].size == 0.0
+    assert splits["space"].parts["model"].size == splits["time"].parts["model"].size == 0.0
+
+
+def test_rounding_is_there_and_small(splits):
+    assert all(0.0 < split.rounding < 1e-10 for split in splits.values())
+
+
+LINES = (("coarse", 0.0, 2e-3, 1e-6, 1e-14, 2e-3), ("slack", 0.0, 1e-5, 1e-3, 1e-14, 1e-3))
+
+
+@pytest.fixture
+def results(tmp_path):
+    where = stored(tmp_path / "results", row("split", kind="errors_split"))
+    columns = table(("run", *finding.PARTS, "total"), LINES)
+    Store(where).add_series("split", Series("errors", "title", columns, "run", "run", "error [m]", scene="arm"))
+    return Results.read(where)
+
+
+def test_the_table_names_the_part_to_mend_and_leaves_nothing_for_what_is_nothing(results):
+    (found,) = finding.find(results)
+    assert [(line[0], line[1], line[-1]) for line in found.lines] == [
+        ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
+    ]  # fmt: skip
+    said = " ".join(found.sentences)
+    assert "of 2 runs" in said
+    assert "In 1 of them smaller steps gain less than 1 %" in said
+
+
+def test_a_part_that_is_nothing_is_not_drawn(results):
+    (picture,) = figure.draw(results)
+    (axes,) = picture.figure.axes
+    drawn = {
+        line.get_label(): len(np.asarray(line.get_xdata())) for line in axes.lines if line.get_linestyle() == "None"
+    }
+    assert drawn == {"model": 0, "space": 2, "time": 2, "rounding": 2, "total": 2}

@@ -1,0 +1,128 @@
+"""The report's price list: fronts hold what no other run beats, prices are the cheapest of each, losses are told."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pytest
+from studies import row, stored
+
+from reports.figures import trade_fronts, trade_ratios
+from reports.findings import trade_prices
+from reports.prices import OURS, Price, Run, front, prices, runs, works
+from reports.results import Results
+from validation.store import Row, Series, Store, table
+
+RUNS = (  # contestant and method, setting, tip, seconds, deflection, evaluations
+    ("Radau5", 1e-2, 5e-3, 1e-3, 5e-2, 100),
+    ("Radau5", 1e-3, 5e-5, 4e-3, 5e-4, 400),
+    ("RK4 at its limit", 1e-4, 5e-5, 3e-3, 5e-4, 900),
+    ("MuJoCo Euler", 1e-3, 5e-3, 2e-3, 5e-3, 50),
+    ("Pinocchio Radau", 1e-2, 1e-5, 2e-3, 1e-4, 60),
+)
+COLUMNS = ("method", "setting", "error", "CPU time [s]", "deflection error", "evaluations")
+
+
+def time(engine: str, method: str, error: float, value: float, **fields: object) -> Row:
+    varied = {"method": method, "error": error}
+    named = {
+        "case": "trade",
+        "kind": "speed_trade",
+        "quantity": "CPU time",
+        "unit": "ms",
+        "timed": True,
+        "scene": "arm",
+    }
+    return row(value=value, tolerance=None, engine=engine, varied=varied, **named | fields)
+
+
+ROWS = (
+    time("native", "Radau5", 1e-2, 1.0), time("native", "Radau5", 1e-4, 4.0),
+    time("MuJoCo", "Euler", 1e-2, 1.5), time("MuJoCo", "implicit", 1e-2, 7.0),
+    time("MuJoCo", "Euler", 1e-4, 90.0, note="Beyond its smallest measured error, by its order."),
+    time("Pinocchio", "Radau", 1e-4, 2.0), time("Pinocchio", "Radau", 1e-6, 8.0),
+)  # fmt: skip
+
+
+def study(tmp_path: Path, *more: Row) -> Results:
+    folder = stored(tmp_path / "results", *ROWS, *more)
+    series = Series("work", "arm: it moves", table(COLUMNS, RUNS), "error", "error", "CPU time [s]", scene="arm")
+    Store(folder).add_series("trade", series)
+    return Results.read(folder)
+
+
+def run(error: float, seconds: float) -> Run:
+    return Run(OURS, "RK4", 0.0, seconds, 1, {"error": error})
+
+
+def test_a_front_holds_the_runs_that_no_other_beats_in_both() -> None:
+    best = [run(1e-8, 5.0), run(1e-5, 2.0), run(1e-2, 1.0)]
+    beaten = [run(1e-5, 3.0), run(1e-4, 2.0), run(1e-1, 1.5)]
+    assert front([*beaten, *best], "error") == best
+
+
+def test_runs_know_their_contestant_and_those_without_one_are_ours(tmp_path: Path) -> None:
+    ((_, series),) = works(study(tmp_path))
+    assert [(r.who, r.method) for r in runs(series)] == [
+        (OURS, "Radau5"), (OURS, "Radau5"), (OURS, "RK4"), ("MuJoCo", "Euler"), ("Pinocchio", "Radau"),
+    ]  # fmt: skip
+    assert runs(series)[0].errors == {"error": 5e-3, "deflection error": 5e-2}
+
+
+def test_ours_is_the_cheapest_run_that_met_the_error_and_others_have_what_the_study_grants_them(tmp_path: Path) -> None:
+    results = study(tmp_path)
+    ((case, series),) = works(results)
+    assert prices(results, case, series, "error", 1e-4) == {
+        OURS: Price(3.0, "RK4"), "MuJoCo": Price(90.0, "Euler", "by its order"), "Pinocchio": Price(2.0, "Radau"),
+    }  # fmt: skip
+    assert prices(results, case, series, "error", 1e-2)["MuJoCo"] == Price(1.5, "Euler")
+    assert OURS not in prices(results, case, series, "error", 1e-6)
+
+
+def test_of_two_cases_with_a_scene_the_one_with_more_runs_counts(tmp_path: Path) -> None:
+    results = study(tmp_path, time("native", "Radau5", 1e-2, 9.0, case="short"))
+    short = Series("work", "arm", table(COLUMNS, RUNS[:2]), "error", "error", "CPU time [s]", scene="arm")
+    results.store.add_series("short", short)
+    assert [case for case, _ in works(Results.read(results.store.path))] == ["trade"]
+
+
+def test_the_list_has_wins_losses_and_where_flexlink_does_not_get_to(tmp_path: Path) -> None:
+    (finding,) = trade_prices.find(study(tmp_path))
+    assert "Of 2 prices, each of an error on a scene, flexlink's is the lowest in 1." in finding.sentences
+    assert "Another is cheaper in 1: arm at 10⁻⁴ (in 0.67 of its time)." in finding.sentences
+    assert "flexlink does not get there within the study's budget: arm at 10⁻⁶." in finding.sentences
+    lines = [dict(zip(finding.heads, line, strict=True)) for line in finding.lines]
+    assert [line["error of the tip"] for line in lines] == [1e-2, 1e-4, 1e-6]
+    assert [line["cheapest other / flexlink"] for line in lines] == [1.5, pytest.approx(2 / 3), None]
+    assert (lines[1]["MuJoCo [ms]"], lines[1]["MuJoCo by"]) == (90.0, "Euler (by its order)")
+    assert lines[0]["Pinocchio [ms]"] is None
+
+
+def test_a_study_without_prices_has_no_list_and_no_figure(tmp_path: Path) -> None:
+    results = Results.read(stored(tmp_path, row()))
+    assert not [*trade_prices.find(results), *trade_fronts.draw(results), *trade_ratios.draw(results)]
+
+
+def test_every_scene_has_its_fronts_of_tip_and_deflection_and_all_runs_in_the_csv(tmp_path: Path) -> None:
+    (picture,) = trade_fronts.draw(study(tmp_path))
+    assert picture.title == "arm: it moves"
+    tip, bend = picture.figure.axes
+    assert (tip.get_xlabel(), bend.get_xlabel()) == ("error of the tip [1]", "error of the deflection [1]")
+    lines = {line.get_label(): line.get_xdata().tolist() for line in tip.lines if line.get_linestyle() == "-"}
+    assert lines == {OURS: [5e-5, 5e-3], "MuJoCo": [5e-3], "Pinocchio": [1e-5]}
+    table = list(csv.DictReader(io.StringIO(picture.csv)))
+    assert len(table) == len(RUNS)
+    assert [line["on its front, tip"] for line in table] == ["yes", "", "yes", "yes", "yes"]
+
+
+def test_ratios_below_one_are_shown_like_those_above_and_what_no_run_shows_is_hollow(tmp_path: Path) -> None:
+    pictures = {picture.name: picture for picture in trade_ratios.draw(study(tmp_path))}
+    assert set(pictures) == {"trade_ratios.0.01", "trade_ratios.0.0001"}
+    (axes,) = pictures["trade_ratios.0.0001"].figure.axes
+    marks = {line.get_label(): line for line in axes.lines if line.get_linestyle() == "None"}
+    assert marks["Pinocchio"].get_xdata()[0] == pytest.approx(2 / 3)
+    assert marks["MuJoCo"].get_xdata()[0] == pytest.approx(30)
+    assert marks["MuJoCo"].get_markerfacecolor() == "none"
+    assert marks["Pinocchio"].get_markerfacecolor() != "none"

@@ -1,0 +1,140 @@
+"""The error of a run, in parts: model, space, time and rounding, each against a run that has converged in it.
+
+    run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
+       time                            space                                   model
+
+Every arrow is a distance, the largest of the tip's over the samples, so that the total is at most their sum. Rounding
+is a part of the first arrow, and shown apart. What stands for infinitely many and for exact says its own error: its
+distance from what a coarser choice of the same kind gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.scene import Scene
+from flexlink.describe.situation import Dynamics
+from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.motion.single import simulate
+
+Array = NDArray[np.float64]
+Type = Literal["rigid", "z", "yz", "xyz"]
+
+
+class Setup(Spec, frozen=True):
+    """How a run is made: type of the links, lumping, method, and a step [s] or a tolerance [m]."""
+
+    flex: Type
+    method: str
+    rule: str = "paper"
+    hinges: int = 0
+    step: Positive | None = None
+    tolerance: Positive | None = None
+
+    def tip(self, scene: Scene, dynamics: Dynamics | None = None) -> Array:
+        """The tip's path by it, shape (samples, 3) [m]; q̈ by another solver than the scene's."""
+        cut = self.scene(scene)
+        return simulate(cut, method=self.method, step=self.step, tolerance=self.tolerance, dynamics=dynamics).tip
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene with its flexible links of this type, cut so."""
+        cut: dict[str, object] = {"flex": self.flex, "segments": self.hinges + 1}
+        cut |= {} if self.flex == "rigid" else {"lumping": self.rule}
+        bent = [link.name for link in scene.arm.links if link.flex != "rigid"]
+        return scene.varied({f"link.{name}.{key}": value for name in bent for key, value in cut.items()})
+
+
+class Fine(Spec, frozen=True):
+    """What counts as converged, and the coarser choice from which its own error is told."""
+
+    method: str
+    tolerances: tuple[Positive, Positive]  # m
+    rule: str = "gauss"
+    hinges: tuple[int, int] = (0, 0)
+
+    def limit(self, scene: Scene, flex: Type) -> Path:
+        """Infinitely many hinges; of a rigid arm, which has none, exact in time."""
+        counts = (0, 0) if flex == "rigid" else self.hinges
+        return self._of(scene, *(self._setup(Setup(flex=flex, method="", rule=self.rule, hinges=k)) for k in counts))
+
+    def in_time(self, scene: Scene, setup: Setup) -> Path:
+        """The chain of a run, exact in time."""
+        return self._of(scene, self._setup(setup), self._setup(setup))
+
+    def _setup(self, setup: Setup) -> dict[str, Any]:
+        return {"flex": setup.flex, "rule": setup.rule, "hinges": setup.hinges, "method": self.method}
+
+    def _of(self, scene: Scene, *cuts: dict[str, Any]) -> Path:
+        fine, coarse = (
+            Setup(**cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
+        )
+        return Path(fine, apart(fine, coarse))
+
+
+class Path(NamedTuple):
+    """The tip's path, shape (samples, 3), and how far it may be from what it stands for [m]."""
+
+    tip: Array
+    own: float
+
+
+class Part(NamedTuple):
+    """A part of an error, and how far it may be from its true size [m]."""
+
+    size: float
+    own: float
+
+
+class Split(NamedTuple):
+    """A run's error and its parts [m]; `own` is the reference's own error."""
+
+    total: float
+    own: float
+    parts: dict[str, Part]
+    rounding: float
+
+
+class Splitter:
+    """Splits errors of runs of one scene; what is converged is computed once."""
+
+    def __init__(self, scene: Scene, true: Type, fine: Fine, in_time: Fine) -> None:
+        self.scene, self.true, self.in_time = scene, true, in_time
+        self.limit = cache(lambda flex: (in_time if flex == "rigid" else fine).limit(scene, flex))
+
+    def split(self, setup: Setup) -> Split:
+        """The error of a run, and its parts."""
+        tip, exact = setup.tip(self.scene), self.in_time.in_time(self.scene, setup)
+        limit, truth = exact if setup.flex == "rigid" else self.limit(setup.flex), self.limit(self.true)
+        parts = {
+            "model": _between(limit, truth),
+            "space": _between(exact, limit),
+            "time": _between(Path(tip, 0.0), exact),
+        }
+        rounding = max(apart(other, tip) for other in _rounded_otherwise(self.scene, setup))
+        return Split(apart(tip, truth.tip), truth.own, parts, rounding)
+
+
+def _between(one: Path, other: Path) -> Part:
+    return Part(0.0, 0.0) if one is other else Part(apart(one.tip, other.tip), one.own + other.own)
+
+
+def _rounded_otherwise(scene: Scene, setup: Setup) -> Iterator[Array]:
+    """The same run but for its roundings: by other solvers for q̈, and from angles moved by a unit in the last place."""
+    if setup.step is not None:
+        for solver in SOLVERS.keys() - {scene.run.dynamics}:
+            yield setup.tip(scene, dynamics=solver)
+    for k, angle in enumerate(scene.initial.joint_deg or ()):
+        for way in (-np.inf, np.inf):
+            if angle and not scene.arm.links[k].joint.locked:
+                yield setup.tip(scene.varied({f"initial.joint_deg.{k + 1}": np.nextafter(angle, way)}))
+
+
+def apart(a: Array, b: Array) -> float:
+    """The largest distance of two paths at the same times [m]."""
+    return float(np.linalg.norm(a - b, axis=1).max())

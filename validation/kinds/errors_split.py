@@ -1,0 +1,81 @@
+"""Where a run's error comes from: type of the links, lumping, steps, rounding; and which of them is worth mending."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import msgspec
+
+from flexlink.chain.arguments import choice
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from validation.benchmarks.error_parts import Fine, Setup, Split, Splitter, Type
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.store import Series, table
+
+LONG = True
+
+NEGLIGIBLE = 1e-6  # of the error: no part that anybody would mend
+PARTS = ("model", "space", "time", "rounding")
+
+
+class Errors(Spec, frozen=True):
+    """Of one scene: what is changed in it, what counts as the truth, and the runs by name.
+
+    Attributes
+    ----------
+    true
+        Type of links that is the truth.
+    fine, in_time
+        What counts as converged in space and time, and what counts as exact in time of a run's own chain.
+    """
+
+    true: Type
+    fine: Fine
+    in_time: Fine
+    run: dict[str, Setup]
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class Settings(Spec, frozen=True):
+    """Scenes by name."""
+
+    scene: dict[str, Errors]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Errors and their parts, how well they are known, and a series a scene."""
+    scenes = {scene.name: scene for scene in case.load_scenes()}
+    for name, errors in settings.scene.items():
+        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(errors.change)
+        splitter = Splitter(scene, errors.true, errors.fine, errors.in_time)
+        splits = {label: splitter.split(setup) for label, setup in errors.run.items()}
+        for label, split in splits.items():
+            yield from _rows(scene, label, split)
+        yield _series(scene, splits)
+
+
+def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
+    facts: Facts = {"run": label}
+    yield Measured("error", split.total, scene.name, varied=facts)
+    yield Measured("reference's own error / error", split.own / split.total, scene.name, varied=facts)
+    total = split.rounding + sum(part.size for part in split.parts.values())
+    yield Measured("error / sum of parts", split.total / total, scene.name, varied=facts)
+    for name, part in split.parts.items():
+        yield Measured("part", part.size, scene.name, varied={**facts, "part": name})
+        if part.size:
+            judged = max(part.size, NEGLIGIBLE * split.total)
+            yield Measured("own error / part", part.own / judged, scene.name, varied={**facts, "part": name})
+    yield Measured("part", split.rounding, scene.name, varied={**facts, "part": "rounding"})
+
+
+def _series(scene: Scene, splits: dict[str, Split]) -> Series:
+    rows = [
+        (label, *(part.size for part in split.parts.values()), split.rounding, split.total)
+        for label, split in splits.items()
+    ]
+    columns = table(("run", *PARTS, "total"), rows)
+    title = f"{scene.name}: error of the tip in {scene.run.duration:g} s"
+    return Series("errors", title, columns, "run", "run", "error of the tip [m]", y_scale="log", scene=scene.name)
