@@ -205,7 +205,7 @@ def looked_at(scene: fl.Scene, q: np.ndarray) -> Watch:
     """The watch of a run whose only sample is a posture, at rest."""
     chain, run = fl.lump(scene), replace(scene.run, duration=0.0)
     states = np.array([q]), np.zeros((1, chain.n))
-    watch = Watch(run, Record(run, chain, input_arrays(scene, chain), np.zeros(1), *states))
+    watch = Watch(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
     watch.look(1)
     return watch
 

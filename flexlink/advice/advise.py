@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
@@ -19,14 +20,13 @@ from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 
+Array = NDArray[np.float64]
+
 CLEAR = 0.5
 """Part of the tolerance below which the guess of a rigid model's error settles it without another run."""
 
 OF_THE_STEPS = 0.1
 """Part of the tolerance that the steps of runs to compare with may do to the tip."""
-
-FIRST_GUESS = 0.1
-"""Motion over reach, before anything has moved."""
 
 STRICTER = 0.1
 """Tolerance of a second run, over that of the first, by which the errors of its steps are told: where the motion
@@ -89,7 +89,7 @@ class Study:
         self.scene, self.goal = scene, goal
         self.bench, self.ruler = Bench(scene, budget), Ruler(goal, scene.run.sample)
         self.axes, self.lines = most_axes(scene), list[str]()
-        self.rigid: list[Outcome] = []
+        self.rigid: Outcome | None = None
 
     def advice(self) -> Advice:
         """From the cheapest to the dearest, as far as it takes."""
@@ -112,26 +112,26 @@ class Study:
     def _rigid_is_enough(self) -> Advice | None:
         if self.goal.deflection:
             return None
-        size = self.goal.size if not self.goal.metres else self.goal.size / self._reach()
-        self.rigid = rigid.rigid_runs(self.bench, self.ruler, OF_THE_STEPS * size)
-        if not self.rigid or (last := self.rigid[-1]).run is None:
+        self.rigid = rigid.rigid_run(self.bench, self.goal, self._reach())
+        if self.rigid is None or self.rigid.run is None:
             return None
-        self.bench.pass_along(last.run)
-        motion = farthest(last.tip)
+        self.bench.pass_along(self.rigid.run)
+        motion, strict = farthest(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(motion, 0.0)
-        guess = rigid.guess(self.bench, last.run, self.axes, self.ruler)
+        guess = rigid.guess(self.bench, self.rigid.run, self.axes, self.ruler)
         swings = f"(swinging at {guess.hertz:.3g} Hz)" if np.isfinite(guess.hertz) else ""
         self.lines = [line("rigid", f"would be off by at most about {length(guess.error)} {swings}")]
         if guess.error >= CLEAR * tolerance:
             return None
-        error = guess.error * max(1.0, rigid.growth(self.bench, last) / rigid.TAME)
+        error = guess.error * max(1.0, rigid.growth(self.bench, strict, guess.error) / rigid.TAME)
         if error >= CLEAR * tolerance:
             return None
-        for k, outcome in enumerate(self.rigid):
-            total = error + rigid.own_error(self.rigid, k, self.ruler)
-            if total <= tolerance:
-                return self._done(rigid.rigid_model(self.bench), outcome, total, tolerance, motion, None)
-        return None
+
+        def total(tip: Array) -> float:
+            return error + self.ruler(tip - strict.tip) + (strict.stepping.tolerance or 0.0)
+
+        outcome = rigid.loosest(self.bench, strict, tolerance, total)
+        return self._done(rigid.rigid_model(self.bench), outcome, total(outcome.tip), tolerance, motion, None)
 
     def _reach(self) -> float:
         return rounding.reach(self.bench.chain(uniform(self.axes, rigid.COARSE)))
@@ -139,7 +139,7 @@ class Study:
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, whose errors on the coarsest chain are small beside the tolerance; and this [m]."""
         model = uniform(self.axes, rigid.COARSE)
-        motion = farthest(self.rigid[-1].tip) if self.rigid else FIRST_GUESS * self._reach()
+        motion = farthest(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._reach()
         tolerance = self.goal.tolerance(motion, motion) or self.goal.size * self._reach()
         least, share = 1e3 * rounding.of_reach(self._reach()), OF_STEPS
         stepping, told = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -161,12 +161,16 @@ class Study:
         return stepping, told
 
     def _cheapest(self, ladder: Ladder, known_to: float) -> Advice:
-        tolerance, model = ladder.tolerance, rigid.rigid_model(self.bench)
         assert ladder.limit is not None
-        for outcome in self.rigid:
-            error = self.ruler(outcome.tip - ladder.limit.tip) + known_to
-            if error <= tolerance:
-                return self._done(model, outcome, error, tolerance, ladder.motion, Limit(ladder.limit.tip, known_to))
+        tolerance, limit = ladder.tolerance, Limit(ladder.limit.tip, known_to)
+
+        def total(tip: Array) -> float:
+            return self.ruler(tip - limit.tip) + known_to
+
+        if self.rigid is not None and total(self.rigid.tip) <= tolerance:
+            outcome = rigid.loosest(self.bench, self.rigid, tolerance, total)
+            model = rigid.rigid_model(self.bench)
+            return self._done(model, outcome, total(outcome.tip), tolerance, ladder.motion, limit)
         parts = Parts(self.bench, self.ruler, ladder, ladder.stepping)
         search = Search(self.bench, parts, tolerance, known_to)
         found = search.best()
@@ -176,7 +180,6 @@ class Study:
             found = search.found
         if found is None:
             return self._cannot(ladder, known_to)
-        limit = Limit(ladder.limit.tip, known_to)
         return self._done(found.model, found.outcome, found.error + known_to, tolerance, ladder.motion, limit)
 
     def _cannot(self, ladder: Ladder, known_to: float) -> Advice:

@@ -10,13 +10,14 @@ led, fall, hit resonance: the error of a rigid model is at most 0.8 of `SAFE` ti
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench, Outcome
-from flexlink.advice.goal import Ruler
+from flexlink.advice.bench import Bench, Outcome, Stepping
+from flexlink.advice.goal import Goal, Ruler, farthest
 from flexlink.advice.model import Axes, Model, is_scene, uniform
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
@@ -33,13 +34,27 @@ SAFE = 2.5
 TAME = 10.0
 """Growth of an error up to which it is contained in `SAFE`."""
 
-NUDGE = 1e-7
-"""Angle [rad] that a twin starts with more: large beside rounding, small beside all else."""
+NUDGE = 10.0
+"""Tolerances of its steps that a twin starts apart from a run, at least: well above what the steps themselves do."""
+
+GROWN = 0.1
+"""Part of the motion up to which two runs part in proportion to what they started with."""
+
+METHOD, OF_STEPS = "Radau5", 0.02
+"""Of the run that others are measured by, and the part of what is allowed that its steps keep."""
+
+LOOSE = (100.0, 10.0)
+"""Tolerances of steps over what is allowed: of smooth motion long steps have much smaller errors than they tell."""
+
+FALL = 0.25
+"""Power of the tolerance by which an implicit method of order 5 with an estimate of order 4 takes fewer steps."""
+
+FIRST_GUESS, AGAIN = 0.1, 1.5
+"""Motion over reach before anything has moved, and times too large that this may be before a run is run again."""
 
 COARSE = 2
 """Hinges of each link, at Gauss points: exact for the deflection under loads that are linear along it."""
 
-HALVINGS = 5
 LARGEST_ANGLE = 1.0
 """Of a hinge [rad], beyond which a linear spring's angle says no more than that it is large."""
 
@@ -56,38 +71,48 @@ def rigid_model(bench: Bench) -> Model:
     return (None,) * len(bench.scene.arm.links)
 
 
-def rigid_runs(bench: Bench, ruler: Ruler, share: float) -> list[Outcome]:
-    """Runs of the rigid arm by RK4, each with half the step, until this changes less than a part of the motion.
+def rigid_run(bench: Bench, goal: Goal, reach: float) -> Outcome | None:
+    """The run of the rigid arm with steps whose errors are small beside what is allowed.
 
-    None where nothing moves, where the rigid arm is not a model, or where fixed steps do not fit the scene.
+    None where nothing moves, or where the rigid arm is not a model.
     """
-    model = rigid_model(bench)
+    model, motion = rigid_model(bench), FIRST_GUESS * reach
     if not is_scene(bench.scene, model):
-        return []
-    runs: list[Outcome] = []
-    largest = bench.scene.run.sample
-    for _ in range(HALVINGS + 1):
-        stepping = bench.fixed(largest)
-        if stepping is None or stepping.step is None:
-            break
-        outcome = bench.run(model, stepping)
-        if runs and outcome.whole and runs[-1].whole:
-            change = ruler(outcome.tip - runs[-1].tip)
-            runs.append(outcome)
-            if change <= share * max(np.linalg.norm(np.ptp(outcome.tip, axis=0)), np.finfo(float).tiny):
-                break
-        else:
-            runs.append(outcome)
-        largest = stepping.step / 2
-    return [outcome for outcome in runs if outcome.whole]
+        return None
+    while True:
+        outcome = bench.run(model, Stepping(METHOD, tolerance=_of_steps(goal.tolerance(motion, motion), reach)))
+        if not outcome.whole:
+            return None
+        assumed, motion = motion, farthest(outcome.tip)
+        if assumed <= AGAIN * motion or outcome.stepping.tolerance == _of_steps(goal.tolerance(motion, motion), reach):
+            return outcome
 
 
-def own_error(runs: list[Outcome], k: int, ruler: Ruler) -> float:
-    """Error of the steps of one of these runs [m], against all that have smaller ones."""
-    if len(runs) < 2:
-        return np.inf
-    last = ruler(runs[-1].tip - runs[-2].tip)  # of the last but one; the last one's is less
-    return last if k == len(runs) - 1 else ruler(runs[k].tip - runs[-1].tip) + last / 15
+def _of_steps(allowed: float, reach: float) -> float:
+    return max(OF_STEPS * allowed, 1e3 * rounding.of_reach(reach))
+
+
+def loosest(bench: Bench, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
+    """The run of the rigid arm that is expected to be the cheapest of those whose tip has no larger `error` [m]."""
+    for stepping in _steppings(bench, strict, allowed):
+        outcome = bench.run(rigid_model(bench), stepping)
+        if outcome.whole and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
+            return outcome
+    return strict
+
+
+def _steppings(bench: Bench, strict: Outcome, allowed: float) -> list[Stepping]:
+    """Steps that may be cheaper than those of a strict run, at their expected cost."""
+    assert strict.stepping.tolerance is not None
+    costs = {
+        Stepping(METHOD, tolerance=factor * allowed): strict.seconds
+        * (factor * allowed / strict.stepping.tolerance) ** -FALL
+        for factor in LOOSE
+    }
+    fixed = bench.fixed(bench.scene.run.sample)
+    if fixed is not None:
+        costs[fixed] = bench.fixed_cost(rigid_model(bench), fixed)
+    return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
 def guess(bench: Bench, run: Trajectory, axes: Axes, ruler: Ruler) -> Guess:
@@ -98,7 +123,7 @@ def guess(bench: Bench, run: Trajectory, axes: Axes, ruler: Ruler) -> Guess:
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
     θ[:, bent] = np.clip(-loads[:, bent] / chain.stiffness[bent], -LARGEST_ANGLE, LARGEST_ANGLE)
-    u = tip_position(chain, q + θ) - tip_position(chain, q)
+    u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
     y = swung(u, ω, bench.scene.run.sample, start=u[0] if bench.scene.initial.passive == "static" else 0 * u[0])
     return Guess(SAFE * max(ruler(u), ruler(y)), ω / (2 * np.pi))
@@ -123,11 +148,16 @@ def swung(u: Array, ω: float, Δ: float, start: Array) -> Array:
     return np.asarray(u + (np.cumsum(turn * jumps, axis=0) / turn).real)
 
 
-def growth(bench: Bench, outcome: Outcome) -> float:
-    """How many times an error of the initial angles has grown at the tip, at most, in the rigid run of an outcome."""
-    twin = bench.twin(rigid_model(bench), outcome.stepping, NUDGE)
+def growth(bench: Bench, outcome: Outcome, error: float) -> float:
+    """How many times an error [m] of where the arm starts grows at the tip, at most, in the rigid run of an outcome.
+
+    Told by a twin that starts so far off; inf where they part by too much for any proportion.
+    """
+    assert outcome.stepping.tolerance is not None
+    reach = rounding.reach(bench.chain(rigid_model(bench)))
+    start = max(error, NUDGE * outcome.stepping.tolerance)
+    twin = bench.twin(rigid_model(bench), outcome.stepping, start / reach)
     if twin is None:
         return 1.0
-    reach = rounding.reach(bench.chain(rigid_model(bench)))
     apart = np.linalg.norm(twin.tip - outcome.tip, axis=1).max()
-    return float(apart / (NUDGE * reach)) if twin.whole else np.inf
+    return float(apart / start) if apart <= GROWN * max(farthest(outcome.tip), TAME * start) else np.inf

@@ -91,7 +91,7 @@ class Method(Spec, frozen=True):
     @property
     def explicit(self) -> bool:
         """Whether every stage needs the stages before it only."""
-        return not any(any(row[i:]) for i, row in enumerate(self.exact[0]))
+        return _explicit(self)
 
     @property
     def controlled(self) -> bool:
@@ -118,10 +118,7 @@ class Method(Spec, frozen=True):
     @property
     def error(self) -> Array:
         """The rows `error` of an explicit method over its stages and q̈ at the end of the step (rows, s + 1)."""
-        weights = np.zeros((len(self.error_rows), self.stages + 1))
-        for row, given in zip(weights, self.error_rows, strict=True):
-            row[: len(given)] = _float64([Fraction(x) for x in given])
-        return weights
+        return _error(self)
 
     @property
     def modes(self) -> Modes:
@@ -149,8 +146,7 @@ class Method(Spec, frozen=True):
         """
         if self.explicit or not self.controlled:
             raise ArgumentError(f"{self.about}: no error estimate by nodes; Radau IIA of 3, 5, … stages has one")
-        γ = float(self.modes.real[0])
-        return Embedded(γ, -γ * _float64(collocation.weights_at(self.exact[2], Fraction(0))))
+        return _embedded(self)
 
     def _check_family(self, family: str) -> None:
         for name in ("A", "b", "c"):
@@ -254,6 +250,25 @@ def _check_number(where: str, x: str) -> None:
 def _rounded(method: Method) -> tuple[Array, Array, Array]:
     A, b, c = method.exact
     return _float64(A), _float64(b), _float64(c)
+
+
+@functools.lru_cache(maxsize=64)
+def _explicit(method: Method) -> bool:
+    return not any(any(row[i:]) for i, row in enumerate(method.exact[0]))
+
+
+@functools.lru_cache(maxsize=64)
+def _error(method: Method) -> Array:
+    weights = np.zeros((len(method.error_rows), method.stages + 1))
+    for row, given in zip(weights, method.error_rows, strict=True):
+        row[: len(given)] = _float64([Fraction(x) for x in given])
+    return weights
+
+
+@functools.lru_cache(maxsize=64)
+def _embedded(method: Method) -> Embedded:
+    γ = float(method.modes.real[0])
+    return Embedded(γ, -γ * _float64(collocation.weights_at(method.exact[2], Fraction(0))))
 
 
 @functools.lru_cache(maxsize=64)

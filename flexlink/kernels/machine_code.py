@@ -9,6 +9,8 @@ records, and the versions that compile them. A user's NUMBA_CACHE_DIR says where
 Borrowed arrays. Numba has no documented way to leave out the counting of references.
 
 Calls from a loop in Python. A call looks at the types of all arguments, array by array, to find its code: 4 to 10 µs.
+To find the code itself, for calls that do not look, takes 0.7 ms, unless it was found before: the fingerprint by which
+Numba's own calls remember types tells.
 """
 
 from __future__ import annotations
@@ -27,6 +29,7 @@ from typing import Any, cast
 
 import llvmlite
 import numba
+from numba._dispatcher import compute_fingerprint
 from numba.core import serialize
 from numba.core.compiler import CompileResult
 
@@ -47,8 +50,13 @@ def direct(compiled: Any, *arguments: Any) -> Callable[..., Any]:
     """The code of a kernel for arguments of these types, compiled; it looks at no types, so none but these may come."""
     if numba.config.DISABLE_JIT:
         return cast("Callable[..., Any]", compiled)
-    found: Callable[..., Any] = compiled.compile(tuple(compiled.typeof_pyval(argument) for argument in arguments))
-    return found
+    key = compiled, compute_fingerprint(arguments)
+    if key not in _FOUND:
+        _FOUND[key] = compiled.compile(tuple(compiled.typeof_pyval(argument) for argument in arguments))
+    return _FOUND[key]
+
+
+_FOUND: dict[tuple[Any, bytes], Callable[..., Any]] = {}
 
 
 def refuse_python(compiled: Any) -> None:

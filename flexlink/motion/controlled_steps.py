@@ -33,7 +33,7 @@ from flexlink.motion.endings import LawFailure
 from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
-from flexlink.motion.watch import LONG, Watch
+from flexlink.motion.watch import LONG, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,6 @@ LONG_STAGES = 5
 
 OF_A_DEFLECTION = 0.1
 """The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
-
-SMALLEST = 200.0
-"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -263,7 +260,7 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
-    least = SMALLEST * rounding.of_reach(reach)
+    least = least_tolerance(reach)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(reach), 0.0

@@ -42,6 +42,9 @@ energy and the steps' own errors, which sensitive motion, and motion that drifts
 LONG = 100
 """Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
 
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
+
 FEWEST, APART = 64, 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
@@ -73,6 +76,11 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     return (f"insisted on {reason}",)
 
 
+def least_tolerance(reach: float) -> float:
+    """The smallest tolerance of an arm of this reach [m]."""
+    return SMALLEST * rounding.of_reach(reach)
+
+
 def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
     """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
 
@@ -96,6 +104,8 @@ class Watch:
         What is wrong with the next one; empty if nothing is.
     warnings
         What is worth knowing of the good ones.
+    tip_error
+        Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
 
     def __init__(
@@ -109,7 +119,7 @@ class Watch:
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
         self._exchanged = 0.0  # up to now [J]
-        self._unbalanced = self._tip_error = 0.0  # largest imbalance so far [J], sum of the steps' errors [m]
+        self._unbalanced = self.tip_error = 0.0  # largest imbalance so far [J]
         self.explicit = steps_explicitly(run)
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
@@ -217,16 +227,16 @@ class Watch:
             record.origin + probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < rounding.of_position(record.chain)] = 0.0
-        self._tip_error += float(errors.sum()) * every * per_sample
+        self.tip_error += float(errors.sum()) * every * per_sample
 
     def _doubts(self) -> Iterator[str]:
         """What makes a run doubtful that is not garbage."""
         if self.good < 2:
             return
         moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
-        if self._tip_error > DOUBT * TIP_SHARE * moved:
+        if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
         if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
