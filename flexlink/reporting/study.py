@@ -26,6 +26,9 @@ from flexlink.motion.tip_wrench import initial_wrench
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
+FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
+"""Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
+
 BUDGET = 3.0
 """CPU time that one run beside the scene's own may take [s]."""
 
@@ -47,6 +50,11 @@ class Study:
     scene: Scene
     against: Path | None = None
     command: str = ""
+
+    @property
+    def measurements(self) -> bool:
+        """Whether `against` is what was measured, and not an arm."""
+        return self.against is not None and self.against.suffix.lower() == MEASURED
 
     @cached_property
     def chain(self) -> Chain:
