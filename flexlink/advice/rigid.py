@@ -21,6 +21,7 @@ from flexlink.advice.goal import Goal, Ruler, farthest
 from flexlink.advice.model import Axes, Model, is_scene, uniform
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
+from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.motion.result import Trajectory
