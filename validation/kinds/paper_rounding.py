@@ -11,7 +11,7 @@ import flexlink as fl
 from flexlink.describe import methods
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.dynamics.rounding import EPS, reach
+from flexlink.dynamics.rounding import EPS
 from flexlink.motion.start import initial_state
 from flexlink.reporting.numbers import number
 from validation.benchmarks.error_parts import Fine, Setup, apart, rounding
@@ -50,7 +50,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
             facts: Facts = {"method": method, "step": e.step}
             yield Measured("error of the steps", e.steps, scene.name, varied=facts)
             yield Measured("rounding", e.rounding, scene.name, varied=facts)
-            linear = scene.run.duration / e.step * EPS * reach(fl.lump(scene))
+            linear = scene.run.duration / e.step * EPS * fl.lump(scene).reach
             yield Measured("rounding / steps", e.rounding, scene.name, varied=facts, scale=linear)
         meeting = _meeting(errors, methods.method(method).order)
         parts[method] = meeting / _stable(scene, method)
