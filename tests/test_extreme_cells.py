@@ -62,12 +62,13 @@ def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None
     assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
 
 
-def test_gimbal_lock_is_asked_for_by_how_far_it_is_away() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gimbal_lock_is_asked_for_by_how_far_it_is_away(sign: float) -> None:
     chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
-    (state,) = digits.States(gimbal=1e-3, samples=1).draw(chain)
+    (state,) = digits.States(gimbal=sign * 1e-3, samples=1).draw(chain)
     groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
     assert len(groups)
-    assert (state.q[groups["first"] + 1] == np.pi / 2 - 1e-3).all()
+    assert (state.q[groups["first"] + 1] == sign * (np.pi / 2 - 1e-3)).all()
 
 
 def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
