@@ -53,14 +53,13 @@ class Grid(NamedTuple):
 
 def draw(results: Results) -> Iterator[Picture]:
     """Of each case with engines beside, one axis at a time and two, where there are any."""
-    for case, _ in results.of_kind("extremes"):
-        for series in (s for s in results.series[case] if s.what == "outcomes"):
-            runs = Runs(*(np.asarray(series.columns[name]).astype(str) for name in Runs._fields))
-            if set(runs.engine.tolist()) <= {"native"}:
-                continue
-            for name, caption, grid in (("alone", ALONE, _alone(runs)), ("pairs", PAIRS, _pairs(runs))):
-                if grid.members:
-                    yield _picture(f"{case}.{name}", caption, grid, runs)
+    for case, series in results.showing("outcomes"):
+        runs = Runs(*(np.asarray(series.columns[name]).astype(str) for name in Runs._fields))
+        if set(runs.engine.tolist()) <= {"native"}:
+            continue
+        for name, caption, grid in (("alone", ALONE, _alone(runs)), ("pairs", PAIRS, _pairs(runs))):
+            if grid.members:
+                yield _picture(f"{case}.{name}", caption, grid, runs)
 
 
 def _alone(runs: Runs) -> Grid:
