@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import subprocess
 from pathlib import Path
@@ -42,6 +43,11 @@ def hanging(**fields: object) -> fl.Scene:
     beam = flexible("beam", "yz", 5, lumping="gauss", joint=fl.Joint(locked=True), **fields)
     initial = fl.Initial(joint_deg=(0.0,), passive="static")
     return make_scene(beam, tip=fl.Payload(mass=2.0), gravity=(0.0, -9.81, -3.0), initial=initial)
+
+
+def replace_chain(run: fl.Trajectory, hinges: np.ndarray) -> fl.Trajectory:
+    """The run, as if its chain had other hinges."""
+    return dataclasses.replace(run, chain=dataclasses.replace(run.chain, hinges=hinges))
 
 
 @pytest.mark.parametrize("magnify", [1.0, 30.0])
@@ -138,6 +144,38 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
     assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever there
     assert moment.label.endswith("[N m]")
     assert strain.label.endswith("[µm/m]")
+
+
+def test_moments_along_a_bent_spatial_arm_are_those_of_its_loads() -> None:
+    """In axes of the segment beyond each cut; where there is no own cut, at a hinge's other side, they agree, too."""
+    run = run_of("t3_spatial", 0.1)
+    film = filmed(run)
+    starts = np.flatnonzero((film.outline.part == 0) & (film.outline.link > 1))  # the waist is turned to its joint
+    bodies = film.outline.body[starts] - 1
+    cuts = run.loads.moment[np.searchsorted(run.t, film.t - 1e-9)]
+    assert film.colouring.values[:, starts] == pytest.approx(np.linalg.norm(cuts[:, bodies, 1:], axis=2), rel=1e-9)
+
+
+def test_magnifying_does_not_change_the_loads() -> None:
+    run = run_of("t3_spatial", 0.1)
+    true, large = (filmed(run, magnify=factor).colouring.values for factor in (1.0, 30.0))
+    assert large == pytest.approx(true)
+
+
+def test_driven_joints_are_not_magnified() -> None:
+    rigid = make_scene(
+        fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0.0, 9.81, 0.0)
+    ).varied({"initial.joint_deg": (20.0,)})
+    run = fl.simulate(rigid, duration=0.05)
+    assert (filmed(run, magnify=30.0).p == filmed(run).p).all()
+
+
+def test_deflections_are_magnified_about_the_angles_at_rest() -> None:
+    run = fl.simulate(hanging(), duration=0.0)
+    hinges = run.chain.hinges.copy()
+    hinges["rest"] = run.q[0]
+    slack = replace_chain(run, hinges)
+    assert filmed(slack, magnify=5.0).p == pytest.approx(filmed(run).p, abs=1e-12)
 
 
 def test_the_clamped_end_has_the_moment_of_what_hangs_on_it() -> None:
