@@ -103,6 +103,56 @@ def test_an_arm_that_moves_in_a_plane_is_seen_across_it() -> None:
         assert not view_of(chain).spatial
 
 
+def test_without_gravity_a_plane_is_seen_with_x_to_the_right() -> None:
+    view = view_of(fl.lump(make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0))))
+    assert view.axes == pytest.approx(np.eye(3))
+
+
+def test_a_round_link_is_as_wide_from_all_sides() -> None:
+    pipe = fl.Section(shape="circle", diameter=0.04)
+    links = flexible("a", "yz", 3, section="pipe", mount=fl.Mount(rpy_deg=(25.0, 40.0, 10.0)))
+    arm = fl.Arm(links=(links,), sections={"pipe": pipe}, materials={"aluminium": fl.Material(70e9, 2700.0)})
+    run = fl.simulate(fl.Scene("pipe", arm, fl.Initial(joint_deg=(0.0,))), duration=0.0)
+    quads, _ = Projected(filmed(run)).outlines(0)
+    assert np.linalg.norm(quads[:, 0] - quads[:, 3], axis=1) == pytest.approx(0.04)
+
+
+def test_what_is_near_hides_what_is_far() -> None:
+    projected = Projected(filmed(run_of("t3_spatial", 0.0)))
+    _, order = projected.outlines(0)
+    depth = projected.points[0, projected.spans, 2] + projected.points[0, projected.spans + 1, 2]
+    assert (np.diff(depth[order]) >= 0).all()
+    towards = projected.view.axes[2]
+    assert projected.view(towards)[2] == pytest.approx(1.0)  # larger is nearer
+
+
+def pendulum(center: tuple[float, float, float], mass: float = 3.0) -> fl.Trajectory:
+    rod = fl.Link(name="a", length=1.0)
+    tip, start = fl.Payload(mass=mass, center=center), fl.Initial(joint_deg=(30.0,))
+    return fl.simulate(make_scene(rod, tip=tip, initial=start, gravity=(0.0, -9.81, 0.0)), duration=0.2)
+
+
+def test_the_payload_turns_with_the_tip() -> None:
+    run = pendulum((0.0, 0.5, 0.0))
+    placed = fl.frames(run.chain, run.q[[0, 8]])
+    assert filmed(run).ball[[0, 1]] == pytest.approx(placed.points[:, -1] + 0.5 * placed.rotations[:, -1, :, 1])
+
+
+def test_a_payload_beside_the_tip_is_in_the_window() -> None:
+    projected = Projected(filmed(pendulum((0.0, 2.0, 0.0))))
+    left, right, bottom, top = projected.window
+    x, y, _ = projected.ball.T
+    assert left < x.min() - projected.ball_radius < x.max() + projected.ball_radius < right
+    assert bottom < y.min() - projected.ball_radius < y.max() + projected.ball_radius < top
+
+
+def test_a_payload_is_a_ball_of_steel_of_its_mass() -> None:
+    assert 7850.0 * 4 / 3 * np.pi * Projected(
+        filmed(pendulum((0.0, 0.0, 0.0), 50.0))
+    ).ball_radius ** 3 == pytest.approx(50.0)
+    assert Projected(filmed(run_of("paper_fig5", 0.0))).ball_radius == 0.0
+
+
 def test_bodies_are_where_they_are_and_links_as_wide_as_their_sections() -> None:
     wide = fl.Section(shape="rectangle", height=0.2, width=0.05)
     slim = fl.Section(shape="rectangle", height=0.1, width=0.05)
@@ -129,7 +179,7 @@ def test_deflections_are_magnified_about_the_straight_arm() -> None:
 
 
 def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
-    scene = hanging()
+    scene = hanging().varied({"section.square.width": 0.02})
     run = fl.simulate(scene, duration=0.0)
     moment, strain = (filmed(run, colour=colour).colouring for colour in ("moment", "strain"))
     outline = filmed(run).outline
@@ -138,7 +188,7 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
     bending = np.linalg.norm(run.loads.moment[0, :-1, 1:], axis=1)
     assert moment.values[0, at_hinge] == pytest.approx(bending)
     gauges = [
-        fl.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain for y in (-0.02, 0.02) for z in (-0.02, 0.02)
+        fl.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain for y in (-0.02, 0.02) for z in (-0.01, 0.01)
     ]
     assert strain.values[0, at_hinge] == pytest.approx(1e6 * np.max(gauges, axis=0), rel=1e-6)
     assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever there
@@ -183,6 +233,13 @@ def test_the_clamped_end_has_the_moment_of_what_hangs_on_it() -> None:
     found = filmed(fl.simulate(light, duration=0.0)).colouring
     lever = fl.simulate(light, duration=0.0).tip[0, 0]
     assert found.values[0, 0] == pytest.approx(2.0 * 9.81 * lever, rel=1e-6)
+
+
+def test_rigid_links_have_no_strain() -> None:
+    found = filmed(run_of("t3_spatial", 0.0), colour="strain")
+    waist = found.outline.link == 1
+    assert np.isnan(found.colouring.values[:, waist]).all()
+    assert np.isfinite(found.colouring.values[:, ~waist]).all()
 
 
 def test_links_without_section_have_no_colour() -> None:
