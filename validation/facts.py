@@ -14,6 +14,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "job": ("job", "{}"),
     "run": ("run", "{}"),
     "part": ("part", "{}"),
+    "type": ("type", "{}"),
     "load": ("load", "{}"),
     "PL²/EI": ("PL²/EI [1]", "PL²/EI = {:g}"),
     "force": ("force [N]", "{:g} N"),
