@@ -82,6 +82,16 @@ def test_rk2_is_said_to_be_cheaper_only_where_it_beats_both_others():
     assert paper_methods._of_second([damped]).startswith("does not hold: ")
 
 
+def test_an_arm_is_judged_by_all_three_methods_against_a_better_reference():
+    found = measured(
+        "paper_methods", segments=[2], types={"T1": "z"}, errors=[1e-3], halvings={"RK2": 0, "RK4": 1, "RK10": 0},
+        situation={"short": {"run.duration": 0.02, "run.sample": 0.01}},
+    )  # fmt: skip
+    assert {each.varied["method"] for each in found["RK4 / rival"]} == {"RK2", "RK10"}
+    assert found["claim"][0].value == found["error at the largest step"][0].value < 1e-2
+    assert found["own error / smallest aim"][0].value < 0.1
+
+
 def test_segments_that_make_the_error_larger_are_named():
     prices = [paper_segments.Price("arm", *each) for each in ((2, 4.0, 1.0), (3, 5.0, 2.0), (4, 1.0, 8.0))]
     said = paper_segments._verdict(prices, {"arm": paper_segments._gain(prices)})
