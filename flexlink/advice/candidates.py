@@ -13,6 +13,7 @@ from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
 from flexlink.advice.model import Bend, Model, is_scene, uniform
 from flexlink.advice.parts import Parts
 from flexlink.advice.price import bodies_of, prices
+from flexlink.advice.ways import Probes
 from flexlink.describe.methods import method
 
 Array = NDArray[np.float64]
@@ -29,22 +30,14 @@ HOPE, HOPE_AFTER = 1.1, 1.6
 MOST = 4000
 """Combinations of choices that are thought of."""
 
-TOLERANCES = (3.0, 1.0, 0.3, 0.1)
-"""Of the steps, over what is allowed: what becomes of the tip is usually a seventh."""
-
-STEPS_SHARE = 0.15
-"""Error at the tip over the tolerance of the steps, before any was measured."""
-
-FALL = 0.25
-"""Power of the tolerance by which an implicit method of order 5 with an estimate of order 4 takes fewer steps."""
-
 HALF = 0.6
 """Predicted part of the tolerance up to which an error that is too large is laid to the steps, and they are halved."""
 
+LEARN = 0.5
+"""Power of what a run cost over what was expected, by which others of its method are expected to cost more."""
+
 SCALED = 4
 """Hinges up to which the stable step of a link is estimated; beyond, it falls with their square."""
-
-CONTROLLED = "Radau5"
 
 
 class Candidate(NamedTuple):
@@ -53,7 +46,7 @@ class Candidate(NamedTuple):
     cost: float  # expected [s of CPU]
     model: Model
     method: str
-    factor: float  # of the stable step, or tolerance of the steps over what is allowed
+    factor: float  # as of `Way`
 
 
 class Found(NamedTuple):
@@ -72,8 +65,8 @@ class Search:
         self.allowed = allowed - known_to  # of the difference to the limit [m]
         self.found: Found | None = None
         self.tried: set[tuple[Model, str, float]] = set()
-        self.bias, self.share = 1.0, {CONTROLLED: STEPS_SHARE}
-        self.counts = self._counts()
+        self.bias, self.of_steps = 1.0, 1.0  # errors of models and of steps, over those predicted
+        self.probes = self._probes()
         self._norms: dict[Model, float] = {}
         self._steps: dict[tuple[int, Bend], float] = {}
         rigid = (None,) * len(bench.scene.arm.links)
@@ -105,20 +98,32 @@ class Search:
                 return None
             if candidate.cost > self.bench.budget:
                 return None
-            if candidate[1:] not in self.tried and self._predicted(candidate) <= hope * self.allowed:
+            if candidate[1:] not in self.tried and self._may_do(candidate, hope * self.allowed):
                 return candidate
         return None
 
-    def _predicted(self, candidate: Candidate) -> float:
-        steps = self.share.get(candidate.method, 0.0) * candidate.factor * self.allowed
-        return self._space(candidate.model) + steps
+    def _may_do(self, candidate: Candidate, most: float) -> bool:
+        """Whether the predicted error, of the model and of its steps, is no more than this [m]."""
+        _, model, name, factor = candidate
+        steps, space = self.probes.steps.get((name, factor)), self._space(model)
+        if steps is None or not np.isfinite(space):
+            return space <= most
+        least, largest = sorted((space, self.of_steps * steps.size))
+        if largest - least > most or least + largest <= most:
+            return largest <= most
+        error, bias = self.parts.error(model), self._bias(model)
+        assert error is not None
+        return self.ruler(bias * error + self.of_steps * steps.error) <= most
 
     def _space(self, model: Model) -> float:
         """Predicted error of a model itself [m]."""
         if model not in self._norms:
             error = self.parts.error(model)
             self._norms[model] = np.inf if error is None else self.ruler(error)
-        return self._norms[model] * (1.0 if model in self.parts.known else self.bias)
+        return self._norms[model] * self._bias(model)
+
+    def _bias(self, model: Model) -> float:
+        return 1.0 if model in self.parts.known else self.bias
 
     def _try(self, candidate: Candidate, pool: list[Candidate]) -> bool:
         """Run a candidate and learn from it: whether it is good enough.
@@ -143,17 +148,20 @@ class Search:
 
     def _learn(self, candidate: Candidate, outcome: Outcome, error: float, pool: list[Candidate]) -> None:
         _, model, name, factor = candidate
-        space = self._space(model)
-        if not np.isfinite(error) and name != "RK4":
-            return
-        if name != "RK4":
-            self.share[name] = max(self.share[name], min(1.0, (error - space) / (factor * self.allowed)))
-            ratio = outcome.seconds / candidate.cost
-            pool[:] = [c._replace(cost=c.cost * ratio) if c.method == name else c for c in pool]
+        space, steps = self._space(model), self.probes.steps.get((name, factor))
+        if steps is not None:
+            ratio = outcome.seconds / candidate.cost if outcome.whole else 1.0
+            pool[:] = [c._replace(cost=c.cost * ratio**LEARN) if c.method == name else c for c in pool]
+            if not np.isfinite(error):
+                return
+            if steps.size * self.of_steps > space:
+                self.of_steps = max(self.of_steps, min(3.0, 0.8 * (error - space) / steps.size))
+                return
         elif error > self.allowed and space <= HALF * self.allowed:
             if factor == 1.0:
                 pool.append(Candidate(2 * candidate.cost, model, name, 0.5))
-        elif model not in self.parts.known and space > 0:
+            return
+        if model not in self.parts.known and space > 0:
             self.bias = max(self.bias, min(3.0, 0.8 * error / (space / self.bias)))
 
     def _pool(self) -> Iterator[Candidate]:
@@ -167,21 +175,19 @@ class Search:
                 count = method("RK4").stages * round(self.bench.scene.run.duration / fixed.step)
                 yield Candidate(count * prices().evaluation(bodies, planar=planar, explicit=True), model, "RK4", 1.0)
             evaluation = prices().evaluation(bodies, planar=planar, explicit=False)
-            for factor, expected in self.counts.items():
-                yield Candidate(expected * self.parts.effort(model) * evaluation, model, CONTROLLED, factor)
+            effort = self.parts.effort(model) * evaluation
+            for (name, factor), steps in self.probes.steps.items():
+                yield Candidate(steps.evaluations * effort, model, name, factor)
 
-    def _counts(self) -> dict[float, float]:
-        """Evaluations that are expected of implicit steps, by their tolerance over what is allowed.
-
-        Measured on the base: they depend on the motion, and on which vibrations the tolerance lets be damped away, but
-        hardly on how many hinges there are.
-        """
-        model = uniform(self.parts.ladder.axes, self.parts.base)
-        probe = self.bench.run(model, Stepping(CONTROLLED, tolerance=self.allowed))
-        self.accept(model, probe)
-        if probe.run is None or probe.run.steps is None or not probe.whole:
-            return {}
-        return {factor: probe.run.steps.evaluations * factor**-FALL for factor in TOLERANCES}
+    def _probes(self) -> Probes:
+        """Of the base, whose runs may be good enough."""
+        ladder = self.parts.ladder
+        model = uniform(ladder.axes, self.parts.base)
+        tip = self.bench.run(model, ladder.stepping).tip
+        probes = Probes(self.bench, self.ruler, model, tip, self.allowed, ladder.motion)
+        for outcome in probes.runs:
+            self.accept(model, outcome)
+        return probes
 
     def _models(self) -> Iterator[Model]:
         links = range(len(self.bench.scene.arm.links))
