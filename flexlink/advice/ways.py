@@ -31,6 +31,10 @@ PROMISING = 1.3
 the other way, the two are less."""
 
 
+FURTHER = 3.0
+"""Times the largest tolerance that was measured, up to which what steps do is told by orders."""
+
+
 class Way(Spec, frozen=True):
     """A method with its fixed steps, parts of the stable one, or its tolerances, over what is allowed."""
 
@@ -50,12 +54,16 @@ def ways() -> tuple[Way, ...]:
     return decode(read_toml(WAYS), _Ways).way
 
 
+def fixed_ways() -> list[tuple[str, float]]:
+    """Methods of fixed steps with their parts of the stable step, from the largest on."""
+    return [(way.method, factor) for way in ways() for factor in way.of_stable]
+
+
 class Steps(NamedTuple):
     """What a way to step takes and does."""
 
     evaluations: float
-    error: Array  # of the tip (samples, 3) [m]
-    size: float  # of it [m]
+    size: float  # largest error of the tip [m]
 
 
 class Probes:
@@ -83,27 +91,27 @@ class Probes:
                     break
                 outcome = bench.run(model, Stepping(way.method, tolerance=factor * allowed))
                 if not outcome.whole or outcome.run is None or outcome.run.steps is None:
-                    break
+                    continue
                 self.runs.append(outcome)
-                count, error = outcome.run.steps.evaluations, outcome.tip - tip
+                count = outcome.run.steps.evaluations
                 if measured and count >= measured[max(measured)].evaluations:
                     break
-                measured[factor] = Steps(count, error, ruler(error))
+                measured[factor] = Steps(count, ruler(outcome.tip - tip))
             for factor in way.tolerances:
-                if measured and factor <= max(measured):
+                if measured and factor <= FURTHER * max(measured):
                     self.steps[way.method, factor] = _between(measured, factor)
 
 
 def _between(measured: dict[float, Steps], factor: float) -> Steps:
-    """Of a tolerance up to the largest that was measured: by powers between those measured, then by orders."""
+    """Of a tolerance: by powers between those that were measured, by orders beyond them."""
     if factor in measured:
         return measured[factor]
+    if not min(measured) < factor < max(measured):
+        nearest = min(measured, key=lambda known: abs(np.log(known / factor)))
+        part = factor / nearest
+        return Steps(measured[nearest].evaluations * part**-FALL, part * measured[nearest].size)
     coarse = measured[above := min(known for known in measured if known > factor)]
-    if factor < min(measured):
-        part = factor / above
-        return Steps(coarse.evaluations * part**-FALL, part * coarse.error, part * coarse.size)
     fine = measured[below := max(known for known in measured if known < factor)]
     weight = np.log(factor / below) / np.log(above / below)
-    count = fine.evaluations ** (1 - weight) * coarse.evaluations**weight
-    size = fine.size ** (1 - weight) * coarse.size**weight
-    return Steps(count, coarse.error * (size / coarse.size if coarse.size else 0.0), size)
+    count, size = (a ** (1 - weight) * b**weight for a, b in zip(fine, coarse, strict=True))
+    return Steps(count, size)
