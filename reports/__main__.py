@@ -41,13 +41,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=OUT, metavar="FOLDER", help="default: reports/latest")
     parser.add_argument("--readme-figure", type=Path, metavar="PNG", help="make only the README's figure, as this file")
     parser.add_argument("--reference", action="store_true", help="make this study the reference run that is checked in")
-    parser.add_argument("--full", action="store_true", help="make reports/full, which is checked in")
+    parser.add_argument("--full", action="store_true", help="make reports/full, too, which is checked in")
     wanted = parser.parse_args(arguments)
     try:
         if wanted.readme_figure:
             print(readme_figure(wanted.results, wanted.readme_figure))
         elif wanted.full:
-            print(full.save(wanted.results))
+            print(full.save(wanted.results, wanted.out))
         elif wanted.reference:
             print(reference.save(Results.read(wanted.results)))
         else:

@@ -54,7 +54,16 @@ class Chapter:
     cases: tuple[CaseBlock, ...]
 
 
-def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg: bool = True) -> Path:
+@dataclasses.dataclass(frozen=True)
+class Report:
+    """What was written: the page, the figures of its first screen, its chapters."""
+
+    page: Path
+    overview: tuple[Shown, ...]
+    chapters: tuple[Chapter, ...]
+
+
+def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> Path:
     """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
 
     A pure function of what is stored: no engine is needed and nothing is simulated.
@@ -67,8 +76,6 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
         Folder for the report; made if missing.
     reference_run
         Folder of the reference run whose times stand beside.
-    svg
-        Whether there are files of the SVGs, too, which the page holds anyway.
 
     Returns
     -------
@@ -80,10 +87,15 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
     FlexlinkError
         There are no readable results, or `out` cannot be written.
     """
-    study, beside = Results.read(results), reference.read(reference_run)
+    return write(Results.read(results), out, reference_run).page
+
+
+def write(study: Results, out: Path, reference_run: Path = reference.FOLDER) -> Report:
+    """The same of results that are read, with what is on the page."""
+    beside = reference.read(reference_run)
     make_folder(out)
-    shown, definitions = figures_of(study, out, svg)
-    chapters = list(_chapters(study, out, shown))
+    shown, definitions = figures_of(study, out)
+    chapters = tuple(_chapters(study, out, shown))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
@@ -108,7 +120,7 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER, svg:
         definitions=definitions,
     )
     write_text(out / "index.html", page)
-    return out / "index.html"
+    return Report(out / "index.html", tuple(shown.get(SUMMARY, ())), chapters)
 
 
 def readme_figure(results: Path, path: Path) -> Path:

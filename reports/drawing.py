@@ -33,8 +33,8 @@ class Drawn(NamedTuple):
     definitions: dict[str, str]
 
 
-def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str, list[Shown]], dict[str, str]]:
-    """Chapter id → its figures, their files written to `out`, SVGs if wanted; and what the page's SVGs share.
+def figures_of(results: Results, out: Path) -> tuple[dict[str, list[Shown]], dict[str, str]]:
+    """Chapter id → its figures, their files written to `out`; and what their SVGs share.
 
     The same on any number of processes: every process takes one figure in so many.
     """
@@ -46,8 +46,8 @@ def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str,
         if processes > 1:
             context = multiprocessing.get_context("spawn")
             pool = stack.enter_context(ProcessPoolExecutor(processes - 1, mp_context=context))
-            shares = [pool.submit(_share, results, out, svg, k, processes) for k in range(1, processes)]
-        parts = [_share(results, out, svg, 0, processes), *(share.result() for share in shares)]
+            shares = [pool.submit(_share, results, out, k, processes) for k in range(1, processes)]
+        parts = [_share(results, out, 0, processes), *(share.result() for share in shares)]
     for place in range(sum(map(len, parts))):
         drawn = parts[place % processes][place // processes]
         shown.setdefault(drawn.chapter, []).append(drawn.shown)
@@ -55,14 +55,14 @@ def figures_of(results: Results, out: Path, svg: bool = True) -> tuple[dict[str,
     return shown, definitions
 
 
-def _share(results: Results, out: Path, svg: bool, first: int, step: int) -> list[Drawn]:
+def _share(results: Results, out: Path, first: int, step: int) -> list[Drawn]:
     """Every so many-th figure. Each process makes all of them, of which only writing takes time."""
-    return [_written(*made, out, svg) for made in islice(pictures(results), first, None, step)]
+    return [_written(*made, out) for made in islice(pictures(results), first, None, step)]
 
 
-def _written(chapter: str, picture: Picture, out: Path, svg: bool) -> Drawn:
+def _written(chapter: str, picture: Picture, out: Path) -> Drawn:
     definitions: dict[str, str] = {}
-    return Drawn(chapter, picture.shown(out, definitions, svg), definitions)
+    return Drawn(chapter, picture.shown(out, definitions), definitions)
 
 
 def pictures(results: Results) -> Iterator[tuple[str, Picture]]:

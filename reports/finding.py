@@ -21,6 +21,8 @@ class Finding:
         The answer first.
     heads, lines
         The table: texts of the heads, and per line a label and numbers (None where there is nothing).
+    opened
+        The table is the answer itself: it stands unfolded.
     to_look_up
         The table is to find a number in, not to be read: it stands after the chapter's figures, in a box of its own.
     """
@@ -30,6 +32,7 @@ class Finding:
     sentences: tuple[str, ...]
     heads: tuple[str, ...]
     lines: tuple[tuple[str | float | None, ...], ...]
+    opened: bool = False
     to_look_up: bool = False
 
     @property

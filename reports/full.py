@@ -1,46 +1,78 @@
-"""The whole long study, checked in under reports/full: page, CSV, PNG, and by which command and on what it was made."""
+"""The whole long study as it is checked in under reports/full: README.md, the figures as PNG, every number as CSV.
+
+Made of the report in reports/latest, without what a repository cannot hold: the page, SVGs, a table a case.
+"""
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import jinja2
+
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.page import make_folder
 from flexlink.reporting.tables import table_csv
-from reports.build import build, environment_rows
+from reports import verdict
+from reports.build import Report, environment_rows, write
 from reports.results import Results
+from reports.tables import meanings, rows_csv
 from validation.judgement import crowd
 
-FOLDER = Path(__file__).parent / "full"
+HERE = Path(__file__).parent
+FOLDER = HERE / "full"
 COMMAND = "python -m validation --full"
 MOST = 10_000_000  # bytes: what a repository may hold of generated files
-WRITTEN = ("*.html", "*.csv", "*.png")
+WRITTEN = ("README.md", "*.csv", "*.png")
+WORDS = ("kind", "title", "metric", "reason", "given_up")  # the same in many rows: they have a table of their own
 
 
-def save(results: Path, folder: Path = FOLDER) -> Path:
-    """Write the report of a study in place of the one that is there; returns its page.
+def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
+    """Write the report of a study to `out`, and what is checked in of it in place of what is in `folder`.
+
+    Returns
+    -------
+    Path
+        README.md in `folder`.
 
     Raises
     ------
     FlexlinkError
-        There are no readable results, the folder cannot be written, or holds more than `MOST` bytes then.
+        There are no readable results, a folder cannot be written, or the second one holds more than `MOST` bytes.
     """
     study = Results.read(results)
+    report = write(study, out)
+    make_folder(folder)
     for pattern in WRITTEN:  # figures of cases that are no more
         for file in folder.glob(pattern):
             file.unlink()
-    page = build(results, folder, svg=False)
+    for name in ("verdict.csv", "speed.csv", *_files(report)):
+        shutil.copyfile(out / name, folder / name)
+    write_text(folder / "all_checks.csv", rows_csv(study.rows, study.finished, without=WORDS))
+    write_text(folder / "quantities.csv", table_csv(("case", *WORDS[2:], "quantities"), _meanings(study)))
     write_text(folder / "machine.csv", table_csv(("what", "value"), _machine(study)))
-    sizes = {file.name: file.stat().st_size for file in folder.iterdir()}
-    if sum(sizes.values()) > MOST:
-        largest = sorted(sizes, key=lambda name: -sizes[name])[:3]
-        told = ", ".join(f"{name} {sizes[name] / 1e6:.1f} MB" for name in largest)
-        raise FlexlinkError(
-            f"{folder}: {sum(sizes.values()) / 1e6:.1f} MB, more than the {MOST / 1e6:g} MB that are checked in; "
-            f"the largest: {told}"
-        )
-    return page
+    write_text(folder / "README.md", _readme(study, report))
+    _demand_small(folder)
+    return folder / "README.md"
+
+
+def _files(report: Report) -> Iterator[str]:
+    """Figures and the tables of findings."""
+    for figure in (
+        *report.overview,
+        *(one for chapter in report.chapters for one in (*chapter.figures, *chapter.more)),
+    ):
+        yield from (f"{figure.name}.png", f"{figure.name}.csv")
+    for chapter in report.chapters:
+        yield from (f"{finding.name}.csv" for finding in chapter.findings)
+
+
+def _meanings(study: Results) -> Iterator[tuple[str, ...]]:
+    for case, rows in study.cases.items():
+        for each in meanings(rows):
+            yield case, each.metric, each.reason, each.given_up, "; ".join(each.quantities)
 
 
 def _machine(study: Results) -> Iterator[tuple[str, str]]:
@@ -53,3 +85,33 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
         yield case, "; ".join((f"{done.date:%Y-%m-%d %H:%M} UTC", took, done.machine, *besides))
     for missing in study.missing:
         yield missing.case, missing.why
+
+
+def _readme(study: Results, report: Report) -> str:
+    loader = jinja2.FileSystemLoader(HERE)
+    environment = jinja2.Environment(
+        loader=loader,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template("full.md").render(
+        command=COMMAND,
+        measured=verdict.measured(study),
+        correct=verdict.correct(study),
+        fast=verdict.fast(study),
+        failed=[row for row in study.rows if row.passed is False and not row.timed],
+        missing=study.missing,
+        report=report,
+    )
+
+
+def _demand_small(folder: Path) -> None:
+    sizes = {file.name: file.stat().st_size for file in folder.iterdir()}
+    if sum(sizes.values()) > MOST:
+        largest = ", ".join(f"{name} {sizes[name] / 1e6:.2f} MB" for name in sorted(sizes, key=lambda n: -sizes[n])[:3])
+        raise FlexlinkError(
+            f"{folder}: {sum(sizes.values()) / 1e6:.2f} MB, more than the {MOST / 1e6:g} MB that are checked in; the "
+            f"largest: {largest}"
+        )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from flexlink.reporting.numbers import amount
 from flexlink.reporting.tables import table_csv
@@ -121,14 +121,15 @@ def share(part: float | None) -> str:
     return f"{100.0 * part:.0f} %" if part >= 0.01 else "< 1 %"
 
 
-def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished]) -> str:
+def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished], without: Collection[str] = ()) -> str:
     """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
+    fields = tuple(f for f in CSV_FIELDS if f not in without)
     facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
-    heads = (*CSV_FIELDS, *(head(name) for name in facts), "state")
+    heads = (*fields, *(head(name) for name in facts), "state")
     return table_csv(
         heads,
         (
-            [*(getattr(row, f) for f in CSV_FIELDS), *(row.varied.get(f) for f in facts), state(row, finished)]
+            [*(getattr(row, f) for f in fields), *(row.varied.get(f) for f in facts), state(row, finished)]
             for row in rows
         ),
     )

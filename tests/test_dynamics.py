@@ -232,7 +232,7 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     with pytest.raises(fl.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
     chain = fl.lump(scene)
-    record = Record(run, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
+    record = Record(scene, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
     with pytest.raises(fl.DivergenceError, match="no longer finite"):
         SingleRun(scene, Watch(run, record)).finish(Stop())
 

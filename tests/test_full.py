@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+import re
 from pathlib import Path
 
 import pytest
-from studies import BUSY, VERSIONS, row, stored, timed
+from studies import BUSY, REASON, VERSIONS, row, stored, timed
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import stacked_axes
 from reports import __main__, full
 
 
@@ -19,15 +21,23 @@ def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
 
 
+def save(results: Path) -> Path:
+    """The folder that is checked in, of these results."""
+    return full.save(results, results.parent / "latest", results.parent / "full").parent
+
+
+def lines(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
 def machine(folder: Path) -> dict[str, str]:
-    with (folder / "machine.csv").open(encoding="utf-8", newline="") as file:
-        return {line["what"]: line["value"] for line in csv.DictReader(file)}
+    return {line["what"]: line["value"] for line in lines(folder / "machine.csv")}
 
 
 def test_it_says_command_machine_versions_and_what_the_machine_did_besides_or_why_a_case_is_missing(tmp_path: Path):
     results = stored(tmp_path / "results", row(), timed(0.5), conditions=BUSY, planned=("never_ran",))
-    assert full.save(results, tmp_path / "full") == tmp_path / "full" / "index.html"
-    said = machine(tmp_path / "full")
+    said = machine(save(results))
     assert said["command"] == "python -m validation --full"
     assert (said["processor"], said["commit"], said["mujoco"]) == ("A processor", "0123456789ab", VERSIONS["mujoco"])
     assert said["terms"].startswith("2026-07-01 10:30 UTC; 0.5 s; A processor")
@@ -36,45 +46,70 @@ def test_it_says_command_machine_versions_and_what_the_machine_did_besides_or_wh
 
 
 def test_what_an_earlier_study_left_there_is_gone_and_what_people_wrote_is_not(tmp_path: Path):
-    folder = tmp_path / "full"
-    folder.mkdir()
+    (tmp_path / "full").mkdir()
     for name in ("gone.csv", "gone.png", "NOTES.md"):
-        (folder / name).write_text("", encoding="utf-8")
-    full.save(stored(tmp_path / "results", row()), folder)
-    assert {"NOTES.md", "index.html", "all_checks.csv", "terms.csv"} <= {file.name for file in folder.iterdir()}
-    assert not list(folder.glob("gone.*"))
+        (tmp_path / "full" / name).write_text("", encoding="utf-8")
+    folder = save(stored(tmp_path / "results", row()))
+    tables = {f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "machine")}
+    assert {file.name for file in folder.iterdir()} == {"NOTES.md", "README.md", *tables}
+    assert (tmp_path / "latest" / "index.html").is_file()
+
+
+def test_words_that_many_rows_share_stand_once_and_every_number_is_there(tmp_path: Path):
+    folder = save(stored(tmp_path / "results", row(value=1e-15), row(value=2e-15, scene="other")))
+    checks, quantities = lines(folder / "all_checks.csv"), lines(folder / "quantities.csv")
+    assert [(line["scene"], float(line["value"])) for line in checks] == [("paper_fig5", 1e-15), ("other", 2e-15)]
+    assert "reason" not in checks[0]
+    assert [(line["case"], line["quantities"], line["reason"]) for line in quantities] == [("terms", "M", REASON)]
+
+
+def test_the_readme_has_both_verdicts_what_fails_what_is_missing_and_leads_to_every_file(tmp_path: Path):
+    folder = save(stored(tmp_path / "results", row(value=1.0, title="a | b"), timed(0.5), planned=("never_ran",)))
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert "Correctness: **FAIL**" in text
+    assert "- terms: M, paper_fig5, mujoco" in text
+    assert "- never_ran: not measured" in text
+    assert r"| terms | a \| b | FAIL: 0 of 1 pass |" in text
+    assert set(re.findall(r"\]\((.*?)\)", text)) == {file.name for file in folder.glob("*.csv")}
+
+
+@pytest.mark.slow
+def test_figures_are_pngs_beside_their_data_and_stand_in_the_readme(tmp_path: Path, monkeypatch):
+    figure, _ = stacked_axes(1, 1.0)
+    picture = Picture("drawn", "A title", figure, "A caption.", "a,b\n")
+    monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter([("agreement", picture)]))
+    folder = save(stored(tmp_path / "results", row()))
+    assert "![A title](drawn.png)" in (folder / "README.md").read_text(encoding="utf-8")
+    assert {file.name for file in folder.glob("drawn.*")} == {"drawn.png", "drawn.csv"}
 
 
 def test_an_older_study_stays_where_there_are_no_results(tmp_path: Path):
-    page = full.save(stored(tmp_path / "results", row()), tmp_path / "full")
+    folder = save(stored(tmp_path / "results", row()))
     with pytest.raises(FlexlinkError, match="no stored results"):
-        full.save(tmp_path / "none", tmp_path / "full")
-    assert page.is_file()
+        save(tmp_path / "none")
+    assert (folder / "README.md").is_file()
 
 
 def test_more_than_may_be_checked_in_is_an_error_that_names_the_largest(tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(full, "MOST", 10_000)
+    monkeypatch.setattr(full, "MOST", 1_000)
     with pytest.raises(
-        FlexlinkError, match=r"more than the 0\.01 MB that are checked in; the largest: index\.html 0\."
+        FlexlinkError, match=r"0\.00 MB, more than the 0\.001 MB that are checked in; the largest: README"
     ):
-        full.save(stored(tmp_path / "results", row()), tmp_path / "full")
+        save(stored(tmp_path / "results", row()))
 
 
 def test_the_command_makes_it_from_stored_results(tmp_path: Path, monkeypatch, capsys):
     results = stored(tmp_path / "results", row())
-    monkeypatch.setattr(full, "save", lambda path: path / "page")
-    assert __main__.main(["--full", "--results", str(results)]) == 0
-    assert capsys.readouterr().out.strip() == str(results / "page")
-
-
-def checked_in() -> Iterator[Path]:
-    return full.FOLDER.glob("*")
+    monkeypatch.setattr(full, "save", lambda path, out: f"{path.name} and {out.name}")
+    assert __main__.main(["--full", "--results", str(results), "--out", str(tmp_path / "latest")]) == 0
+    assert capsys.readouterr().out.strip() == "results and latest"
 
 
 @pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout holds no full study")
 def test_the_one_that_is_checked_in_is_small_and_says_how_it_was_made():
-    assert sum(file.stat().st_size for file in checked_in()) <= full.MOST
-    assert {file.suffix for file in checked_in()} <= {".html", ".csv", ".png", ".md"}
+    files = list(full.FOLDER.iterdir())
+    assert sum(file.stat().st_size for file in files) <= full.MOST
+    assert {file.suffix for file in files} <= {".csv", ".png", ".md"}
     said = machine(full.FOLDER)
     assert said["command"] == full.COMMAND
     assert said["processor"]

@@ -29,7 +29,8 @@ COMMANDS = [
 @pytest.fixture
 def checkout(tmp_path: Path, monkeypatch) -> Path:
     """A folder with the scenes in it, as the README takes for granted."""
-    shutil.copytree(ROOT / "models", tmp_path / "models")
+    for name in ("models", "docs"):
+        shutil.copytree(ROOT / name, tmp_path / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

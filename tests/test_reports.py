@@ -333,16 +333,6 @@ def test_a_torn_file_of_the_results_is_one_line_and_exit_code_2(
     assert error.count("\n") == 1
 
 
-@pytest.mark.slow
-def test_a_report_without_files_of_svgs_leads_to_none(tmp_path: Path) -> None:
-    page = build(stored(tmp_path / "results", row()), tmp_path / "report", tmp_path / "none", svg=False)
-    names = {file.name for file in page.parent.iterdir()}
-    led = {target for target in links(page.read_text(encoding="utf-8")).targets if not target.startswith("#")}
-    assert led <= names
-    assert any(name.endswith(".png") for name in led)
-    assert not any(name.endswith(".svg") for name in names)
-
-
 def test_an_unwritable_report_folder_is_an_error_of_the_project(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(FlexlinkError, match="file"):
@@ -354,7 +344,7 @@ def test_the_report_does_not_depend_on_the_number_of_processes(tmp_path: Path, m
     results = stored(tmp_path / "results", row())
     for k in range(5):
         columns = {"n": np.arange(3.0), "error": 2.0 ** -np.arange(k, k + 3.0)}
-        series = Series("errors", f"Title {k}", columns, "n", "n", "error", "log", "log", part=str(k))
+        series = Series("halves", f"Title {k}", columns, "n", "n", "error", "log", "log", part=str(k))
         Store(results).add_series("terms", series)
     alone = build(results, tmp_path / "alone", tmp_path / "none")
     monkeypatch.setattr("reports.drawing.WORTH_A_PROCESS", 2)

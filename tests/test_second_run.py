@@ -7,7 +7,6 @@ import pytest
 from conftest import compiled, flexible, make_scene
 
 import flexlink as fl
-from flexlink.dynamics import rounding
 from flexlink.motion import single
 
 pytestmark = compiled
@@ -47,6 +46,29 @@ def test_the_second_run_tells_the_error_within_a_factor_of_three_where_the_order
     assert actual <= found <= 5 * actual
 
 
+def tumbling(step: float) -> fl.Scene:
+    """Two rods, let go nearly upright, that turn over and over: errors grow a thousandfold."""
+    rods = [fl.Link(name=name, length=1.0, material="aluminium", section="square") for name in "ab"]
+    scene = make_scene(*rods, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(150.0, 20.0)))
+    return scene.varied({"run": fl.Run(step=step, sample=0.1, duration=5.0)})
+
+
+def test_fixed_explicit_steps_are_doubted_where_their_small_errors_grow_and_not_where_they_are_right() -> None:
+    scenes = [tumbling(step) for step in (0.02, 0.01, 0.005, 1e-3, 1e-4)]
+    exact = fl.simulate(scenes[0], method="DOP853", tolerance=1e-10)
+    runs = [fl.simulate(scene) for scene in scenes]
+    assert ["this motion multiplies errors" in "".join(run.warnings) for run in runs] == [
+        True,
+        True,
+        False,
+        False,
+        False,
+    ]
+    assert off(runs[1], exact) > WRONG  # while its steps' own errors are less than a thousandth of the motion
+    assert max(off(run, exact) for run in runs if not run.warnings) < WRONG / 10
+    assert [run.warnings for run in fl.simulate_many(scenes)] == [run.warnings for run in runs]
+
+
 def spinning(rate: float) -> fl.Scene:
     """Two links that bend in all directions, no friction, the first joint turning so fast [deg/s]."""
     links = flexible("a", "yz", 3), flexible("b", "yz", 3, mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)))
@@ -63,7 +85,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
     errors, warned = [], []
     for tolerance in (1e-3, 1e-4, 1e-5):
         run = fl.simulate(scene, relative_tolerance=tolerance)
-        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * rounding.reach(run.chain)))
+        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * run.chain.reach))
         warned.append(any("this motion multiplies errors" in told for told in run.warnings))
     assert max(errors) > 10  # there is something to warn of
     assert all(said or error <= 10 for error, said in zip(errors, warned, strict=True))
@@ -76,4 +98,8 @@ def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
+        assert len(runs) == wanted
+    for duration, wanted in ((0.5, 1), (5.0, 2)):
+        runs.clear()
+        fl.simulate(tumbling(1e-3), duration=duration)
         assert len(runs) == wanted

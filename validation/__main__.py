@@ -92,8 +92,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--full",
         action="store_true",
-        help="every case, also those that run only when they are named, into reports/full, which is checked in; what "
-        "is stored is skipped, even if the machine was busy",
+        help="every case, also those that run only when they are named, and reports/full, which is checked in; what is "
+        "stored is skipped, even if the machine was busy",
     )
     parser.add_argument("--force", action="store_true", help="measure again what is stored")
     parser.add_argument("--list", action="store_true", help="list all cases and stop")
@@ -133,10 +133,8 @@ def _report(results: Path, full: bool) -> Path | None:
     """Write the report with the package `reports`, if it is there."""
     if importlib.util.find_spec("reports") is None:
         return None
-    if full:
-        page: Path = importlib.import_module("reports.full").save(results)
-    else:
-        page = importlib.import_module("reports.build").build(results, REPORT)
+    module, make = ("reports.full", "save") if full else ("reports.build", "build")
+    page: Path = getattr(importlib.import_module(module), make)(results, REPORT)
     return page
 
 

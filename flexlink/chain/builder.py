@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,24 @@ Array = NDArray[np.float64]
 
 RIGHT, BELOW = np.triu_indices(3, 1)
 """Of the elements above a diagonal; the other way round they are those below."""
+
+
+class Piece(NamedTuple):
+    """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
+
+    `place` puts its start and axes into a body, counted from 1 in the order of `chain.bodies`; 0 is the fixed base.
+    """
+
+    link: int  # from 1
+    part: tuple[float, float]  # of the link's length, where it starts and where it ends
+    body: int
+    place: Pose
+    end: Array  # from there, along x [m]
+
+    @property
+    def length(self) -> float:
+        """From its start to its end [m]."""
+        return float(self.end[0])
 
 
 @dataclasses.dataclass
@@ -48,6 +67,7 @@ class Builder:
         self.hinges: list[tuple[float, ...]] = []
         self.coordinates: list[Coordinate] = []
         self.bodies = [Body(HERE, 0, 0)]
+        self.pieces: list[Piece] = []
         self.running = HERE
 
     def move(self, translation: Array, rotation: Array | None = None) -> None:
@@ -57,6 +77,11 @@ class Builder:
             self.running = Pose(R if rotation is None else rotation, translation)
         else:
             self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+
+    def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
+        """Go along a piece of a link, to its end."""
+        self.pieces.append(Piece(link, part, len(self.bodies) - 1, self.running, end))
+        self.move(end)
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
-from flexlink.chain.builder import Builder, recorded
+from flexlink.chain.builder import Builder, Piece, recorded
 from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rigid import RigidBody
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
@@ -51,17 +52,7 @@ def lump(scene: Scene) -> Chain:
     ArgumentError
         `scene` is no Scene.
     """
-    name, arm = given("scene", scene, Scene).name, scene.arm
-    moved = {arm.number(motion.link) for motion in scene.motion}
-    placed = hinges_of(arm)
-    builder = Builder()
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # refused below, by name
-        for k, link in enumerate(arm.links):
-            _add_mount(builder, link, arm.links[k - 1] if k else None)
-            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
-            _add_line(builder, arm, link, k + 1, *placed[k])
-        builder.add_payload(arm.tip)
-    builder.start_body()
+    name, builder = given("scene", scene, Scene).name, _walked(scene)
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
@@ -72,8 +63,31 @@ def lump(scene: Scene) -> Chain:
         hinges=hinges,
         gravity=np.array(scene.gravity),
         coordinates=tuple(builder.coordinates),
-        link_names=tuple(link.name for link in arm.links),
+        link_names=tuple(link.name for link in scene.arm.links),
     )
+
+
+def pieces(scene: Scene) -> list[Piece]:
+    """The straight pieces of the links that `lump` cuts, from the base outward: what a picture of the arm shows.
+
+    Errors as there.
+    """
+    return _walked(given("scene", scene, Scene)).pieces
+
+
+def _walked(scene: Scene) -> Builder:
+    """Bodies, hinges and pieces of an arm, from the base to its tip frame."""
+    arm, builder = scene.arm, Builder()
+    moved = {arm.number(motion.link) for motion in scene.motion}
+    placed = hinges_of(arm)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # `lump` refuses such numbers, by name
+        for k, link in enumerate(arm.links):
+            _add_mount(builder, link, arm.links[k - 1] if k else None)
+            _add_joint(builder, link, k + 1, scene.initial.joint_deg[k], k + 1 in moved)
+            _add_line(builder, arm, link, k + 1, *placed[k])
+        builder.add_payload(arm.tip)
+    builder.start_body()
+    return builder
 
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
@@ -125,7 +139,7 @@ def _add_line(builder: Builder, arm: Arm, link: Link, number: int, nodes: Array,
     start, length, frame = link.beam
     builder.move(start, frame)
     if link.material is None or link.section is None:
-        builder.move(np.array([length, 0, 0]))
+        builder.advance(number, (0.0, 1.0), np.array([length, 0, 0]))
     else:
         _add_segments(builder, arm, link, number, nodes, weights)
     builder.turn(frame.T)
@@ -144,7 +158,7 @@ def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Ar
     stiffnesses = _stiffnesses(beam, material, nodes.tobytes(), weights.tobytes())
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
-    for segment, (body, end) in enumerate(_segments(beam, nodes.tobytes())):
+    for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
@@ -155,7 +169,7 @@ def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Ar
                 builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
         if body is not None:
             builder.add(body)
-        builder.move(end)
+        builder.advance(number, part, end)
 
 
 def _twist_rotors(link: Link, rule: LumpingRule, beam: _Beam, nodes: Array, weights: Array) -> Array:
@@ -188,8 +202,8 @@ def _stiffnesses(beam: _Beam, material: Material, nodes: bytes, weights: bytes) 
 
 
 @functools.lru_cache(maxsize=256)
-def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, Array]]:
-    """Of each segment its body and its end [m]; links alike share them, of whatever stiffness.
+def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, tuple[float, float], Array]]:
+    """Of each segment its body, part of the link, end [m]; links alike share them, of whatever stiffness.
 
     A hinge at the very root has nothing before it.
     """
@@ -197,8 +211,8 @@ def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, Array]]
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
         (RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
-         np.array([length, 0, 0]))
-        for mass, center, inertia, length in slices
+         part, np.array([length, 0, 0]))
+        for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
     ]  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""`flexlink`: `info`, `simulate`, `advise`, `modes`, `export`, `compare`, `report` and the rest; one line on errors."""
+"""`flexlink`: `info`, `simulate`, `advise`, `modes`, `show`, `export`, `report` and the rest; one line on errors."""
 
 from __future__ import annotations
 
@@ -22,6 +22,8 @@ from flexlink.cli.info import show_info
 from flexlink.cli.modes import show_modes
 from flexlink.cli.report import report_scene
 from flexlink.cli.robots import list_robots
+from flexlink.cli.show import add_options as add_show_options
+from flexlink.cli.show import show_scene
 from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
@@ -39,6 +41,8 @@ EXAMPLES = """examples:
   flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
   flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
   flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
+  flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
+  flexlink show models/t3_spatial.toml --colour strain --speed 0.25
   flexlink export models/paper_fig5.toml --format urdf --out .
   flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
   flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
@@ -122,29 +126,7 @@ def _parser() -> argparse.ArgumentParser:
     info = add("info", show_info, "Show the chain of a scene: degrees of freedom, masses, frequencies, stable steps.")
     info.add_argument("scene", type=Path, help="scene file (.toml)")
 
-    own = "the scene's"
-    run = add("simulate", simulate_scene, "Simulate a scene with the native solver.")
-    run.add_argument("scene", type=Path, help="scene file (.toml)")
-    run.add_argument(
-        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
-    )
-    run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
-    run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")
-    run.add_argument(
-        "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
-    )
-    run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
-    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
-    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
-    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
-    run.add_argument(
-        "--insist", action="store_const", const="allow", dest="unstable",
-        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
-    )  # fmt: skip
-    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
-    run.add_argument(
-        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
-    )
+    _of_simulate(add("simulate", simulate_scene, "Simulate a scene with the native solver."))
 
     _advice_options(
         add("advise", advise_scene, "Find the smallest model that keeps the tip within a tolerance, and check it.")
@@ -157,6 +139,8 @@ def _parser() -> argparse.ArgumentParser:
     )
     shapes.add_argument("--count", type=int, default=8, help="how many modes to show, slowest first (default: 8)")
     shapes.add_argument("--plot", type=Path, help="draw the mode shapes to this .png, .svg or .pdf file")
+
+    add_show_options(add("show", show_scene, "Simulate a scene and show the arm in motion: .gif, .mp4, or a page."))
 
     export = add("export", export_scenes, "Write the chains of scenes as files that other engines load exactly.")
     export.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
@@ -203,6 +187,32 @@ def _parser() -> argparse.ArgumentParser:
         "robots", list_robots, "List the arms of example-robot-data that `flexlink import` takes by name."
     ).add_argument("--out", type=Path, help="folder to write their scenes to")
     return parser
+
+
+def _of_simulate(run: argparse.ArgumentParser) -> None:
+    """Options of `simulate`."""
+    own = "the scene's"
+    run.add_argument("scene", type=Path, help="scene file (.toml)")
+    run.add_argument(
+        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
+    )
+    run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
+    run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")
+    run.add_argument(
+        "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
+    )
+    run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
+    run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
+    run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
+    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
+    run.add_argument(
+        "--insist", action="store_const", const="allow", dest="unstable",
+        help="run in spite of a step beyond the largest stable one, or an energy that does not balance",
+    )  # fmt: skip
+    run.add_argument("--out", type=Path, help="write the samples to this .npz or .csv file")
+    run.add_argument(
+        "--plot", type=Path, help="draw angles [deg], tip [m] and energy [J] to this .png, .svg or .pdf file"
+    )
 
 
 def _advice_options(advice: argparse.ArgumentParser) -> None:

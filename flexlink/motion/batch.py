@@ -22,7 +22,7 @@ from flexlink.motion.drives import same_law
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.result import Steps, Trajectory
-from flexlink.motion.single import SingleRun, room_for
+from flexlink.motion.single import SingleRun, room_for, second_opinion
 from flexlink.motion.watch import Watch
 
 Array = NDArray[np.float64]
@@ -174,16 +174,19 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
         return [ended for member in block for ended in _simulate_block([member], stop)]
     rows = done // run.steps_per_sample + 1
     return [
-        _outcome(member.watch, stop, steps_up_to(run, done), *(array[:rows, ..., lane] for array in samples))
+        _outcome(member, stop, steps_up_to(run, done), *(array[:rows, ..., lane] for array in samples))
         for lane, member in enumerate(block)
     ]
 
 
-def _outcome(watch: Watch, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Ended:
+def _outcome(member: Member, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Ended:
     """What became of a member, whose first samples are given."""
-    record, rows = watch.record, len(works)
+    watch, rows = member.watch, len(works)
+    record = watch.record
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
     if not watch.look(rows, steps):
         return watch.diverged()
-    run = watch.trajectory()
-    return run if rows == len(record.t) else InterruptedRunError(run, stop.signal or signal.SIGINT)
+    if rows < len(record.t):
+        return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
+    watch.warnings += second_opinion(member.scene, watch, steps.method, stop)
+    return watch.trajectory()

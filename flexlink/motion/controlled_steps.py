@@ -33,7 +33,7 @@ from flexlink.motion.endings import LawFailure
 from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
-from flexlink.motion.watch import LONG, Watch
+from flexlink.motion.watch import LONG, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 
@@ -49,9 +49,6 @@ LONG_STAGES = 5
 
 OF_A_DEFLECTION = 0.1
 """The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
-
-SMALLEST = 200.0
-"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 OF_THE_ITERATION = 0.05
 """What Newton's iteration may leave of the error of a step."""
@@ -176,7 +173,7 @@ class ControlledSteps:
         self.work = workspace(self.method, record, self.slowest)
         self.marks = Marks(self.method, record, self.control is None)
         longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
-        self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
+        self.settings = settings(run, self.method, record.chain.reach, longest)
         self.end, self.knots = now, np.array([now])
         self._compile()
 
@@ -249,7 +246,7 @@ def choose(run: Run, record: Record, slowest: float) -> Choice:
     """The method of a run, and, if it is not named, why."""
     if run.method != AUTO:
         return Choice(run.method, "")
-    return cheapest(record, run.tolerance_within(rounding.reach(record.chain)), slowest)
+    return cheapest(record, run.tolerance_within(record.chain.reach), slowest)
 
 
 def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
@@ -263,7 +260,7 @@ def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[fl
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
-    least = SMALLEST * rounding.of_reach(reach)
+    least = least_tolerance(reach)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(reach), 0.0

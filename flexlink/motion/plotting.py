@@ -1,4 +1,4 @@
-"""Pictures of trajectories and modes; the only module of the library that imports matplotlib."""
+"""Plots of trajectories and modes; imports matplotlib, and is imported only where one is drawn."""
 
 from __future__ import annotations
 

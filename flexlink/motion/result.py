@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 import functools
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.output import write_whole
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
 from flexlink.dynamics.accelerations import forward_dynamics, solver_for
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.samples import drive_torques, tips_and_energies
@@ -85,6 +84,9 @@ class Trajectory:
         How the run advanced; None of a run of another engine.
     tip_wrench
         Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
+    scene
+        The scene that ran, with the run's own settings: what a chain no longer knows, such as sections. Of a control
+        law in Python it knows nothing.
     """
 
     chain: Chain
@@ -98,6 +100,7 @@ class Trajectory:
     warnings: tuple[str, ...] = ()
     steps: Steps | None = None
     tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
+    scene: Scene | None = None
 
     def __repr__(self) -> str:
         samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
@@ -117,7 +120,7 @@ class Trajectory:
     @classmethod
     def from_states(cls, scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
         """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
-        record = Record(scene.run, chain, input_arrays(scene, chain), t, q.copy(), qd.copy())
+        record = Record(scene, chain, input_arrays(scene, chain), t, q.copy(), qd.copy())
         record.derive(0, len(t))
         return record.trajectory(len(t), balanced=False)
 
@@ -261,6 +264,65 @@ class Trajectory:
         figure: Figure = plotting().plot_trajectory(self)
         return figure
 
+    def animate(
+        self,
+        path: str | Path,
+        *,
+        magnify: float = 1.0,
+        colour: Literal["moment", "strain"] = "moment",
+        fps: float = 25.0,
+        speed: float = 1.0,
+        width: int = 640,
+        progress: Callable[[float], None] | None = None,
+    ) -> Path:
+        """Draw the arm in motion, its links as wide as their sections, gravity downwards, with the path of its tip.
+
+        Planar arms are seen across their plane, others from the side and above, with their shadow on a level floor. The
+        payload is a ball of steel of its mass; joints and thin links are drawn no smaller than they can be seen.
+
+        Parameters
+        ----------
+        path
+            File, by its ending: .gif; .mp4, by the program ffmpeg; or .html, one page with a player, which needs
+            neither a network nor matplotlib.
+        magnify
+            How many times as far hinges and gears are bent as they are; the picture says so.
+        colour
+            What colours the links: the size of the "moment" that bends them [N m], of `loads`, exact at hinges and
+            joints and linear between, or the "strain" that it makes at their surface.
+        fps
+            Frames in a second of the film, at most as many as there are samples; a GIF lasts whole 1/100 s a frame.
+        speed
+            Seconds of the run in a second of the film.
+        width
+            Of the picture, in pixels, 320 to 3840.
+        progress
+            Called with the finished fraction, 0 to 1.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ArgumentError
+            An argument is not allowed, the film would have too many frames, or the run does not know its scene.
+        MissingDependencyError
+            matplotlib is not installed, or ffmpeg for .mp4.
+        EngineError
+            ffmpeg failed.
+        OutputError
+            The file cannot be written.
+        SingularMassError
+            As in `qdd`.
+        """
+        options = {"magnify": magnify, "colour": colour, "fps": fps, "speed": speed, "width": width}
+        drawn: Path = importlib.import_module("flexlink.pictures.animate").animate(
+            self, path, progress=progress, **options
+        )
+        return drawn
+
 
 def _read_only(value: Any) -> Any:
     """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
@@ -300,13 +362,13 @@ class Record:
         Number of fixed steps from t = 0 to the start of the run.
     """
 
-    def __init__(self, run: Run, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
-        self.run, self.chain, self.t, self.q, self.qd = run, chain, t, q, qd
+    def __init__(self, scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
+        self.scene, self.run, self.chain, self.t, self.q, self.qd = scene, scene.run, chain, t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
         self.inputs = inputs
-        self.origin = 0 if run.controlled else round(float(t[0]) / run.step)
-        self.scratch = solver_for(chain, run.dynamics).workspace(chain.arrays)
+        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
+        self.scratch = solver_for(chain, self.run.dynamics).workspace(chain.arrays)
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""
@@ -326,7 +388,7 @@ class Record:
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
         energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
-        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench)
+        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.scene)
 
 
 def _kept(array: Array, stop: int) -> Array:

@@ -1,9 +1,11 @@
 """A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
 
 Fixed steps of an implicit method are compared with a run of twice the step, whose error is 2^p times theirs, or, where
-Newton's iteration does not end so, with one that keeps a tolerance: for about half the cost. Steps with a tolerance
-bound their own errors, and most motions add them up; where joints turn round and round, errors grow, and there a run
-with a tenth of the tolerance tells how far.
+Newton's iteration does not end so, with one that keeps a tolerance: for about half the cost. The errors of the steps
+themselves are bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up.
+Where joints turn round and round, errors grow. There a run with a tenth of the tolerance tells how far; fixed explicit
+steps, which may be far better than they need be, are compared with less and less tolerance, until a run agrees, is
+itself so strict that they are to blame, or has taken more evaluations than they have.
 """
 
 from __future__ import annotations
@@ -17,14 +19,16 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import method
 from flexlink.describe.situation import AUTO, Run
-from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
-from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch
+from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
+
+FINER = 1e-2
+"""Tolerance of a run that is to explain why two differ, over that of the one before."""
 
 TOLERABLE = 3.0
 """Tolerances that two runs may be apart: ten are the limit for an error at the end, one is what it should be."""
@@ -43,10 +47,11 @@ class Second(NamedTuple):
     run: Run
     every: int  # of the first run's samples
     larger: float  # how far the two are apart, over the error of the first
+    strict: bool = True  # so much that the first is to blame where they differ
 
 
 def second_runs(watch: Watch, name: str) -> Iterator[Second]:
-    """Runs to compare a finished one with, that advanced by the method of this name; the first that ends will do.
+    """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
 
     None where a control law drives the arm: it may remember what it was asked.
     """
@@ -56,7 +61,10 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
     if run.controlled:
         if run.accuracy == "tip" and turned(watch.record) > FAR:
             yield Second(_within(run, name, STRICTER * _tolerance(watch)), 1, 1.0)
-    elif not method(run.method).explicit:
+    elif watch.explicit:
+        if watch.tip_error <= _tolerance(watch) and turned(watch.record) > FAR:
+            yield from _stricter_and_stricter(watch)
+    else:
         if pairs := (run.samples - 1) // 2:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
@@ -73,7 +81,8 @@ def doubt(watch: Watch, second: Second, tip: Array) -> str:
     if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
         return f"{told}: this motion multiplies errors; {advice(watch)} and compare"
     if not watch.run.controlled and error > _tolerance(watch):
-        return f"{told}, which moves {_moved(watch):.3g} m; {advice(watch)} and compare"
+        grown = ": this motion multiplies errors" if watch.explicit else ""
+        return f"{told}, which moves {_moved(watch):.3g} m{grown}; {advice(watch)} and compare"
     return ""
 
 
@@ -88,15 +97,28 @@ def turned(record: Record) -> float:
     return float(np.trapezoid(rates, record.t, axis=0).max(initial=0.0))
 
 
+def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
+    """Runs that are to explain a difference by their own errors, down to what is too strict for that."""
+    tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, _least(watch))
+    while tolerance > own:
+        yield Second(_within(watch.run, AUTO, tolerance), 1, 1.0, strict=False)
+        tolerance *= FINER
+    yield Second(_within(watch.run, AUTO, max(own, _least(watch))), 1, 1.0)
+
+
 def _within(run: Run, name: str, tolerance: float) -> Run:
-    return replace(run, method=name, tolerance=tolerance or None, relative_tolerance=None)
+    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=Run().dynamics)
 
 
 def _tolerance(watch: Watch) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
-        return watch.run.tolerance_within(rounding.reach(watch.record.chain))
-    return DOUBT * TIP_SHARE * _moved(watch)
+        return watch.run.tolerance_within(watch.record.chain.reach)
+    return max(DOUBT * TIP_SHARE * _moved(watch), _least(watch) / STRICTER)
+
+
+def _least(watch: Watch) -> float:
+    return least_tolerance(watch.record.chain.reach)
 
 
 def _moved(watch: Watch) -> float:

@@ -97,7 +97,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     varied, (δq, δqd) = parametric(scene, chain, paths)
     _check_drive(scene, trajectory, varied.drive)
     found = np.empty((2, len(trajectory.t), chain.n, len(paths)))
-    record = Record(run, chain, inputs, trajectory.t, trajectory.q.copy(), trajectory.qd.copy())
+    record = Record(scene, chain, inputs, trajectory.t, trajectory.q.copy(), trajectory.qd.copy())
     state = trajectory.q[0].copy(), trajectory.qd[0].copy()
     slopes = δq.ravel().copy(), δqd.ravel().copy()
     fixed, every = (record.scratch, method(run.method).arrays, inputs, varied, run.step), run.steps_per_sample

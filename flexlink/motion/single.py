@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from msgspec.structs import replace
@@ -136,9 +136,9 @@ class SingleRun:
         """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one."""
         watch, steps = self.watch, self.steps
         try:
-            self._advance(stop, progress or (lambda _: None))
+            self.advance(stop, progress or (lambda _: None))
             if compared and not (watch.fault or steps.failure or stop.asked):
-                watch.warnings += filter(None, [self._compare(stop)])
+                watch.warnings += second_opinion(self.scene, watch, steps.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -149,7 +149,8 @@ class SingleRun:
             raise InterruptedRunError(watch.trajectory(), stop.signal)
         return watch.trajectory()
 
-    def _advance(self, stop: Stop, told: Callable[[float], None]) -> None:
+    def advance(self, stop: Stop, told: Callable[[float], None]) -> None:
+        """As far as the steps go, the samples are good, and nobody stops it."""
         watch, steps = self.watch, self.steps
         for reached in steps:
             if not watch.look(reached.rows, steps.steps) or steps.failure:
@@ -158,20 +159,25 @@ class SingleRun:
             if stop.asked:
                 break
 
-    def _compare(self, stop: Stop) -> str:
-        """What a second run says against this one."""
-        text = ""
-        for second in second_runs(self.watch, self.steps.steps.method):
-            text = UNKNOWN.format(advice=advice(self.watch))
-            try:
-                scene = replace(self.scene, run=second.run)  # whose steps may not be such that one begins at its start
-                other = SingleRun(scene, prepare(scene, self.watch.record.chain))
-                other._advance(stop, lambda _: None)
-            except FlexlinkError:
-                continue
-            if not (other.watch.fault or other.steps.failure):
-                return doubt(self.watch, second, other.watch.record.tip[: other.watch.good])
-        return text
+
+def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterator[str]:
+    """What second runs say against a finished one, that advanced by the method of this name: a warning, or nothing."""
+    text = ""
+    for second in second_runs(watch, name):
+        text = text or UNKNOWN.format(advice=advice(watch))
+        try:
+            again = replace(scene, run=second.run)  # whose steps may not be such that one begins at its start
+            other = SingleRun(again, prepare(again, watch.record.chain))
+            other.advance(stop, lambda _: None)
+        except FlexlinkError:
+            continue
+        if not (other.watch.fault or other.steps.failure):
+            text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
+            dear = other.steps.steps.evaluations > watch.steps.evaluations
+            if not text or second.strict or dear:
+                break
+    if text:
+        yield text
 
 
 def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
@@ -207,7 +213,7 @@ def room_for(
         inputs = inputs._replace(drive=control.drive)
     try:
         times = multiples(scene.initial.time, run.between, run.samples if rows is None else rows)
-        record = Record(run, chain, inputs, times, *np.empty((2, len(times), chain.n)))
+        record = Record(scene, chain, inputs, times, *np.empty((2, len(times), chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"

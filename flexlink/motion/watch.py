@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
+from flexlink.analysis.stability import eigenvalue_bound, fastest_eigenvalues, stable_step_of
+from flexlink.analysis.stability_function import stable_half_disc
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.methods import method, steps_explicitly
@@ -42,6 +44,9 @@ energy and the steps' own errors, which sensitive motion, and motion that drifts
 LONG = 100
 """Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
 
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
+
 FEWEST, APART = 64, 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
@@ -60,7 +65,10 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
         return ()
     wrench, follower = inputs.given_wrench(scene.initial.time)
     gains = gains_of(chain, inputs.drive, scene.initial.time, q, qd)
-    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=wrench, follower=follower, gains=gains)
+    acting: Any = {"tip_wrench": wrench, "follower": follower, "gains": gains}
+    if run.step * eigenvalue_bound(chain, q, qd, **acting) <= stable_half_disc(method(run.method)):
+        return ()
+    λ = fastest_eigenvalues(chain, q, qd, **acting)
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()
@@ -73,6 +81,11 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     return (f"insisted on {reason}",)
 
 
+def least_tolerance(reach: float) -> float:
+    """The smallest tolerance of an arm of this reach [m]."""
+    return SMALLEST * rounding.of_reach(reach)
+
+
 def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
     """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
 
@@ -80,7 +93,7 @@ def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
     """
     if not run.controlled:
         return 0.0
-    δ, mass = run.tolerance_within(rounding.reach(chain)), float(chain.bodies["mass"].sum())
+    δ, mass = run.tolerance_within(chain.reach), float(chain.bodies["mass"].sum())
     weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
     return np.asarray(δ * (weight + momentum * LONG / run.duration))
 
@@ -96,6 +109,8 @@ class Watch:
         What is wrong with the next one; empty if nothing is.
     warnings
         What is worth knowing of the good ones.
+    tip_error
+        Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
 
     def __init__(
@@ -109,7 +124,7 @@ class Watch:
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
         self._exchanged = 0.0  # up to now [J]
-        self._unbalanced = self._tip_error = 0.0  # largest imbalance so far [J], sum of the steps' errors [m]
+        self._unbalanced = self.tip_error = 0.0  # largest imbalance so far [J]
         self.explicit = steps_explicitly(run)
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
@@ -217,16 +232,16 @@ class Watch:
             record.origin + probed * per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
         errors[errors < rounding.of_position(record.chain)] = 0.0
-        self._tip_error += float(errors.sum()) * every * per_sample
+        self.tip_error += float(errors.sum()) * every * per_sample
 
     def _doubts(self) -> Iterator[str]:
         """What makes a run doubtful that is not garbage."""
         if self.good < 2:
             return
         moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
-        if self._tip_error > DOUBT * TIP_SHARE * moved:
+        if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: the steps' own errors add up to {self._tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
         if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:

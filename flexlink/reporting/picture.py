@@ -62,22 +62,21 @@ class Picture:
         with mpl.rc_context(RC):
             write_whole(path, write)
 
-    def save(self, folder: Path, definitions: dict[str, str], svg: bool = True) -> str:
-        """Write the PNG, CSV and, if wanted, SVG files; returns the SVG for the page, as `inline` does."""
+    def save(self, folder: Path, definitions: dict[str, str]) -> str:
+        """Write the PNG, SVG and CSV files; returns the SVG for the page, as `inline` does."""
         self.save_png(folder / f"{self.name}.png")
         self.figure.set_layout_engine("none")  # the layout is found by now; finding it again takes as long as drawing
         buffer = io.StringIO()
         with mpl.rc_context(RC):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        if svg:
-            write_text(folder / f"{self.name}.svg", buffer.getvalue())
+        write_text(folder / f"{self.name}.svg", buffer.getvalue())
         write_text(folder / f"{self.name}.csv", self.csv)
         return inline(buffer.getvalue(), self.title, definitions)
 
-    def shown(self, folder: Path, definitions: dict[str, str], svg: bool = True) -> Shown:
+    def shown(self, folder: Path, definitions: dict[str, str]) -> Shown:
         """Write the files as `save`; returns what the page shows."""
-        drawing = self.save(folder, definitions, svg)
-        files = tuple(f"{self.name}.{ending}" for ending in ("csv", "png", *["svg"] * svg))
+        drawing = self.save(folder, definitions)
+        files = tuple(f"{self.name}.{ending}" for ending in ("csv", "png", "svg"))
         return Shown(self.name, self.id, self.title, drawing, self.caption, files)
 
     @property

@@ -1,0 +1,61 @@
+"""`flexlink show`: a run as a film, or as a page that opens in the browser."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import webbrowser
+from pathlib import Path
+
+from flexlink.cli.shared import about, require_place, varied_scene
+from flexlink.cli.terminal import Progress
+from flexlink.motion.notes import notes
+from flexlink.motion.single import simulate
+from flexlink.pictures.animate import COLOURS, FORMATS, require_film
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `show`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument(
+        "-o", "--out", type=Path,
+        help=f"file to write ({', '.join(FORMATS)}); default: a page called as the scene, here, which is then opened",
+    )  # fmt: skip
+    command.add_argument(
+        "--magnify", type=float, default=1.0, metavar="X", help="deflections X times as large as they are; default: 1"
+    )
+    command.add_argument("--colour", default="moment", help=f"of the links: {' or '.join(COLOURS)}; default: moment")
+    command.add_argument("--duration", type=float, help="simulated time [s]; default: the scene's")
+    command.add_argument("--fps", type=float, default=25.0, help="frames in a second of the film; default: 25")
+    command.add_argument(
+        "--speed", type=float, default=1.0, help="seconds of the run in a second of the film; default: 1, real time"
+    )
+    command.add_argument("--width", type=int, default=640, help="of the picture, in pixels; default: 640")
+
+
+def show_scene(options: argparse.Namespace) -> int:
+    """Run a scene and draw it; nothing is run that cannot be drawn."""
+    out = options.out or Path(options.scene.with_suffix(".html").name)
+    require_film(out)
+    require_place(out)
+    scene = varied_scene(
+        options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
+    )
+    for note in notes(scene):
+        print(f"note: {note}", file=sys.stderr)
+    with about(options.scene):
+        run = simulate(scene, progress=Progress(scene.name))
+    for warning in run.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    film = {name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")}
+    run.animate(out, progress=Progress(out.name), **film)
+    print(f"film: {out}")
+    if options.out is None and has_screen():
+        webbrowser.open(out.resolve().as_uri())
+    return 0
+
+
+def has_screen() -> bool:
+    """Whether a browser would have a window: elsewhere one in the terminal would take the place of the prompt."""
+    return sys.platform in {"darwin", "win32"} or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

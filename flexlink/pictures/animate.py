@@ -1,0 +1,105 @@
+"""A run as a file to look at: what is asked for, checked; frames, made; the file, written whole."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import callable_or_none, choice, integer, positive
+from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.output import write_or_keep
+from flexlink.describe.catalogue import given_path
+from flexlink.pictures.colouring import Colour
+from flexlink.pictures.film import Film, film_of
+from flexlink.pictures.page import page
+from flexlink.pictures.video import require_ffmpeg, write_gif, write_mp4
+
+if TYPE_CHECKING:
+    from flexlink.motion.result import Trajectory
+
+Progress = Callable[[float], None]
+
+FORMATS = (".gif", ".mp4", ".html")
+COLOURS: dict[str, Colour] = {"moment": "moment", "strain": "strain"}
+GIF_CLOCK = 100  # ticks a second, in whole numbers of which a GIF's frames last
+
+
+def animate(
+    run: Trajectory, path: str | Path, *, magnify: float, colour: Colour, fps: float, speed: float, width: int,
+    progress: Progress | None,
+) -> Path:  # fmt: skip
+    """`Trajectory.animate`."""
+    path = given_path("path", path)
+    kind = require_film(path)
+    callable_or_none("progress", progress)
+    fps, told = positive("fps", fps), progress or (lambda _: None)
+    if kind == ".gif":
+        fps = GIF_CLOCK / max(round(GIF_CLOCK / fps), 2)
+    film = film_of(
+        run, magnify=positive("magnify", magnify), colour=choice("colour", colour, COLOURS), fps=fps,
+        speed=positive("speed", speed),
+    )  # fmt: skip
+    width = integer("width", width, 320, 3840)
+    told(0.0)
+    write_or_keep(path, lambda place: WRITERS[kind](film, place, width + width % 2, told))
+    return path
+
+
+def require_film(path: Path) -> str:
+    """Format of a film, from the ending of its name; known before the work that it can be made.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of .gif, .mp4, .html.
+    MissingDependencyError
+        matplotlib is not installed, or, for .mp4, ffmpeg.
+    """
+    if path.suffix not in FORMATS:
+        raise ArgumentError(f"{str(path)!r}: unknown format; a film is saved as {' or '.join(FORMATS)}")
+    if path.suffix != ".html":
+        _drawing()
+    if path.suffix == ".mp4":
+        require_ffmpeg()
+    return path.suffix
+
+
+def _drawing() -> ModuleType:
+    try:
+        return importlib.import_module("flexlink.pictures.drawing")
+    except ImportError:
+        raise MissingDependencyError(
+            "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or take .html"
+        ) from None
+
+
+def _gif(film: Film, place: Path, width: int, told: Progress) -> None:
+    drawing = _drawing().Drawing(film, width)
+    like = [drawing.image(int(k)) for k in np.linspace(0, len(film.t) - 1, 6)]
+    write_gif(place, _counted(drawing, film, told), like, round(1000 / film.fps))
+
+
+def _mp4(film: Film, place: Path, width: int, told: Progress) -> None:
+    drawing = _drawing().Drawing(film, width)
+    write_mp4(place, _counted(drawing, film, told), drawing.size, film.fps)
+
+
+def _counted(drawing: Any, film: Film, told: Progress) -> Iterator[NDArray[np.uint8]]:
+    """Every frame, and how far they are."""
+    for k in range(len(film.t)):
+        yield drawing.image(k)
+        told((k + 1) / len(film.t))
+
+
+def _html(film: Film, place: Path, width: int, told: Progress) -> None:
+    place.write_bytes(page(film, width).encode())
+    told(1.0)
+
+
+WRITERS = {".gif": _gif, ".mp4": _mp4, ".html": _html}

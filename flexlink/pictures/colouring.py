@@ -1,0 +1,91 @@
+"""The colour of a link: bending moment, or strain of its surface, from the internal loads along a run.
+
+Loads are known in every hinge and joint. Between two of them moments run linearly here; M_s = M + r × F takes one
+from a joint to where the beam begins beside it. Bent about y and z, with half the height a and half the width b,
+
+    ε = |M_z| a / EI_z + |M_y| b / EI_y          of a round section  ε = r √(M_y² + M_z²) / EI
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.analysis.loads import InternalLoads
+from flexlink.describe.arm import Arm
+from flexlink.pictures.outline import Outline, has_rectangle_instead
+
+Array = NDArray[np.float64]
+Colour = Literal["moment", "strain"]
+
+STOPS = ("#1f0c94", "#6a00a8", "#9c179e", "#c5407e", "#e16462", "#f38748", "#fdb42f")
+"""From 0 to the largest value, between which colours run linearly; told apart by the colour-blind, and in grey."""
+
+UNKNOWN = "#8a8f94"
+"""Of links without a value: without a section, or rigid where strain is asked for."""
+
+
+class Colouring(NamedTuple):
+    """Values along the arm, ≥ 0, not a number where there is none; their largest, and what they are, with the unit."""
+
+    values: Array  # (frames, s)
+    largest: float  # 0 where there is nothing to colour
+    label: str
+
+
+def colouring(
+    colour: Colour, arm: Arm, outline: Outline, placed: tuple[Array, Array], loads: InternalLoads
+) -> Colouring:
+    """Of every station of the outline at every frame; `placed` as of `Film`, rotations and points of the bodies."""
+    about = _bending(outline, placed, loads)
+    if colour == "moment":
+        values, label = np.hypot(about[..., 0], about[..., 1]), "bending moment [N m]"
+        values[:, [arm.links[k - 1].section is None for k in outline.link]] = np.nan
+    else:
+        values, label = _strain(arm, outline, about), "bending strain at the surface [µm/m]"
+        used = {name for link in arm.links for name in (link.section, link.section_tip) if name is not None}
+        if any(has_rectangle_instead(arm.sections[name]) for name in used):
+            label += ", general sections as rectangles"
+    return Colouring(values, float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 0.0, label)
+
+
+def _strain(arm: Arm, outline: Outline, about: Array) -> Array:
+    """In µm/m; none of rigid links."""
+    rates = np.full((len(outline.link), 2), np.nan)  # of strain by moment about y and z [1/(N m)]
+    for s, number in enumerate(outline.link):
+        link = arm.links[number - 1]
+        if link.flex == "rigid" or link.section is None or link.material is None:
+            continue
+        root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+        begin, end = outline.pieces[outline.piece[s]].part
+        _, i_y, i_z, _ = root.towards(tip, begin + outline.part[s] * (end - begin))
+        a, b = outline.across[s]
+        rates[s] = b / (arm.materials[link.material].young * i_y), a / (arm.materials[link.material].young * i_z)
+    parts = np.abs(about) * rates
+    return np.asarray(1e6 * np.where(outline.round, np.hypot(parts[..., 0], parts[..., 1]), parts.sum(axis=-1)))
+
+
+def _bending(outline: Outline, placed: tuple[Array, Array], loads: InternalLoads) -> Array:
+    """Moments about the section's y and z at every station, shape (frames, s, 2) [N m]."""
+    R, p = placed
+    force = np.einsum("fbij,fbj->fbi", R[:, 1:], loads.force)
+    moment = np.einsum("fbij,fbj->fbi", R[:, 1:], loads.moment)
+
+    def at(cut: int, body: int, place: Array) -> Array:
+        point = p[:, body] + R[:, body] @ place
+        return np.asarray(moment[:, cut] + np.cross(p[:, cut + 1] - point, force[:, cut]))
+
+    ends = np.empty((len(outline.pieces), 2, len(p), 3))
+    for k, piece in enumerate(outline.pieces):
+        inner = outline.pieces[k - 1].body if k else -1
+        first = piece.body > 0 and inner != piece.body  # on its body, whose own cut is then the nearer one
+        start = piece.place.p
+        stop = start + piece.length * piece.place.R[:, 0]
+        ends[k] = at(piece.body - 1 if first else piece.body, piece.body, start), at(piece.body, piece.body, stop)
+    between = np.moveaxis(ends[outline.piece], 2, 0)  # (frames, s, 2, 3)
+    u = outline.part[:, None]
+    vectors = (1 - u) * between[:, :, 0] + u * between[:, :, 1]
+    axes = np.einsum("fsij,saj->fsai", R[:, outline.body], outline.axes)
+    return np.asarray(np.einsum("fsai,fsi->fsa", axes, vectors))

@@ -1,0 +1,140 @@
+"""A run as frames of a film: where every part of the arm is, at times that follow one another evenly."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import Energy
+from flexlink.pictures.colouring import Colour, Colouring, colouring
+from flexlink.pictures.outline import Outline, outline_of
+from flexlink.pictures.view import View, view_of
+
+if TYPE_CHECKING:
+    from flexlink.motion.result import Trajectory
+
+Array = NDArray[np.float64]
+
+MOST_FRAMES = 3000  # two minutes; more would not fit into memory as a GIF
+TRACE_POINTS = 1500
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Film:
+    """An arm in motion, in frame 0.
+
+    Attributes
+    ----------
+    name, magnify, speed, fps
+        Of the arm; of its deflections; seconds of the run, and frames, in a second of the film.
+    t
+        Time of each frame in the run [s], shape (f,).
+    R, p
+        Rotations (f, b, 3, 3) and origins (f, b, 3) [m] of the bodies; 0 is the fixed base, the last one the tip frame.
+    trace, trace_t
+        Path of the tip (m, 3) [m], and when it was there (m,) [s].
+    """
+
+    name: str
+    magnify: float
+    speed: float
+    fps: float
+    outline: Outline
+    view: View
+    colouring: Colouring
+    t: Array
+    R: Array
+    p: Array
+    trace: Array
+    trace_t: Array
+
+    @property
+    def points(self) -> Array:
+        """Stations of the outline in frame 0, shape (f, s, 3) [m]."""
+        body = self.outline.body
+        return np.asarray(self.p[:, body] + np.einsum("fsij,sj->fsi", self.R[:, body], self.outline.place))
+
+    @property
+    def axes(self) -> Array:
+        """Section's y and z at every station in frame 0, shape (f, s, 2, 3)."""
+        return np.asarray(np.einsum("fsij,saj->fsai", self.R[:, self.outline.body], self.outline.axes))
+
+    @property
+    def ball(self) -> Array:
+        """Centre of the payload in frame 0, shape (f, 3) [m]."""
+        return np.asarray(self.p[:, -1] + self.R[:, -1] @ self.outline.center)
+
+    @property
+    def reach(self) -> float:
+        """Length of the arm [m]: what is small beside it is drawn at a size that is seen."""
+        return sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.p, axis=(0, 1)).max()) or 1.0
+
+
+def film_of(run: Trajectory, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
+    """Frames `speed`/`fps` apart, each at the nearest sample; never more than there are samples.
+
+    Raises
+    ------
+    ArgumentError
+        The run has no samples, does not know its scene, or makes too many frames.
+    """
+    if run.scene is None or not len(run.t):
+        what = "scene = None: the picture needs it for" if len(run.t) else "samples = 0: there is nothing to draw of"
+        raise ArgumentError(f"{what} {run.chain.name!r}; expected a run of `simulate`")
+    scene: Scene = run.scene
+    rows = _rows(run, fps, speed)
+    shown = _picked(run, rows)
+    bent = _magnified(run, magnify)
+    along = np.unique(np.linspace(0, len(run.t) - 1, min(len(run.t), TRACE_POINTS)).round().astype(int))
+    R, p = _placed(run, bent[rows])
+    outline = outline_of(scene, run.chain)
+    true = (R, p) if magnify == 1 else _placed(run, run.q[rows])
+    trace = frames(run.chain, bent[along]).points[:, -1]
+    found = colouring(colour, scene.arm, outline, true, shown.loads)
+    return Film(
+        run.chain.name, magnify, speed, fps, outline, view_of(run.chain), found, shown.t, R, p, trace, run.t[along]
+    )
+
+
+def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
+    """Numbers of the samples that are shown."""
+    lasts = float(run.t[-1] - run.t[0])
+    count = 1 + int(lasts * fps / speed + 1e-6)
+    if count > MOST_FRAMES:
+        raise ArgumentError(
+            f"fps = {fps:g}, speed = {speed:g}: {count} frames of {lasts:g} s; at most {MOST_FRAMES}, so a speed of at "
+            f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second"
+        )
+    wanted = run.t[0] + np.arange(count) * speed / fps
+    after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
+
+
+def _picked(run: Trajectory, rows: NDArray[np.intp]) -> Trajectory:
+    """The run at these samples only."""
+    parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
+    energy = Energy(*(np.asarray(part)[rows] for part in run.energy))
+    return dataclasses.replace(run, **parts, energy=energy, work=None)
+
+
+def _magnified(run: Trajectory, magnify: float) -> Array:
+    """Angles whose passive joints are bent so many times as far, shape (samples, n)."""
+    q, passive = run.q.copy(), np.ones(run.chain.n, dtype=bool)
+    passive[run.chain.active] = False
+    q[:, passive] = run.chain.rest[passive] + magnify * (run.q[:, passive] - run.chain.rest[passive])
+    return q
+
+
+def _placed(run: Trajectory, q: Array) -> tuple[Array, Array]:
+    """Rotations and origins of the bodies, the base before them."""
+    R, p = frames(run.chain, q)
+    count = len(q)
+    base = np.broadcast_to(np.eye(3), (count, 1, 3, 3)), np.zeros((count, 1, 3))
+    return np.concatenate([base[0], R], axis=1), np.concatenate([base[1], p], axis=1)

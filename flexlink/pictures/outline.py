@@ -1,0 +1,106 @@
+"""What of an arm is drawn: its links as wide as their sections, in the frames of its bodies."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.builder import Piece
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import pieces
+from flexlink.describe.arm import Arm, Link, Section
+from flexlink.describe.scene import Scene
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+STATIONS = 24  # along a link at least, for its colour
+STEEL = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
+
+
+class Outline(NamedTuple):
+    """Stations along the arm's links, from the base outward; bodies are counted from 1, 0 is the base.
+
+    `across` are half the height and half the width of the section [m]; both, of a round one, its radius.
+    """
+
+    link: Whole  # (s,), from 1
+    body: Whole  # (s,)
+    place: Array  # (s, 3), in the body's frame [m]
+    axes: Array  # (s, 2, 3), the section's y and z in the body's frame
+    across: Array  # (s, 2) [m]; 0 of links without a section
+    round: NDArray[np.bool_]  # (s,)
+    piece: Whole  # (s,), of `pieces`
+    part: Array  # (s,), of the piece's length
+    bodies: int  # how many, the base and the tip frame counted
+    joints: Whole  # those that hang on driven joints
+    ball: float  # radius of the payload [m], or 0
+    center: Array  # (3,), its centre in the tip frame [m]
+    pieces: list[Piece]
+
+    @property
+    def order(self) -> Whole:
+        """Along the arm: origins of the bodies, 0 the base, and, after these, stations, which count on from there."""
+        bodies = np.arange(self.bodies)
+        return np.argsort(np.concatenate([bodies, self.body]), kind="stable")
+
+
+def outline_of(scene: Scene, chain: Chain) -> Outline:
+    """Stations of every piece of every link; where two pieces meet in a hinge, one, of the outer piece."""
+    arm, found = scene.arm, [piece for piece in pieces(scene) if piece.length > 0]
+    rows = [row for k, piece in enumerate(found) for row in _stations(arm, found, k, piece)]
+    link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
+    ball = (3 * arm.tip.mass / (4 * math.pi * STEEL)) ** (1 / 3)
+    joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
+    return Outline(
+        np.array(link, dtype=np.int64), np.array(body, dtype=np.int64), np.reshape(place, (-1, 3)),
+        np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
+        np.array(number, dtype=np.int64), np.array(part, dtype=float),
+        len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
+    )  # fmt: skip
+
+
+def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:
+    link = arm.links[piece.link - 1]
+    steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * STATIONS))
+    ends_here = k + 1 == len(found) or found[k + 1].link != piece.link
+    rows: list[tuple[object, ...]] = []
+    for u in np.arange(steps + ends_here) / steps:
+        (R, p), x = piece.place, piece.part[0] + u * (piece.part[1] - piece.part[0])
+        across, is_round = half_dimensions(arm, link, x)
+        place = p + R @ np.array([u * piece.length, 0.0, 0.0])
+        rows.append((piece.link, piece.body, place, R.T[1:], across, is_round, k, u))
+    return rows
+
+
+def half_dimensions(arm: Arm, link: Link, x: float) -> tuple[tuple[float, float], bool]:
+    """Half the height and width of a link's section at the part `x` of its length [m], and whether it is round.
+
+    A general section is drawn as the rectangle of its radii of gyration, h² = 12 I_z/A, w² = 12 I_y/A.
+    """
+    if link.section is None:
+        return (0.0, 0.0), False
+    root, tip = arm.sections[link.section], arm.sections[link.section_tip or link.section]
+
+    def between(name: str) -> float:
+        return float((1 - x) * getattr(root, name) + x * getattr(tip, name)) / 2
+
+    if root.shape in ROUND:
+        radius = between(ROUND[root.shape])
+        return (radius, radius), True
+    if root.shape == "general":
+        area, i_y, i_z, _ = root.towards(tip, x)
+        return (math.sqrt(3 * i_z / area), math.sqrt(3 * i_y / area)), False
+    return (between("height"), between("width")), False
+
+
+ROUND = {"circle": "diameter", "tube": "outer"}
+"""Shapes with one width from all sides, and the dimension that is it."""
+
+
+def has_rectangle_instead(section: Section) -> bool:
+    """Whether a section is drawn as another one, since its shape is not known."""
+    return section.shape == "general"

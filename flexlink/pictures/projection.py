@@ -1,0 +1,193 @@
+"""The arm in the plane of the picture: outlines of its links, from far to near, and a window that holds them all."""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.pictures.film import Film
+from flexlink.pictures.view import View
+
+Array = NDArray[np.float64]
+
+THINNEST = 0.0022, 0.010  # half the width of a link, and radius of a joint or ball, at least, of the window's size
+AROUND = 0.06  # of the window's size that stays free around the arm
+JOINT, BASE = 1.15, 1.3  # radius of a joint, by half the width of its link; half the side of the base, by the joint's
+NICE = (1.0, 2.0, 5.0, 10.0)
+
+
+class Window(NamedTuple):
+    """What of the picture's plane is shown [m]."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @property
+    def size(self) -> float:
+        """The longer side [m]."""
+        return max(self.right - self.left, self.top - self.bottom)
+
+    def filled(self, aspect: float) -> Window:
+        """The smallest window around this one whose height is `aspect` times its width."""
+        width, height = self.right - self.left, self.top - self.bottom
+        wide, tall = max(width, height / aspect), max(height, width * aspect)
+        x, y = (self.left + self.right) / 2, (self.bottom + self.top) / 2
+        return Window(x - wide / 2, x + wide / 2, y - tall / 2, y + tall / 2)
+
+
+class Projected:
+    """A film in its view; all lengths in m of the picture's plane."""
+
+    def __init__(self, film: Film) -> None:
+        self.film, self.view = film, film.view
+        self.points = self.view(film.points)  # (f, s, 3): right, up, depth
+        self.joints = self.view(film.p[:, film.outline.joints])
+        self.ball, self.trace, self.origin = self.view(film.ball), self.view(film.trace), np.zeros(3)
+
+    @functools.cached_property
+    def window(self) -> Window:
+        """All of the arm at all times, its widths counted, with some space around it."""
+        parts = [self.points, self.joints, self.ball, self.trace, self.view(self.film.p), self.origin]
+        found = np.concatenate([part.reshape(-1, 3)[:, :2] for part in parts])
+        if self.view.spatial:
+            found = np.concatenate([found, self.floor.reshape(-1, 3)[:, :2]])
+        low, high = found.min(axis=0) - self.thickest, found.max(axis=0) + self.thickest
+        room = AROUND * max(float((high - low).max()), 1e-9)
+        return Window(low[0] - room, high[0] + room, low[1] - room, high[1] + room)
+
+    @functools.cached_property
+    def thickest(self) -> float:
+        """Farthest that a link or the payload reaches from its line [m]."""
+        return thickest(self.film)
+
+    @functools.cached_property
+    def floor(self) -> Array:
+        """Lines of a level grid below all that moves, shape (lines, 2, 3), in the view; none of a planar arm."""
+        return self.view(floor_of(self.film)) if self.view.spatial else np.zeros((0, 2, 3))
+
+    @functools.cached_property
+    def shadow(self) -> Array:
+        """The arm's line straight below it on the floor, shape (f, b + s, 3), in the view."""
+        return self.view(dropped(self.skeleton_points, self.view, floor_level(self.film)))
+
+    @property
+    def skeleton_points(self) -> Array:
+        """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3)."""
+        film = self.film
+        every = np.concatenate([film.p, film.points], axis=1)[:, film.outline.order]
+        return np.concatenate([every, film.ball[:, None]], axis=1) if film.outline.ball else every
+
+    @functools.cached_property
+    def skeleton(self) -> Array:
+        """The same in the view."""
+        return self.view(self.skeleton_points)
+
+    @functools.cached_property
+    def thinnest(self) -> tuple[float, float]:
+        """Half the width of a link, and radius of a ball, that are still seen [m]."""
+        return THINNEST[0] * self.window.size, THINNEST[1] * self.window.size
+
+    @functools.cached_property
+    def spans(self) -> NDArray[np.intp]:
+        """Stations that the next one of the same link follows."""
+        return np.flatnonzero(np.diff(self.film.outline.link) == 0)
+
+    def outlines(self, k: int) -> tuple[Array, NDArray[np.intp]]:
+        """Four corners of every span of the links in frame `k`, shape (spans, 4, 2), and their order from far to near.
+
+        Half the visible width of a section is |y·e| a + |z·e| b along the direction e across its line in the picture;
+        neighbours share a corner.
+        """
+        P, spans = self.points[k], self.spans
+        across = self._across(k)
+        left, right = P[:, :2] + across, P[:, :2] - across
+        quads = np.stack([left[spans], left[spans + 1], right[spans + 1], right[spans]], axis=1)
+        return quads, np.argsort(P[spans, 2] + P[spans + 1, 2], kind="stable")
+
+    def _across(self, k: int) -> Array:
+        """From the line of the arm to its edge at every station, shape (s, 2)."""
+        outline, P = self.film.outline, self.points[k, :, :2]
+        e = _normals(P, outline.link)
+        seen = np.abs(np.einsum("sai,si->sa", self.view(self.film.axes[k])[..., :2], e))
+        half = np.where(outline.round, outline.across[:, 0], (seen * outline.across).sum(axis=1))
+        return np.asarray(np.maximum(half, self.thinnest[0])[:, None] * e)
+
+    @functools.cached_property
+    def joint_radii(self) -> Array:
+        """Of every driven joint: as thick as the link that begins there, and seen."""
+        outline, found = self.film.outline, []
+        for body in outline.joints:
+            here = outline.across[outline.body == body]
+            found.append(JOINT * float(here[0].max()) if len(here) else 0.0)
+        return np.maximum(found, self.thinnest[1])
+
+    @property
+    def base_half(self) -> float:
+        """Half the side of the square that is the base: it looks out from under a joint."""
+        return BASE * max(self.thinnest[1], float(self.joint_radii[0]) if len(self.joint_radii) else 0.0)
+
+    @property
+    def ball_radius(self) -> float:
+        """Of the payload; 0 where there is none."""
+        return max(self.film.outline.ball, 1.3 * self.thinnest[1]) if self.film.outline.ball else 0.0
+
+
+def _normals(P: Array, link: NDArray[np.int64]) -> Array:
+    """Unit vectors across a line of points, at each that of the sum of its two neighbours' directions, (s, 2)."""
+    steps = np.diff(P, axis=0, append=P[-1:])
+    steps[:-1][np.diff(link) != 0] = 0.0
+    lengths = np.linalg.norm(steps, axis=1, keepdims=True)
+    unit = np.divide(steps, lengths, out=np.zeros_like(steps), where=lengths > 0)
+    unit[1:] += np.where((np.diff(link) == 0)[:, None], unit[:-1].copy(), 0.0)
+    turned = np.column_stack([-unit[:, 1], unit[:, 0]])
+    lengths = np.linalg.norm(turned, axis=1, keepdims=True)
+    return np.asarray(np.divide(turned, lengths, out=np.tile([0.0, 1.0], (len(P), 1)), where=lengths > 1e-9))
+
+
+def thickest(film: Film) -> float:
+    """Farthest that a link, a joint, the base or the payload reaches from its line or centre [m]; √2 for corners."""
+    return max(float(film.outline.across.max(initial=0.0)) * 2**0.5 * JOINT * BASE, film.outline.ball)
+
+
+def floor_level(film: Film) -> float:
+    """Height below which nothing of the arm comes, in direction of the vertical [m]."""
+    heights = np.concatenate([(part @ film.view.vertical).ravel() for part in (film.points, film.p, film.ball)])
+    return float(heights.min()) - thickest(film) - 0.02 * film.reach
+
+
+def dropped(points: Array, view: View, level: float) -> Array:
+    """Points straight above or below these, at a level."""
+    v = view.vertical
+    return np.asarray(points + (level - points @ v)[..., None] * v)
+
+
+def floor_of(film: Film) -> Array:
+    """Lines of the grid in frame 0, shape (lines, 2, 3), a nice step apart."""
+    a, v = _level(film.view), film.view.vertical
+    flat = np.concatenate([film.points.reshape(-1, 3), film.p.reshape(-1, 3)]) @ a.T
+    step = nice(float(np.ptp(flat, axis=0).max()) / 5)
+    low, high = np.floor(flat.min(axis=0) / step), np.ceil(flat.max(axis=0) / step)
+    corner = floor_level(film) * v
+    lines = []
+    for across, along in ((0, 1), (1, 0)):
+        for k in np.arange(low[across], high[across] + 1):
+            ends = [step * (k * a[across] + m * a[along]) + corner for m in (low[along], high[along])]
+            lines.append(ends)
+    return np.array(lines)
+
+
+def _level(view: View) -> Array:
+    """Two level directions, axes of frame 0 where gravity is along the third."""
+    level = [axis for axis in np.eye(3) if abs(axis @ view.vertical) < 1e-9]
+    return np.asarray(level if len(level) == 2 else [view.axes[0], np.cross(view.vertical, view.axes[0])])
+
+
+def nice(length: float) -> float:
+    """The next of 1, 2, 5 × 10ⁿ from `length` on."""
+    power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
+    return float(next(step * power for step in NICE if step * power >= length * (1 - 1e-9)))

@@ -1,0 +1,84 @@
+"""Frames as a GIF, by Pillow, which comes with matplotlib, or as a video, by ffmpeg."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import EngineError, MissingDependencyError
+
+Image = NDArray[np.uint8]
+
+
+def write_gif(place: Path, images: Iterable[Image], like: Iterable[Image], milliseconds: int) -> None:
+    """Frames of shape (height, width, 3) that are shown so long each, again and again.
+
+    All take the 256 colours that suit those in `like`: colours that change from frame to frame would flicker.
+    """
+    from PIL import Image as Pillow  # noqa: PLC0415  only those who draw need it
+
+    palette = Pillow.fromarray(np.concatenate(list(like))).quantize(256, dither=Pillow.Dither.NONE)
+
+    def few_coloured() -> Iterator[Pillow.Image]:
+        for image in images:
+            yield Pillow.fromarray(image).quantize(palette=palette, dither=Pillow.Dither.NONE)
+
+    frames = few_coloured()
+    first = next(frames)
+    first.save(place, format="GIF", save_all=True, append_images=frames, duration=milliseconds, loop=0, optimize=False)
+
+
+def require_ffmpeg() -> str:
+    """The program's path.
+
+    Raises
+    ------
+    MissingDependencyError
+        It is not installed.
+    """
+    found = shutil.which("ffmpeg")
+    if found is None:
+        raise MissingDependencyError(
+            "an .mp4 needs the program ffmpeg, which is not on the PATH; install it (ffmpeg.org, or your system's "
+            "package ffmpeg), or take .gif or .html"
+        )
+    return found
+
+
+def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: float) -> None:
+    """Frames of shape (height, width, 3), both even, as H.264, which every browser plays.
+
+    Raises
+    ------
+    MissingDependencyError
+        ffmpeg is not installed.
+    EngineError
+        It failed.
+    """
+    width, height = size
+    command = [
+        require_ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
+        "-r", f"{fps:.6f}", "-i", "-", "-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(place),
+    ]  # fmt: skip
+    with tempfile.TemporaryFile() as said:
+        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as process:
+            assert process.stdin is not None
+            try:
+                for image in images:
+                    process.stdin.write(image.tobytes())
+                process.stdin.close()
+            except BrokenPipeError:
+                pass  # it has ended, and says why
+            except BaseException:
+                process.kill()
+                raise
+        if process.returncode:
+            said.seek(0)
+            reason = " ".join(said.read().decode(errors="replace").split())
+            raise EngineError(f"ffmpeg failed with exit code {process.returncode}: {reason[-300:]}; take .gif or .html")

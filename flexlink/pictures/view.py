@@ -1,0 +1,68 @@
+"""From where an arm is looked at: a planar one across its plane, a spatial one from the side; gravity points down."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+
+Array = NDArray[np.float64]
+
+ELEVATION, AZIMUTH = math.radians(22.0), math.radians(-62.0)
+"""Of an axonometric view: how far above the horizon, and from where around the vertical, the eye is."""
+LYING = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
+
+
+class View(NamedTuple):
+    """Parallel projection: what of a vector points to the right, upwards and to the eye in the picture."""
+
+    axes: Array  # (3, 3), rows right, up, towards the eye; frame 0
+    spatial: bool  # whether it may be turned about `vertical`
+    vertical: Array  # (3,), against gravity; frame 0
+
+    def __call__(self, vectors: Array) -> Array:
+        """Right, up and depth of vectors of frame 0, shape (…, 3)."""
+        return np.asarray(vectors @ self.axes.T)
+
+
+def view_of(chain: Chain) -> View:
+    """Across the plane in which the arm moves, or, of one that moves in space, from the side and above."""
+    gravity = float(np.linalg.norm(chain.gravity))
+    vertical = -chain.gravity / gravity if gravity else np.array([0.0, 0.0, 1.0])
+    if chain.is_planar:
+        return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
+    first = _level(vertical)
+    second = np.cross(vertical, first)
+    sideways = math.cos(AZIMUTH) * first + math.sin(AZIMUTH) * second
+    towards = math.cos(ELEVATION) * sideways + math.sin(ELEVATION) * vertical
+    right = np.cross(vertical, sideways)
+    return View(np.array([right, np.cross(towards, right), towards]), True, vertical)
+
+
+def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
+    """Axes of a view along the normal of a plane: gravity down, else X right, or Y; a plane that lies, from above."""
+    rises, up = float(normal @ vertical), _part_across(vertical, normal)
+    if abs(rises) > LYING and rises < 0:
+        normal = -normal
+    if not weighs or np.linalg.norm(up) < 1e-3:
+        right = _level(normal)
+        return np.array([right, np.cross(normal, right), normal])
+    up = up / np.linalg.norm(up)
+    right = np.cross(up, normal)
+    if abs(rises) <= LYING and right[np.argmax(np.abs(right))] < 0:
+        normal, right = -normal, -right
+    return np.array([right, up, normal])
+
+
+def _level(vertical: Array) -> Array:
+    """The unit vector across the vertical that is nearest to X, or else to Y."""
+    first = max((_part_across(axis, vertical) for axis in np.eye(3)), key=lambda v: round(float(v @ v), 6))
+    return np.asarray(first / np.linalg.norm(first))
+
+
+def _part_across(vector: Array, direction: Array) -> Array:
+    return np.asarray(vector - (vector @ direction) * direction)

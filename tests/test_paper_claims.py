@@ -1,0 +1,131 @@
+"""The paper's claims: what is measured decides the verdict, and the page says it claim by claim."""
+
+import pytest
+from studies import row, stored, words_from
+
+from flexlink.describe.spec import decode
+from reports.findings import paper_claims
+from reports.results import Results
+from validation.case import load_cases
+from validation.kinds import KINDS, paper_mass, paper_methods, paper_rounding, paper_segments
+from validation.kinds.paper_equations import _of_springs
+from validation.kinds.paper_types import _verdict
+
+
+def measured(name, **changes):
+    """Quantity → rows of a case, with other settings."""
+    (case,) = load_cases(name)
+    kind = KINDS[case.kind]
+    found = {}
+    for each in kind.run(case, decode(case.settings | changes, kind.Settings)):
+        found.setdefault(getattr(each, "quantity", "series"), []).append(each)
+    return found
+
+
+def test_equation_1_counts_the_joints_of_every_arm():
+    (claim,) = measured("paper_freedoms", links=3, segments=[2, 4])["claim"]
+    assert (claim.value, claim.note, claim.varied["arms"]) == (0, "holds", 27)
+
+
+def test_nothing_is_left_of_newton_euler_without_gravity_and_motion():
+    assert measured("paper_springs", samples=2)["claim"][0].note.startswith("does not hold")
+    assert _of_springs(1.0) == "holds"
+
+
+def test_two_axes_of_a_group_that_coincide_make_the_mass_matrix_singular():
+    found = measured("paper_definite", samples=3)
+    assert found["claim"][0].note.startswith("holds for T1 and T2; not for T3")
+    assert 0.0 < found["claim"][0].value < 1e-15 < min(each.value for each in found["least eigenvalue"])
+
+
+def test_a_type_that_gains_nothing_somewhere_is_named():
+    assert _verdict({}) == "holds"
+    assert _verdict({"T1 on an arm": 1.25}) == "does not hold in general; gains below 2: T1 on an arm 1.25"
+
+
+def test_rounding_meets_the_error_of_the_step_where_both_lines_cross():
+    errors = [paper_rounding.Errors(h, h**4, 1e-16) for h in (1e-2, 1e-3)]
+    assert paper_rounding._meeting(errors, 4) == pytest.approx(1e-4)
+
+
+def times(**by_method):
+    names = dict(zip(("one", "two", "three", "later"), paper_mass.METHODS, strict=True))
+    return paper_mass.Time("T1", 40, {names[name]: value for name, value in by_method.items()})
+
+
+def test_a_method_for_the_mass_matrix_that_takes_longer_than_the_one_before_is_named():
+    good, slow = times(one=9.0, two=6.0, three=3.0, later=1.0), times(one=9.0, two=12.0, three=3.0, later=1.0)
+    assert (
+        paper_mass._verdict([good], good) == "holds; composite bodies in inertial axes take 3 times less than method 3"
+    )
+    assert paper_mass._verdict([slow], good).startswith("does not hold for method 2, lower triangle on T1 of n = 40;")
+
+
+def need(error, situation="bare", **evaluations):
+    return paper_methods.Need(situation, error, evaluations)
+
+
+def test_rk4_is_enough_down_to_the_first_error_at_which_rk10_is_cheaper_on_any_arm():
+    coarse, fine = need(1e-2, RK2=9.0, RK4=1.0, RK10=2.0), need(1e-3, RK2=99.0, RK4=6.0, RK10=2.0)
+    assert paper_methods._of_tenth([coarse], 1) == "holds"
+    found = paper_methods._of_tenth([coarse, need(1e-3, RK2=9.0, RK4=1.0, RK10=2.0), fine], 2)
+    assert (
+        found == "holds down to errors of 0.01 of the motion; at 0.001 RK10 is cheaper on 1 of 2 arms, by up to 3 times"
+    )
+    assert paper_methods._of_tenth([fine], 1).startswith("does not hold: ")
+
+
+def test_rk2_is_said_to_be_cheaper_only_where_it_beats_both_others():
+    bare, damped = need(1e-2, RK2=3.0, RK4=4.0, RK10=2.0), need(1e-2, "damped", RK2=2.0, RK4=4.0, RK10=3.0)
+    assert paper_methods._of_second([bare]) == "holds"
+    assert paper_methods._of_second([bare, damped]) == "holds for arms: bare; not for all: damped (up to 1.5 times)"
+    assert paper_methods._of_second([damped]).startswith("does not hold: ")
+
+
+def test_segments_that_make_the_error_larger_are_named():
+    prices = [paper_segments.Price("arm", *each) for each in ((2, 4.0, 1.0), (3, 5.0, 2.0), (4, 1.0, 8.0))]
+    said = paper_segments._verdict(prices, {"arm": paper_segments._gain(prices)})
+    assert said == "holds but for 3 on arm; arm, 2 to 4 segments: error ÷ 4, cost × 8"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper_mass", "paper_redundant"])
+def test_kernels_that_are_timed_against_each_other_give_the_same_numbers(name):
+    (case,) = load_cases(name)
+    kind = KINDS[case.kind]
+    rows = list(kind.run(case, kind.rehearsal(decode(case.settings, kind.Settings))))
+    apart = [each.value for each in rows if getattr(each, "quantity", "") == "apart"]
+    assert apart
+    assert max(apart) <= case.quantity["apart"].tolerance
+
+
+# the page
+
+
+@pytest.fixture
+def results(tmp_path):
+    claims = [
+        row(
+            f"paper_{k}",
+            kind="paper_types",
+            title=f"claim {k}",
+            quantity="claim",
+            note=note,
+            tolerance=None,
+            value=float(k),
+        )
+        for k, note in enumerate(("holds; more", "holds for T1", "does not hold"))
+    ]
+    return stored(tmp_path / "results", *claims)
+
+
+def test_every_claim_has_a_line_with_its_number_and_its_verdict(results):
+    (found,) = paper_claims.find(Results.read(results))
+    assert found.lines[1] == ("claim 1", "1: max |Δ|", "holds for T1")
+    assert found.sentences[0].endswith("as they stand: 1; within limits: 1; that do not hold: 1.")
+
+
+@pytest.mark.slow
+def test_a_table_that_is_the_answer_stands_unfolded(results, tmp_path):
+    page = words_from(results, tmp_path)
+    assert "<details open><summary>The table that this stands on (3 lines)" in page
