@@ -17,7 +17,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
@@ -70,7 +69,7 @@ class Study:
     @cached_property
     def reach(self) -> float:
         """How far the arm reaches [m]."""
-        return rounding.reach(self.chain)
+        return self.chain.reach
 
     @cached_property
     def bends(self) -> bool:
