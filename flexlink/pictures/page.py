@@ -47,6 +47,7 @@ def data_of(film: Film) -> dict[str, Any]:
         "axes": _floats(outline.axes),
         "across": _floats(outline.across),
         "round": outline.round.astype(int).tolist(),
+        "order": outline.order.tolist(),
         "joints": outline.joints.tolist(),
         "radii": projected.joint_radii.tolist(),
         "ball": projected.ball_radius,
