@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -273,6 +274,23 @@ def test_nothing_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Pa
             pixels = np.asarray(frame.convert("L"))
             assert pixels[:, :8].min() > 240
             assert pixels[:, -8:].min() > 240
+
+
+@pytest.mark.parametrize(
+    "kind", ["gif", pytest.param("mp4", marks=pytest.mark.skipif(not FFMPEG, reason="needs ffmpeg"))]
+)
+def test_a_signal_ends_the_drawing_and_leaves_what_was_there(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"arm.{kind}"
+    path.write_text("before")
+
+    def send(part: float) -> None:
+        if part > 0:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt, match="interrupted, not written"):
+        run_of("paper_fig5", 0.3).animate(path, width=320, progress=send)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "before"
 
 
 @pytest.mark.slow
