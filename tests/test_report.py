@@ -161,3 +161,17 @@ def test_a_column_is_of_numbers_where_nothing_else_stands() -> None:
     table = Sheet("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))
     assert table.numeric == {"number"}
     assert table.csv == "text,number,mixed\na,1.0,\nb,,none\n"
+
+
+def test_a_mistake_in_another_file_stands_on_the_first_screen(
+    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("mujoco")
+    monkeypatch.setattr(building, "PARTS", ("theirs", "measurements"))
+    for name, gravity, state in (("right.xml", -9.81, "pass"), ("wrong.xml", 9.81, "fail")):
+        theirs = tmp_path / name
+        theirs.write_text(fl.to_mjcf(fl.lump(scene.varied({"gravity": (0.0, 0.0, gravity)}))), encoding="utf-8")
+        found = report(scene, tmp_path / "out", against=theirs)
+        assert [verdict.state for verdict in found.verdicts] == [state]
+        assert found.passed is (state == "pass")
+    assert "gravity has the wrong sign" in found.verdicts[0].text

@@ -7,7 +7,6 @@ import pytest
 from conftest import compiled, flexible, make_scene
 
 import flexlink as fl
-from flexlink.dynamics import rounding
 from flexlink.motion import single
 
 pytestmark = compiled
@@ -86,7 +85,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
     errors, warned = [], []
     for tolerance in (1e-3, 1e-4, 1e-5):
         run = fl.simulate(scene, relative_tolerance=tolerance)
-        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * rounding.reach(run.chain)))
+        errors.append(np.abs(run.tip - exact.tip).max() / (tolerance * run.chain.reach))
         warned.append(any("this motion multiplies errors" in told for told in run.warnings))
     assert max(errors) > 10  # there is something to warn of
     assert all(said or error <= 10 for error, said in zip(errors, warned, strict=True))

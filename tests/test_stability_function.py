@@ -13,6 +13,7 @@ from flexlink.analysis.stability_function import (
     is_stable_everywhere,
     stability_function,
     stability_polynomials,
+    stable_half_disc,
     stable_reach,
 )
 from flexlink.describe.methods import Method, method
@@ -92,6 +93,22 @@ def test_explicit_methods_end_on_the_real_axis_where_r_leaves_one(name: str, lim
     assert reach == pytest.approx(limit, rel=1e-5)
     inside = stability_function(method(name), np.linspace(0, reach, 1001) * (-1.0 + 0j))
     assert np.abs(inside).max() <= 1 + 1.01 * g
+
+
+@pytest.mark.parametrize("name", ["RK2", "RK3", "RK4", "RK10", "DOPRI5", "DOP853"])
+def test_a_half_disc_is_stable_and_the_largest_one(name: str) -> None:
+    r = stable_half_disc(method(name))
+    directions = np.exp(1j * np.linspace(np.pi / 2, np.pi, 2001))
+    inside = np.outer(np.linspace(0, r, 101), directions)
+    assert np.abs(stability_function(method(name), inside)).max() <= 1 + 1.01 * g
+    beyond = np.abs(stability_function(method(name), 1.001 * r * directions)).max()
+    assert beyond > 1 + g
+    assert r <= stable_reach(method(name), np.array([1j, -1.0])).min() * (1 + 1e-9), "to the digits of a zero"
+
+
+def test_radau_is_stable_on_every_half_disc_and_of_an_implicit_method_with_a_limit_nothing_is_said() -> None:
+    assert stable_half_disc(method("Radau5")) == np.inf
+    assert stable_half_disc(THETA) == 0.0
 
 
 def chebyshev(stages: int) -> Method:

@@ -134,7 +134,7 @@ class Study:
         return self._done(rigid.rigid_model(self.bench), outcome, total(outcome.tip), tolerance, motion, None)
 
     def _reach(self) -> float:
-        return rounding.reach(self.bench.chain(uniform(self.axes, rigid.COARSE)))
+        return self.bench.chain(uniform(self.axes, rigid.COARSE)).reach
 
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, whose errors on the coarsest chain are small beside the tolerance; and this [m]."""

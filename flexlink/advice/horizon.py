@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from flexlink.advice.bench import Bench
 from flexlink.advice.goal import Ruler
 from flexlink.advice.ladder import Ladder
-from flexlink.dynamics import rounding
 
 Array = NDArray[np.float64]
 
@@ -51,7 +50,7 @@ def horizon(ladder: Ladder, ruler: Ruler, error: float, tolerance: float) -> flo
 
 def growth(bench: Bench, ladder: Ladder, tolerance: float) -> Growth:
     """Of the finest level, by a twin that starts a little apart."""
-    outcome, reach = ladder.finest.outcome, rounding.reach(bench.chain(ladder.model))
+    outcome, reach = ladder.finest.outcome, bench.chain(ladder.model).reach
     angle = min(NUDGE * (outcome.stepping.tolerance or 0.0), tolerance) / reach
     twin = bench.twin(ladder.model, outcome.stepping, angle)
     if twin is None or outcome.run is None:

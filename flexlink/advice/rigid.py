@@ -154,7 +154,7 @@ def growth(bench: Bench, outcome: Outcome, error: float) -> float:
     Told by a twin that starts so far off; inf where they part by too much for any proportion.
     """
     assert outcome.stepping.tolerance is not None
-    reach = rounding.reach(bench.chain(rigid_model(bench)))
+    reach = bench.chain(rigid_model(bench)).reach
     start = max(error, NUDGE * outcome.stepping.tolerance)
     twin = bench.twin(rigid_model(bench), outcome.stepping, start / reach)
     if twin is None:

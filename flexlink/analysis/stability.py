@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from flexlink.analysis.extremes import inertia_alone
-from flexlink.analysis.modal import damping_slope, first_order_matrix, regular_mass
+from flexlink.analysis.modal import damping_slope, factored_mass, first_order_matrix, regular_mass
 from flexlink.analysis.stability_function import stable_reach
 from flexlink.analysis.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
 from flexlink.chain.arguments import flag, given, vector, wrench_vector
@@ -129,6 +129,35 @@ def fastest_eigenvalues(
     return np.concatenate([pair, [1j * np.sqrt(square), -1j * np.sqrt(square), -δ]])
 
 
+def eigenvalue_bound(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    gains: Gains | None = None,
+) -> float:
+    """Which none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost; inf of more than 100 joints.
+
+    A mode φ has φ*M φ λ² + φ*C φ λ + φ*K φ = 0, so that with M = L Lᵀ
+
+        |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
+
+    in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. Arguments and errors as
+    in `eigenvalues`.
+    """
+    state = _state(chain, q, qd, tip_wrench, follower, gains)
+    if chain.n > DENSE:
+        return np.inf
+    C, K = _damping_and_stiffness(chain, state)
+    _, L = factored_mass(chain, state.q, state.free)
+    with np.errstate(all="ignore"):  # what is beyond float64 is no bound
+        W = np.linalg.inv(L)
+        c, k = (float(np.linalg.norm(W @ A @ W.T)) for A in (C, K))
+        return float(c + np.sqrt(c**2 + 4 * k)) / 2
+
+
 def _state(
     chain: Chain,
     q: ArrayLike,
@@ -146,16 +175,22 @@ def _state(
 
 
 def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
-    block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
     M = regular_mass(chain, state.q, state.free)
-    kp, kd = state.gains.matrices()
-    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block] + kp[block]
-    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)) + kd)[block]
+    C, K = _damping_and_stiffness(chain, state)
     if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
         values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
         return values
     ω = np.sqrt(linalg.eigh((K + K.T) / 2, M, eigvals_only=True).astype(complex))
     return np.concatenate([1j * ω, -1j * ω])
+
+
+def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
+    """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
+    block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
+    kp, kd = state.gains.matrices()
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block] + kp[block]
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)) + kd)[block]
+    return C, K
 
 
 def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:

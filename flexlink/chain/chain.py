@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Iterable
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -150,12 +151,10 @@ class Chain:
     @functools.cached_property
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
-        rotation, axis = np.eye(3), self.hinges["axis"]
-        axes = np.empty((self.n, 3))
-        fields = (self.bodies[name] for name in ("first", "stop", "turned", "rotation"))
-        for first, stop, turned, R in zip(*fields, strict=True):
-            rotation = rotation @ R if turned else rotation
-            axes[first:stop] = rotation.T[axis[first:stop]]
+        turned = self.bodies["turned"] != 0
+        rotations = np.array([*accumulate(self.bodies["rotation"][turned], np.matmul, initial=np.eye(3))])
+        before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
+        axes: Array = rotations[before, :, self.hinges["axis"]]
         axes.flags.writeable = False
         return axes
 
@@ -178,26 +177,29 @@ class Chain:
         return self.all_axes_parallel_to(self.axes[0])
 
     @functools.cached_property
+    def reach(self) -> float:
+        """How far from the origin of frame 0 any of the masses can get [m], at most."""
+        offsets, centers = (np.linalg.norm(self.bodies[name], axis=1) for name in ("translation", "center"))
+        return float(offsets.sum() + centers.max())
+
+    @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:
         return {c: k for k, c in enumerate(self.coordinates)}
 
     @functools.cached_property
-    def _grouped_rotors(self) -> NDArray[np.bool_]:
-        """Which hinges share their point with others and have a rotor: groups without one are taken out whole."""
+    def _layout(self) -> tuple[object, ...]:
+        """What chains side by side have in common: bodies and hinges but for their numbers, and which code they take.
+
+        Hinges that share their point with others and have a rotor count, too: groups without one are taken out whole.
+        """
         sizes = self.bodies["stop"] - self.bodies["first"]
-        grouped: NDArray[np.bool_] = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
-        return grouped
+        rotors = np.repeat(sizes > 1, sizes) & (self.hinges["armature"] != 0)
+        whole = (self.bodies["first"], self.bodies["stop"], self.hinges["axis"], self.hinges["prescribed"], rotors)
+        return self.is_planar, *(part.tobytes() for part in whole)
 
     def same_layout(self, other: Chain) -> bool:
         """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
-        given("other", other, Chain)
-        return (
-            len(self.bodies) == len(other.bodies)
-            and all(np.array_equal(self.bodies[name], other.bodies[name]) for name in ("first", "stop"))
-            and all(np.array_equal(self.hinges[name], other.hinges[name]) for name in ("axis", "prescribed"))
-            and np.array_equal(self._grouped_rotors, other._grouped_rotors)
-            and self.is_planar == other.is_planar
-        )
+        return self._layout == given("other", other, Chain)._layout
 
     def index(self, link: int | str, segment: int, axis: int) -> int:
         """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.

@@ -202,23 +202,16 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
     A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
     gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
     """
-    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * reach(chain)
+    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * chain.reach
     size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
     return np.asarray(4 * EPS * size)
 
 
 def of_position(chain: Chain) -> float:
     """Of where a step puts the tip [m], 10 eps of the arm's reach."""
-    return of_reach(reach(chain))
+    return of_reach(chain.reach)
 
 
 def of_reach(reach: float) -> float:
     """Of a place at this distance from the origin [m]."""
     return ROUNDINGS * EPS * reach
-
-
-def reach(chain: Chain) -> float:
-    """How far from the origin of frame 0 any of the arm's masses can get [m], at most."""
-    bodies = chain.bodies
-    offsets, centers = (np.linalg.norm(bodies[name], axis=1) for name in ("translation", "center"))
-    return float(offsets.sum() + centers.max())

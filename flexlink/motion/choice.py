@@ -7,7 +7,6 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.analysis.extremes import fastest_decay, fastest_frequency
-from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 
 STIFF = 2e3
@@ -42,7 +41,7 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
     """
     chain, q = record.chain, record.q[0]
-    duration, part = record.run.duration, tolerance / rounding.reach(chain)
+    duration, part = record.run.duration, tolerance / chain.reach
     fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
@@ -58,4 +57,4 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
 def softened(record: Record, slowest: float) -> float:
     """What gravity and turning add to the square of the lowest frequency, or take from it: (g/L + q̇²)/ω₁²."""
     gravity, fastest_turn = float(np.linalg.norm(record.chain.gravity)), float(np.abs(record.qd[0]).max(initial=0.0))
-    return (gravity / rounding.reach(record.chain) + fastest_turn**2) / slowest**2
+    return (gravity / record.chain.reach + fastest_turn**2) / slowest**2

@@ -173,7 +173,7 @@ class ControlledSteps:
         self.work = workspace(self.method, record, self.slowest)
         self.marks = Marks(self.method, record, self.control is None)
         longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
-        self.settings = settings(run, self.method, rounding.reach(record.chain), longest)
+        self.settings = settings(run, self.method, record.chain.reach, longest)
         self.end, self.knots = now, np.array([now])
         self._compile()
 
@@ -246,7 +246,7 @@ def choose(run: Run, record: Record, slowest: float) -> Choice:
     """The method of a run, and, if it is not named, why."""
     if run.method != AUTO:
         return Choice(run.method, "")
-    return cheapest(record, run.tolerance_within(rounding.reach(record.chain)), slowest)
+    return cheapest(record, run.tolerance_within(record.chain.reach), slowest)
 
 
 def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:

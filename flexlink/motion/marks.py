@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import Method
 from flexlink.describe.situation import parts
-from flexlink.dynamics import rounding
 from flexlink.motion.landings import corners, ends_of_steps, instants
 from flexlink.motion.result import Record
 
@@ -42,7 +41,7 @@ class Marks:
         self.run, self.start, self.origin = run, float(record.t[0]), record.origin
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
-            reach = rounding.reach(record.chain)
+            reach = record.chain.reach
             lands = [ends_of_steps(table, OF_A_TABLE * run.tolerance_within(reach) / reach) for table in tables]
             given = np.concatenate([*lands, motion.knots])
         else:

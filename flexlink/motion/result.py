@@ -312,6 +312,8 @@ class Trajectory:
             matplotlib is not installed, or ffmpeg for .mp4.
         EngineError
             ffmpeg failed.
+        KeyboardInterrupt
+            Ctrl-C or SIGTERM while it was drawn; nothing is written.
         OutputError
             The file cannot be written.
         SingularMassError

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import method
 from flexlink.describe.situation import AUTO, Run
-from flexlink.dynamics import rounding
 from flexlink.motion.result import Record
 from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch, least_tolerance
 
@@ -114,12 +113,12 @@ def _within(run: Run, name: str, tolerance: float) -> Run:
 def _tolerance(watch: Watch) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
-        return watch.run.tolerance_within(rounding.reach(watch.record.chain))
+        return watch.run.tolerance_within(watch.record.chain.reach)
     return max(DOUBT * TIP_SHARE * _moved(watch), _least(watch) / STRICTER)
 
 
 def _least(watch: Watch) -> float:
-    return least_tolerance(rounding.reach(watch.record.chain))
+    return least_tolerance(watch.record.chain.reach)
 
 
 def _moved(watch: Watch) -> float:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
+from flexlink.analysis.stability import eigenvalue_bound, fastest_eigenvalues, stable_step_of
+from flexlink.analysis.stability_function import stable_half_disc
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.methods import method, steps_explicitly
@@ -63,7 +65,10 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
         return ()
     wrench, follower = inputs.given_wrench(scene.initial.time)
     gains = gains_of(chain, inputs.drive, scene.initial.time, q, qd)
-    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=wrench, follower=follower, gains=gains)
+    acting: Any = {"tip_wrench": wrench, "follower": follower, "gains": gains}
+    if run.step * eigenvalue_bound(chain, q, qd, **acting) <= stable_half_disc(method(run.method)):
+        return ()
+    λ = fastest_eigenvalues(chain, q, qd, **acting)
     largest = stable_step_of(λ, run.method)
     if run.step <= largest:
         return ()
@@ -88,7 +93,7 @@ def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
     """
     if not run.controlled:
         return 0.0
-    δ, mass = run.tolerance_within(rounding.reach(chain)), float(chain.bodies["mass"].sum())
+    δ, mass = run.tolerance_within(chain.reach), float(chain.bodies["mass"].sum())
     weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
     return np.asarray(δ * (weight + momentum * LONG / run.duration))
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import callable_or_none, choice, integer, positive
 from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.common.interruption import deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.describe.catalogue import given_path
 from flexlink.pictures.colouring import Colour
@@ -28,6 +29,14 @@ Progress = Callable[[float], None]
 FORMATS = (".gif", ".mp4", ".html")
 COLOURS: dict[str, Colour] = {"moment": "moment", "strain": "strain"}
 GIF_CLOCK = 100  # ticks a second, in whole numbers of which a GIF's frames last
+
+
+class InterruptedFilmError(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM while a film was drawn; no part of it is left, and a file that was there is as it was."""
+
+    def __init__(self, path: Path, signal: int) -> None:
+        super().__init__(f"{path}: {word(signal)}, not written")
+        self.signal = signal
 
 
 def animate(
@@ -47,7 +56,14 @@ def animate(
     )  # fmt: skip
     width = integer("width", width, 320, 3840)
     told(0.0)
-    write_or_keep(path, lambda place: WRITERS[kind](film, place, width + width % 2, told))
+
+    def pulse(part: float) -> None:
+        told(part)
+        if stop.signal is not None:
+            raise InterruptedFilmError(path, stop.signal)
+
+    with deferred() as stop:
+        write_or_keep(path, lambda place: WRITERS[kind](film, place, width + width % 2, pulse))
     return path
 
 

@@ -31,8 +31,10 @@ class Film:
 
     Attributes
     ----------
-    name, magnify, speed, fps
-        Of the arm; of its deflections; seconds of the run, and frames, in a second of the film.
+    name, about
+        What the scene says of itself.
+    magnify, speed, fps
+        Of the deflections; seconds of the run, and frames, in a second of the film.
     t
         Time of each frame in the run [s], shape (f,).
     R, p
@@ -42,6 +44,7 @@ class Film:
     """
 
     name: str
+    about: str
     magnify: float
     speed: float
     fps: float
@@ -98,7 +101,19 @@ def film_of(run: Trajectory, *, magnify: float, colour: Colour, fps: float, spee
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown.loads)
     return Film(
-        run.chain.name, magnify, speed, fps, outline, view_of(run.chain), found, shown.t, R, p, trace, run.t[along]
+        run.chain.name,
+        scene.about,
+        magnify,
+        speed,
+        fps,
+        outline,
+        view_of(run.chain),
+        found,
+        shown.t,
+        R,
+        p,
+        trace,
+        run.t[along],
     )
 
 

@@ -22,7 +22,8 @@ from flexlink.reporting.style import RC
 from flexlink.reporting.verdict import Report
 
 PARTS = (
-    "model", "motion", "agreement", "energy", "accuracy", "statics", "vibration", "settling", "loads", "reproduce",
+    "model", "motion", "theirs", "measurements", "agreement", "energy", "accuracy", "statics", "vibration", "settling",
+    "loads", "reproduce",
 )  # fmt: skip
 """Modules of `flexlink.reporting.parts`, in the order of the page."""
 

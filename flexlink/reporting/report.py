@@ -11,11 +11,8 @@ from flexlink.chain.arguments import callable_or_none, given
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.scene import Scene
-from flexlink.reporting.study import Study
+from flexlink.reporting.study import FILES, MEASURED, Study
 from flexlink.reporting.verdict import Report
-
-FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
-"""Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
 
 
 def report(

@@ -17,7 +17,6 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
@@ -26,6 +25,9 @@ from flexlink.motion.tip_wrench import initial_wrench
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
+
+FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
+"""Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
 
 BUDGET = 3.0
 """CPU time that one run beside the scene's own may take [s]."""
@@ -49,6 +51,11 @@ class Study:
     against: Path | None = None
     command: str = ""
 
+    @property
+    def measurements(self) -> bool:
+        """Whether `against` is what was measured, and not an arm."""
+        return self.against is not None and self.against.suffix.lower() == MEASURED
+
     @cached_property
     def chain(self) -> Chain:
         """The scene's chain."""
@@ -62,7 +69,7 @@ class Study:
     @cached_property
     def reach(self) -> float:
         """How far the arm reaches [m]."""
-        return rounding.reach(self.chain)
+        return self.chain.reach
 
     @cached_property
     def bends(self) -> bool:

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.dynamics import rounding
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
@@ -84,7 +83,7 @@ class Found(NamedTuple):
 def truth_of(scene: Scene, budget: float) -> Truth:
     """The two references of different methods that agree best, of those that take no longer than `budget` [s] each."""
     best, found = Truth(np.empty((0, 3)), np.inf, ""), list[tuple[str, Array]]()
-    good = AGREE * rounding.reach(lump(scene))
+    good = AGREE * lump(scene).reach
     for method, tip in _references(scene, budget):
         for other, before in found:
             apart = float(np.linalg.norm(tip - before, axis=1).max())
@@ -156,7 +155,7 @@ def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -
 def allowed(scene: Scene, truth: Truth) -> float:
     """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if scene.run.controlled:
-        return scene.run.tolerance_within(rounding.reach(lump(scene)))
+        return scene.run.tolerance_within(lump(scene).reach)
     return max(DOUBT * TIP_SHARE * truth.motion, 1e-12)
 
 

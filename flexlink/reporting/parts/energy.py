@@ -8,7 +8,7 @@ from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
-from flexlink.reporting.style import BLUE, CYCLE, INK, stacked_axes
+from flexlink.reporting.style import BLUE, CYCLE, INK, legend_over, stacked_axes
 from flexlink.reporting.tables import table_csv
 from flexlink.reporting.verdict import State, Verdict
 
@@ -48,7 +48,7 @@ def _picture(study: Study) -> Picture:
         axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
     axes[0].plot(run.t, run.work, color=INK, linestyle="--", label="work W")
     axes[0].set_ylabel("since the start [J]")
-    axes[0].legend(loc="best", fontsize=9, ncols=2)
+    legend_over(axes[0])
     axes[1].plot(run.t, run.imbalance, color=BLUE)
     axes[1].set_ylabel("E − E(0) − W [J]")
     axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))

@@ -12,6 +12,7 @@ from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Array, Study
+from flexlink.reporting.style import legend_over
 from flexlink.reporting.tables import Sheet, table_csv
 from flexlink.reporting.views import draw_arm, draw_shadow, panels, views_of
 
@@ -72,7 +73,7 @@ def _picture(study: Study, size: float) -> Picture:
     for panel, view in zip(axes, views, strict=True):
         draw_shadow(panel, view, straight, "straight")
         draw_arm(panel, view, shown, chain)
-    axes[0].legend(loc="best", fontsize=9)
+    legend_over(axes[0], figure=figure)
     csv = table_csv(
         ("body", "x straight [m]", "y straight [m]", "z straight [m]", "x bent [m]", "y bent [m]", "z bent [m]"),
         [(k, *a, *b) for k, (a, b) in enumerate(zip(straight.tolist(), bent.tolist(), strict=True))],

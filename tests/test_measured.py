@@ -1,0 +1,115 @@
+"""Measurements beside a run: read in the units of instruments, and a number that is wrong in the scene is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink.reporting import building
+from flexlink.reporting.fitting import Comparison, numbers_of
+from flexlink.reporting.measured import Measured, read_measured
+from flexlink.reporting.report import report
+
+KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")
+NOISE = 1e-4  # m
+
+
+@pytest.fixture(scope="module")
+def scene() -> fl.Scene:
+    changes = {"run.duration": 0.6, "link.*.flex": "z", "drive.gravity": "none", "drive.reference.shaper": None}
+    return fl.load_scene(ROOT / "models" / "ptp_move.toml").varied(changes)
+
+
+def measured_of(scene: fl.Scene, noise: float = NOISE) -> Measured:
+    """The tip of a run, as an instrument with noise sees it."""
+    run, rng = fl.simulate(scene), np.random.default_rng(1)
+    names = [f"tip {axis} [m]" for axis in "xyz"]
+    return Measured(run.t, {name: run.columns[name] + noise * rng.standard_normal(len(run.t)) for name in names})
+
+
+class TestReading:
+    def read(self, folder: Path, text: str) -> Measured:
+        path = folder / "measured.csv"
+        path.write_text(text, encoding="utf-8")
+        return read_measured(path, dict.fromkeys(KNOWN))
+
+    def test_units_of_instruments_become_those_of_the_run(self, tmp_path: Path) -> None:
+        found = self.read(tmp_path, "t [ms],tip x [mm],q upper [deg]\n0,1500,180\n10,,90\n")
+        assert found.t.tolist() == [0.0, 0.01]
+        np.testing.assert_array_equal(found.columns["tip x [m]"], [1.5, np.nan])
+        np.testing.assert_allclose(found.columns["q upper [rad]"], [np.pi, np.pi / 2], rtol=1e-15)
+
+    @pytest.mark.parametrize(
+        ("text", "reason"),
+        [
+            ("", "is empty"),
+            ("t [s],tip x [km]\n0,1\n1,1\n", r"column 'tip x \[km\]': not known; expected t \[s\], tip x \[m\]"),
+            ("tip x [m]\n1\n2\n", r"no column 't \[s\]'"),
+            ("t [s],tip x [m],tip x [mm]\n0,1,1\n1,1,1\n", r"'tip x \[m\]' stands there twice"),
+            ("t [s],tip x [m]\n0,1\n1,one\n", r"line 3, tip x \[m\]: 'one' is not a number"),
+            ("t [s],tip x [m]\n0,1\n1,inf\n", r"line 3, tip x \[m\]: 'inf' is not finite"),
+            ("t [s],tip x [m]\n0,1\n1\n", "line 3: 1 cells; the head has 2"),
+            ("t [s],tip x [m]\n1,1\n0,1\n", "each later than the one before"),
+            ("t [s],tip x [m]\n0,1\n", "two or more times"),
+            ("t [s]\n0\n1\n", "nothing is measured"),
+        ],
+    )
+    def test_what_cannot_be_read_is_refused_with_its_place(self, tmp_path: Path, text: str, reason: str) -> None:
+        with pytest.raises(fl.DataFileError, match=reason):
+            self.read(tmp_path, text)
+
+
+@pytest.mark.slow
+class TestFitting:
+    def test_a_stiffness_that_is_five_percent_wrong_is_found_with_its_size(self, scene: fl.Scene) -> None:
+        true = scene.varied({"material.aluminium.young": 0.95 * 70e9})
+        best, *others = Comparison(scene, fl.simulate(scene), measured_of(true)).fits
+        assert best.number.path == "material.aluminium.young"
+        assert abs(best.value - 0.95 * 70e9) < 4 * best.spread
+        assert best.spread < 0.01 * 70e9
+        assert all(other.explained < best.explained for other in others)
+
+    def test_an_angle_at_the_start_is_told_in_degrees(self, scene: fl.Scene) -> None:
+        free = scene.varied({"drive": fl.Drive(), "run.duration": 0.2})
+        true = free.varied({"initial.joint_deg.fore": -60.5})
+        best = Comparison(free, fl.simulate(free), measured_of(true)).fits[0]
+        assert best.number.what == "start of fore"
+        assert abs(best.value + 60.5) < 4 * best.spread < 0.1
+
+    def test_what_is_left_of_a_perfect_model_is_the_noise(self, scene: fl.Scene) -> None:
+        beside = Comparison(scene, run := fl.simulate(scene), measured_of(scene))
+        assert beside.off(run)["tip z [m]"] == pytest.approx(NOISE, rel=0.2)
+        assert all(fit.explained < 0.1 for fit in beside.fits)
+
+    def test_without_any_difference_nothing_is_fitted(self, scene: fl.Scene) -> None:
+        assert Comparison(scene, fl.simulate(scene), measured_of(scene, noise=0.0)).fits == ()
+
+
+def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
+    for number in numbers_of(scene):
+        assert scene.values_at(number.path) == [number.value]
+        assert scene.varied({number.path: 1.01 * number.value}) != scene or number.value == 0
+
+
+@pytest.mark.slow
+def test_the_page_says_which_number_and_by_how_much(
+    scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(building, "PARTS", ("measurements",))
+    measured = measured_of(scene.varied({"material.aluminium.young": 0.95 * 70e9}))
+    lines = [",".join(["t [s]", *measured.columns])]
+    lines += [
+        ",".join(map(repr, line))
+        for line in zip(measured.t.tolist(), *(c.tolist() for c in measured.columns.values()), strict=True)
+    ]
+    (tmp_path / "measured.csv").write_text("\n".join([*lines, "99.0,0,0,0"]), encoding="utf-8")
+    found = report(scene, tmp_path / "out", against=tmp_path / "measured.csv")
+    (verdict,) = found.verdicts
+    assert "Best explained by stiffness of aluminium: −" in verdict.text
+    page = found.page.read_text(encoding="utf-8")
+    assert "1 outside the run are left out" in page
+    assert (tmp_path / "out" / "difference.csv").is_file()
