@@ -62,6 +62,11 @@ def test_a_method_for_the_mass_matrix_that_takes_longer_than_the_one_before_is_n
     assert paper_mass._verdict([slow], good).startswith("does not hold for method 2, lower triangle on T1 of n = 40;")
 
 
+def test_the_exponent_is_that_of_a_power_law():
+    found = [paper_mass.Time("T1", n, dict.fromkeys(paper_mass.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
+    assert [row.value for row in paper_mass._exponents(found)] == [pytest.approx(2.0)] * len(paper_mass.METHODS)
+
+
 def need(error, situation="bare", **evaluations):
     return paper_methods.Need(situation, error, evaluations)
 
