@@ -110,9 +110,8 @@ def _verdict(found: Sequence[Time], longest: Time) -> str:
     """Whether each method takes less than the one before, everywhere; and what came later."""
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < TIE]
-    later = (
-        f"composite bodies in inertial axes take {number(longest.times_less(LATER, THIRD), 2)} times less than method 3"
-    )
+    less = number(longest.times_less(LATER, THIRD), 2)
+    later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less than method 3"
     if dear:
         return f"does not hold for method {'; '.join(dear)}; {later}"
     return f"holds; {later}"
