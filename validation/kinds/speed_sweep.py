@@ -1,4 +1,4 @@
-"""Throughput of a sweep on some workers, into its database, beside one process that calls MuJoCo for the same members."""
+"""Throughput of a sweep on some workers, into its database, beside a process that calls MuJoCo for the same members."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sweeps that are killed, or lose a worker, beside the same sweep that nothing disturbs: each member once, same rows."""
+"""Sweeps that are killed, or lose a worker, beside one that nothing disturbs: each member once, and the same rows."""
 
 from __future__ import annotations
 
