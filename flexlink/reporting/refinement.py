@@ -115,6 +115,14 @@ class Refinement:
         change = last / (2.0**order - 1)
         return Limit(cuts[-1].tip + change, max(far(change), self.strict.tolerance or 0.0), order)
 
+    def known_until(self, part: float) -> float:
+        """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""
+        t, cuts = self.run.t, list(self.cuts.values())[-2:]
+        if len(cuts) < 2:
+            return float(t[0])
+        apart = np.linalg.norm(cuts[1].tip - cuts[0].tip, axis=1) > part * self.study.travel
+        return float(t[apart.argmax()] if apart.any() else t[-1])
+
     def error(self, tip: Array) -> float:
         """How far a tip's path is from the limit at most [m]; nan where that is not known."""
         return far(tip - self.limit.tip) if self.limit is not None else math.nan

@@ -27,7 +27,7 @@ ENOUGH = 0.01
 
 def made(study: Study) -> Part | None:
     """The chapter."""
-    if study.scene.run.duration == 0 or not study.travel > 0:
+    if study.scene.run.duration == 0 or not study.moves:
         return None
     about = Refinement(study)
     choices = about.choices()
@@ -49,11 +49,13 @@ def _of_the_cut(about: Refinement) -> list[str]:
     limit = about.limit
     if limit is None:
         early = [f"with {factor:g} times the hinges: {why}" for factor, why in _early(about)]
+        until = about.known_until(ENOUGH)
         fall = "the change from cut to cut does not fall" if len(about.cuts) > 2 else "too few cuts could be run"
         told = f" ({'; '.join(early)})" if early else ""
         return [
             f"The error of the hinges cannot be told over the whole run: {fall}{told}. Motion that multiplies errors "
-            "does so; compare a shorter run (run.duration)."
+            f"does so. Up to {number(until)} s the two finest cuts differ by less than {number(100 * ENOUGH)} % of the "
+            "tip's travel: a run up to there (run.duration) tells more."
         ]
     error = about.error(about.run.tip)
     order = f", whose order is {number(limit.order, 2)} here" if math.isfinite(limit.order) else ""
@@ -162,7 +164,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
     if len(known) < 2:
         return None
-    figure, (axes,) = stacked_axes(1, 3.4)
+    figure, (axes,) = stacked_axes(1, 3.8)
     for place, one in enumerate(known):
         colour, marker = LOOKS[place % len(LOOKS)]
         size = 7 if place else 11
