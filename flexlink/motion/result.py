@@ -319,10 +319,9 @@ class Trajectory:
         SingularMassError
             As in `qdd`.
         """
-        options = {"magnify": magnify, "colour": colour, "fps": fps, "speed": speed, "width": width}
-        drawn: Path = importlib.import_module("flexlink.pictures.animate").animate(
-            self, path, progress=progress, **options
-        )
+        room = importlib.import_module("flexlink.pictures.animate")
+        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
+        drawn: Path = room.animate(self, wanted, progress)
         return drawn
 
 
