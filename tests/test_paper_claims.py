@@ -56,10 +56,14 @@ def times(**by_method):
 
 def test_a_method_for_the_mass_matrix_that_takes_longer_than_the_one_before_is_named():
     good, slow = times(one=9.0, two=6.0, three=3.0, later=1.0), times(one=9.0, two=12.0, three=3.0, later=1.0)
-    assert (
-        paper_mass._verdict([good], good) == "holds; composite bodies in inertial axes take 3 times less than method 3"
-    )
+    later = "at n = 40 composite bodies in inertial axes take 3 times less than method 3"
+    assert paper_mass._verdict([good], good) == f"holds; {later}"
     assert paper_mass._verdict([slow], good).startswith("does not hold for method 2, lower triangle on T1 of n = 40;")
+
+
+def test_the_exponent_is_that_of_a_power_law():
+    found = [paper_mass.Time("T1", n, dict.fromkeys(paper_mass.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
+    assert [row.value for row in paper_mass._exponents(found)] == [pytest.approx(2.0)] * len(paper_mass.METHODS)
 
 
 def need(error, situation="bare", **evaluations):
