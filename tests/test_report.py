@@ -114,9 +114,9 @@ def test_what_cannot_be_computed_is_a_sentence_and_the_rest_is_there(
 
 
 def test_where_the_motion_multiplies_errors_the_error_is_not_told_but_how_long_it_could_be(models: Path) -> None:
-    part = accuracy.made(Study(fl.load_scene(models / "paper_fig5_raised.toml")))
+    part = accuracy.made(Study(fl.load_scene(models / "three_links.toml").varied({"link.*.segments": 3})))
     assert part is not None
-    assert [(verdict.about, verdict.state) for verdict in part.verdicts][0] == ("Error of the model", "doubt")
+    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Error of the model", "doubt")
     until = re.search(r"Up to (\S+) s the two finest cuts differ by less than 1 %", part.sentences[0])
     assert until is not None
     assert 0.5 < float(until[1]) < 5.0
