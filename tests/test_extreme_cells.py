@@ -6,14 +6,18 @@ import sys
 
 import numpy as np
 import pytest
+from studies import row, stored
 
 import flexlink as fl
 from flexlink.describe.spec import decode
+from reports.figures import extreme_runs
+from reports.results import Results
 from validation import cell
 from validation.benchmarks.cells import Map
 from validation.case import CASES, Measured, load_case
 from validation.kinds import digits, extremes, long_runs, stable_steps
 from validation.runner import kind_of
+from validation.store import Store
 
 MAP = {
     "scene": {"arm": {"about": "-", "base": "extreme_arm"}},
@@ -62,12 +66,13 @@ def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None
     assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
 
 
-def test_gimbal_lock_is_asked_for_by_how_far_it_is_away() -> None:
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_gimbal_lock_is_asked_for_by_how_far_it_is_away(sign: float) -> None:
     chain = fl.lump(fl.load_scene(CASES.parent / "scenes" / "extreme_arm.toml"))
-    (state,) = digits.States(gimbal=1e-3, samples=1).draw(chain)
+    (state,) = digits.States(gimbal=sign * 1e-3, samples=1).draw(chain)
     groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
     assert len(groups)
-    assert (state.q[groups["first"] + 1] == np.pi / 2 - 1e-3).all()
+    assert (state.q[groups["first"] + 1] == sign * (np.pi / 2 - 1e-3)).all()
 
 
 def test_of_a_cell_each_engine_tells_its_digits(monkeypatch, capsys) -> None:
@@ -84,6 +89,27 @@ def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
     monkeypatch.setattr(sys, "argv", ["cell", "pointwise", "3"])
     assert cell.main() == 2
     assert capsys.readouterr().err.startswith("validation: case = 'pointwise'")
+
+
+def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
+    step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
+    found = [
+        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.Found(outcome, 1.0, "", 0.0))
+        for values in ({"young": 1.0}, {"young": 3.0}, both)
+        for engine in ("native", "mujoco")
+        for outcome in ("error", "silent wrong" if engine == "mujoco" and values != {"young": 3.0} else "within")
+    ]
+    case = load_case(CASES / "extremes_beside.toml")
+    results = stored(tmp_path, row(case.name, kind="extremes"))
+    Store(results).add_series(case.name, extremes._series(case, found))
+    alone, pairs = extreme_runs.draw(Results.read(results))
+    told = [line.split(",") for line in alone.csv.splitlines()[1:]]
+    assert [line[:5] for line in told] == [
+        ["flexlink", "young", "young 1.0", "2", "0"], ["flexlink", "young", "young 3.0", "2", "0"],
+        ["MuJoCo", "young", "young 1.0", "2", "1"], ["MuJoCo", "young", "young 3.0", "2", "0"],
+    ]  # fmt: skip
+    assert told[2][5] == "python -m validation.cell extremes_beside 3"
+    assert [line.split(",")[4] for line in pairs.csv.splitlines()[1:]] == ["0", "1"]
 
 
 def test_every_way_to_run_a_cell_names_a_step_or_a_tolerance() -> None:

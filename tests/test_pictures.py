@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -42,6 +44,11 @@ def hanging(**fields: object) -> fl.Scene:
     beam = flexible("beam", "yz", 5, lumping="gauss", joint=fl.Joint(locked=True), **fields)
     initial = fl.Initial(joint_deg=(0.0,), passive="static")
     return make_scene(beam, tip=fl.Payload(mass=2.0), gravity=(0.0, -9.81, -3.0), initial=initial)
+
+
+def replace_chain(run: fl.Trajectory, hinges: np.ndarray) -> fl.Trajectory:
+    """The run, as if its chain had other hinges."""
+    return dataclasses.replace(run, chain=dataclasses.replace(run.chain, hinges=hinges))
 
 
 @pytest.mark.parametrize("magnify", [1.0, 30.0])
@@ -97,6 +104,56 @@ def test_an_arm_that_moves_in_a_plane_is_seen_across_it() -> None:
         assert not view_of(chain).spatial
 
 
+def test_without_gravity_a_plane_is_seen_with_x_to_the_right() -> None:
+    view = view_of(fl.lump(make_scene(flexible("a"), gravity=(0.0, 0.0, 0.0))))
+    assert view.axes == pytest.approx(np.eye(3))
+
+
+def test_a_round_link_is_as_wide_from_all_sides() -> None:
+    pipe = fl.Section(shape="circle", diameter=0.04)
+    links = flexible("a", "yz", 3, section="pipe", mount=fl.Mount(rpy_deg=(25.0, 40.0, 10.0)))
+    arm = fl.Arm(links=(links,), sections={"pipe": pipe}, materials={"aluminium": fl.Material(70e9, 2700.0)})
+    run = fl.simulate(fl.Scene("pipe", arm, fl.Initial(joint_deg=(0.0,))), duration=0.0)
+    quads, _ = Projected(filmed(run)).outlines(0)
+    assert np.linalg.norm(quads[:, 0] - quads[:, 3], axis=1) == pytest.approx(0.04)
+
+
+def test_what_is_near_hides_what_is_far() -> None:
+    projected = Projected(filmed(run_of("t3_spatial", 0.0)))
+    _, order = projected.outlines(0)
+    depth = projected.points[0, projected.spans, 2] + projected.points[0, projected.spans + 1, 2]
+    assert (np.diff(depth[order]) >= 0).all()
+    towards = projected.view.axes[2]
+    assert projected.view(towards)[2] == pytest.approx(1.0)  # larger is nearer
+
+
+def pendulum(center: tuple[float, float, float], mass: float = 3.0) -> fl.Trajectory:
+    rod = fl.Link(name="a", length=1.0)
+    tip, start = fl.Payload(mass=mass, center=center), fl.Initial(joint_deg=(30.0,))
+    return fl.simulate(make_scene(rod, tip=tip, initial=start, gravity=(0.0, -9.81, 0.0)), duration=0.2)
+
+
+def test_the_payload_turns_with_the_tip() -> None:
+    run = pendulum((0.0, 0.5, 0.0))
+    placed = fl.frames(run.chain, run.q[[0, 8]])
+    assert filmed(run).ball[[0, 1]] == pytest.approx(placed.points[:, -1] + 0.5 * placed.rotations[:, -1, :, 1])
+
+
+def test_a_payload_beside_the_tip_is_in_the_window() -> None:
+    projected = Projected(filmed(pendulum((0.0, 2.0, 0.0))))
+    left, right, bottom, top = projected.window
+    x, y, _ = projected.ball.T
+    assert left < x.min() - projected.ball_radius < x.max() + projected.ball_radius < right
+    assert bottom < y.min() - projected.ball_radius < y.max() + projected.ball_radius < top
+
+
+def test_a_payload_is_a_ball_of_steel_of_its_mass() -> None:
+    assert 7850.0 * 4 / 3 * np.pi * Projected(
+        filmed(pendulum((0.0, 0.0, 0.0), 50.0))
+    ).ball_radius ** 3 == pytest.approx(50.0)
+    assert Projected(filmed(run_of("paper_fig5", 0.0))).ball_radius == 0.0
+
+
 def test_bodies_are_where_they_are_and_links_as_wide_as_their_sections() -> None:
     wide = fl.Section(shape="rectangle", height=0.2, width=0.05)
     slim = fl.Section(shape="rectangle", height=0.1, width=0.05)
@@ -123,7 +180,7 @@ def test_deflections_are_magnified_about_the_straight_arm() -> None:
 
 
 def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
-    scene = hanging()
+    scene = hanging().varied({"section.square.width": 0.02})
     run = fl.simulate(scene, duration=0.0)
     moment, strain = (filmed(run, colour=colour).colouring for colour in ("moment", "strain"))
     outline = filmed(run).outline
@@ -132,7 +189,7 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
     bending = np.linalg.norm(run.loads.moment[0, :-1, 1:], axis=1)
     assert moment.values[0, at_hinge] == pytest.approx(bending)
     gauges = [
-        fl.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain for y in (-0.02, 0.02) for z in (-0.02, 0.02)
+        fl.beam_strain(scene, run.q[0], link="beam", fibre=(y, z)).strain for y in (-0.02, 0.02) for z in (-0.01, 0.01)
     ]
     assert strain.values[0, at_hinge] == pytest.approx(1e6 * np.max(gauges, axis=0), rel=1e-6)
     assert moment.values[0, -1] == pytest.approx(0.0, abs=1e-9)  # a load at the tip has no lever there
@@ -140,11 +197,50 @@ def test_colours_are_the_moments_and_strains_at_the_hinges() -> None:
     assert strain.label.endswith("[µm/m]")
 
 
+def test_moments_along_a_bent_spatial_arm_are_those_of_its_loads() -> None:
+    """In axes of the segment beyond each cut; where there is no own cut, at a hinge's other side, they agree, too."""
+    run = run_of("t3_spatial", 0.1)
+    film = filmed(run)
+    starts = np.flatnonzero((film.outline.part == 0) & (film.outline.link > 1))  # the waist is turned to its joint
+    bodies = film.outline.body[starts] - 1
+    cuts = run.loads.moment[np.searchsorted(run.t, film.t - 1e-9)]
+    assert film.colouring.values[:, starts] == pytest.approx(np.linalg.norm(cuts[:, bodies, 1:], axis=2), rel=1e-9)
+
+
+def test_magnifying_does_not_change_the_loads() -> None:
+    run = run_of("t3_spatial", 0.1)
+    true, large = (filmed(run, magnify=factor).colouring.values for factor in (1.0, 30.0))
+    assert large == pytest.approx(true)
+
+
+def test_driven_joints_are_not_magnified() -> None:
+    rigid = make_scene(
+        fl.Link(name="a", length=1.0, material="aluminium", section="square"), gravity=(0.0, 9.81, 0.0)
+    ).varied({"initial.joint_deg": (20.0,)})
+    run = fl.simulate(rigid, duration=0.05)
+    assert (filmed(run, magnify=30.0).p == filmed(run).p).all()
+
+
+def test_deflections_are_magnified_about_the_angles_at_rest() -> None:
+    run = fl.simulate(hanging(), duration=0.0)
+    hinges = run.chain.hinges.copy()
+    hinges["rest"] = run.q[0]
+    slack = replace_chain(run, hinges)
+    assert filmed(slack, magnify=5.0).p == pytest.approx(filmed(run).p, abs=1e-12)
+
+
 def test_the_clamped_end_has_the_moment_of_what_hangs_on_it() -> None:
     light = hanging(section="square").varied({"material.aluminium.density": 1e-6, "gravity": (0.0, -9.81, 0.0)})
     found = filmed(fl.simulate(light, duration=0.0)).colouring
     lever = fl.simulate(light, duration=0.0).tip[0, 0]
     assert found.values[0, 0] == pytest.approx(2.0 * 9.81 * lever, rel=1e-6)
+
+
+def test_rigid_links_have_no_strain() -> None:
+    found = filmed(run_of("t3_spatial", 0.0), colour="strain")
+    waist = found.outline.link == 1
+    assert np.isnan(found.colouring.values[:, waist]).all()
+    assert np.isfinite(found.colouring.values[:, ~waist]).all()
 
 
 def test_links_without_section_have_no_colour() -> None:
@@ -178,6 +274,23 @@ def test_nothing_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Pa
             pixels = np.asarray(frame.convert("L"))
             assert pixels[:, :8].min() > 240
             assert pixels[:, -8:].min() > 240
+
+
+@pytest.mark.parametrize(
+    "kind", ["gif", pytest.param("mp4", marks=pytest.mark.skipif(not FFMPEG, reason="needs ffmpeg"))]
+)
+def test_a_signal_ends_the_drawing_and_leaves_what_was_there(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"arm.{kind}"
+    path.write_text("before")
+
+    def send(part: float) -> None:
+        if part > 0:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt, match="interrupted, not written"):
+        run_of("paper_fig5", 0.3).animate(path, width=320, progress=send)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "before"
 
 
 @pytest.mark.slow
@@ -258,7 +371,14 @@ def test_the_command_writes_what_was_asked_for(tmp_path: Path, monkeypatch, caps
     assert main(["show", scene, "--duration", "0.05", "--magnify", "20", "--colour", "strain"]) == 0
     assert capsys.readouterr().out == "film: paper_fig5.html\n"
     assert "deflections × 20" in (tmp_path / "paper_fig5.html").read_text(encoding="utf-8")
-    for wrong in (["-o", "arm.avi"], ["-o", "nowhere/arm.gif"], ["--colour", "red"], ["--fps", "-1"]):
+    monkeypatch.setattr("flexlink.cli.show.simulate", None)  # nothing is run that cannot be drawn
+    for wrong in (
+        ["--speed", "1e-9"],
+        ["-o", "arm.avi"],
+        ["-o", "nowhere/arm.gif"],
+        ["--colour", "red"],
+        ["--fps", "-1"],
+    ):
         assert main(["show", scene, "--duration", "0.05", *wrong]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
 

@@ -13,6 +13,7 @@ WORDS: dict[str, tuple[str, str]] = {
     "chain": ("chain", "{}"),
     "job": ("job", "{}"),
     "run": ("run", "{}"),
+    "claim": ("claim", "“{}”"),
     "part": ("part", "{}"),
     "type": ("type", "{}"),
     "load": ("load", "{}"),

@@ -1,59 +1,40 @@
-"""Models and steps in the order of what they are expected to cost, each run, until none is cheaper and good enough."""
+"""Models and ways to step, run where that promises most, until it promises nothing any more."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
-from flexlink.advice.model import Bend, Model, is_scene, uniform
+from flexlink.advice.model import Model, uniform
 from flexlink.advice.parts import Parts
-from flexlink.advice.price import bodies_of, prices
-from flexlink.describe.methods import method
+from flexlink.advice.pool import Pool
+from flexlink.advice.ways import Probes
 
 Array = NDArray[np.float64]
 
-TRIES, AFTER = 12, 5
-"""Runs at most up to the first that is good enough, and of cheaper ones after it."""
+TRIES = 16
+"""Runs at most."""
 
-WORTH = 0.9
-"""Cost over that of the best, from which a candidate is not worth a run."""
+WORTH = 0.015
+"""Part of the best one's cost that a run must be expected to save."""
 
-HOPE, HOPE_AFTER = 1.1, 1.6
-"""Predicted errors, over what is allowed, of candidates that are run, before one is good enough and after."""
+SHARP = 6.0
+"""Of the chance 1/(1 + r^SHARP) that an error predicted to be r of what is allowed is: 0.98 at a half, a half at 1."""
 
-MOST = 4000
-"""Combinations of choices that are thought of."""
+LOOSER = 0.2
+"""Least chance that the best model with the next looser steps has."""
 
-TOLERANCES = (3.0, 1.0, 0.3, 0.1)
-"""Of the steps, over what is allowed: what becomes of the tip is usually a seventh."""
+LEARN = 0.5
+"""Power of what an error or a cost was, over what was predicted, by which others are expected to be larger, too."""
 
-STEPS_SHARE = 0.15
-"""Error at the tip over the tolerance of the steps, before any was measured."""
-
-FALL = 0.25
-"""Power of the tolerance by which an implicit method of order 5 with an estimate of order 4 takes fewer steps."""
+LEAST, MOST = 0.5, 3.0
+"""Of all that is learned."""
 
 HALF = 0.6
-"""Predicted part of the tolerance up to which an error that is too large is laid to the steps, and they are halved."""
-
-SCALED = 4
-"""Hinges up to which the stable step of a link is estimated; beyond, it falls with their square."""
-
-CONTROLLED = "Radau5"
-
-
-class Candidate(NamedTuple):
-    """A model with its steps, before it is run."""
-
-    cost: float  # expected [s of CPU]
-    model: Model
-    method: str
-    factor: float  # of the stable step, or tolerance of the steps over what is allowed
+"""Predicted part of what is allowed up to which an error that is too large is laid to fixed steps."""
 
 
 class Found(NamedTuple):
@@ -65,29 +46,34 @@ class Found(NamedTuple):
 
 
 class Search:
-    """Candidates, what was learned of their errors and costs, and the best one so far, `found`."""
+    """The best run so far, `found`, and what was learned.
+
+    Attributes
+    ----------
+    of_space, of_steps, of_cost
+        Errors of models, errors of steps by way, costs by model and way, over those that were predicted.
+    """
 
     def __init__(self, bench: Bench, parts: Parts, allowed: float, known_to: float) -> None:
         self.bench, self.parts, self.ruler = bench, parts, parts.ruler
         self.allowed = allowed - known_to  # of the difference to the limit [m]
         self.found: Found | None = None
-        self.tried: set[tuple[Model, str, float]] = set()
-        self.bias, self.share = 1.0, {CONTROLLED: STEPS_SHARE}
-        self.counts = self._counts()
-        self._norms: dict[Model, float] = {}
-        self._steps: dict[tuple[int, Bend], float] = {}
-        rigid = (None,) * len(bench.scene.arm.links)
-        self._joints = bodies_of(bench.chain(rigid)) if is_scene(bench.scene, rigid) else np.zeros(4, np.intp)
-        self._planar: dict[tuple[str, ...], bool] = {}
+        self.pool = Pool(bench, parts, self._probes(), self.allowed)
+        self.columns = self.pool.columns
+        models = range(len(self.pool.models))
+        self._known = np.array([self.pool.models[k] in parts.known for k in models], bool)
+        self._open = np.ones(self.pool.costs.shape, bool)
+        fixed = [k for k, column in enumerate(self.columns) if column.fixed]
+        self._open[:, fixed[1:]] = False  # until the larger ones turn out to be too large
+        self.of_space, self.of_steps, self.of_cost = 1.0, np.ones(len(self.columns)), np.ones(self.pool.costs.shape)
 
     def best(self) -> Found | None:
         """The cheapest that is good enough, as far as was looked."""
-        pool = sorted(set(self._pool()), key=lambda candidate: candidate.cost)
-        for hope, tries in ((HOPE, TRIES), (HOPE_AFTER, AFTER)):
-            last, good = len(self.tried) + tries, False
-            while not good and len(self.tried) < last and (candidate := self._next(pool, hope)):
-                good = self._try(candidate, pool) and hope == HOPE
-                pool.sort(key=lambda candidate: candidate.cost)
+        for _ in range(TRIES):
+            chosen = self._next()
+            if chosen is None:
+                break
+            self._try(*chosen)
         return self.found
 
     def accept(self, model: Model, outcome: Outcome) -> bool:
@@ -98,141 +84,85 @@ class Search:
             self.found = Found(model, outcome, error)
         return good
 
-    def _next(self, pool: list[Candidate], hope: float) -> Candidate | None:
-        """The cheapest that may be good enough, and is worth a run."""
-        for candidate in pool:
-            if self.found is not None and candidate.cost > WORTH * self.found.outcome.seconds:
-                return None
-            if candidate.cost > self.bench.budget:
-                return None
-            if candidate[1:] not in self.tried and self._predicted(candidate) <= hope * self.allowed:
-                return candidate
-        return None
+    def _next(self) -> tuple[int, int] | None:
+        """Model and way that are expected to save most of the best one's cost, or, before one is found, to cost least.
 
-    def _predicted(self, candidate: Candidate) -> float:
-        steps = self.share.get(candidate.method, 0.0) * candidate.factor * self.allowed
-        return self._space(candidate.model) + steps
-
-    def _space(self, model: Model) -> float:
-        """Predicted error of a model itself [m]."""
-        if model not in self._norms:
-            error = self.parts.error(model)
-            self._norms[model] = np.inf if error is None else self.ruler(error)
-        return self._norms[model] * (1.0 if model in self.parts.known else self.bias)
-
-    def _try(self, candidate: Candidate, pool: list[Candidate]) -> bool:
-        """Run a candidate and learn from it: whether it is good enough.
-
-        One whose steps are dearer than was thought goes back to its place.
+        Both by the chance that the error is allowed.
         """
-        model, name, factor = candidate[1:]
-        if name == "RK4":
-            stepping = self.bench.fixed(factor * OF_STABLE * self.bench.stable(model))
-            exact = np.inf if stepping is None else self.bench.fixed_cost(model, stepping)
-            if exact > 1.05 * candidate.cost:
-                pool[pool.index(candidate)] = candidate._replace(cost=exact)
-                return False
+        costs, chances = self.of_cost * self.pool.costs, 1 / (1 + (self._errors() / self.allowed) ** SHARP)
+        costs[~self._open | (costs > self.bench.budget)] = np.inf
+        if self.found is not None:
+            chances[self._looser()] = np.maximum(chances[self._looser()], LOOSER)
+            worth = chances * (1 - costs / self.found.outcome.seconds)
+            k = int(np.argmax(worth)) if worth.size else 0
+            promising = worth.size > 0 and worth.flat[k] > WORTH
         else:
-            stepping = Stepping(name, tolerance=factor * self.allowed)
+            worth = costs / chances
+            k = int(np.argmin(worth)) if worth.size else 0
+            promising = worth.size > 0 and np.isfinite(worth.flat[k]) and chances.flat[k] > WORTH
+        row, column = np.unravel_index(k, costs.shape) if promising else (0, 0)
+        return (int(row), int(column)) if promising else None
+
+    def _looser(self) -> NDArray[np.bool_]:
+        """The best model with the next looser steps: what steps do was measured on another one."""
+        found = self.found
+        here = np.zeros(self.pool.costs.shape, bool)
+        if found is not None and found.outcome.stepping.tolerance is not None:
+            factors = np.array([0.0 if c.fixed else c.factor for c in self.columns])
+            looser = np.flatnonzero(factors > 1.01 * found.outcome.stepping.tolerance / self.allowed)
+            if looser.size:
+                here[self.pool.models.index(found.model), looser[np.argmin(factors[looser])]] = True
+        return here
+
+    def _errors(self) -> Array:
+        """Predicted errors, shape (models, ways) [m]; what a model does and what its steps do are unrelated."""
+        space = self.pool.space * np.where(self._known, 1.0, self.of_space)
+        steps = self.of_steps * [column.error for column in self.columns]
+        return np.asarray(np.hypot(space[:, None], steps))
+
+    def _try(self, row: int, column: int) -> None:
+        """Run a model and learn from it; one whose fixed steps are dearer than was thought is put back."""
+        model, way = self.pool.models[row], self.columns[column]
+        if way.fixed:
+            stepping = self.bench.fixed(way.factor * OF_STABLE * self.bench.stable(model))
+            exact = np.inf if stepping is None else self.bench.fixed_cost(model, stepping)
+            if exact > 1.05 * self.pool.costs[row, column]:
+                self.pool.costs[row, column] = exact
+                return
+        else:
+            stepping = Stepping(way.method, tolerance=way.factor * self.allowed)
         assert stepping is not None
-        self.tried.add(candidate[1:])
+        self._open[row, column] = False
         outcome = self.bench.run(model, stepping)
-        error = self.ruler(outcome.tip - self.parts.limit)
-        self._learn(candidate, outcome, error, pool)
-        return self.accept(model, outcome)
+        self._learn(row, column, outcome)
+        self.accept(model, outcome)
 
-    def _learn(self, candidate: Candidate, outcome: Outcome, error: float, pool: list[Candidate]) -> None:
-        _, model, name, factor = candidate
-        space = self._space(model)
-        if not np.isfinite(error) and name != "RK4":
+    def _learn(self, row: int, column: int, outcome: Outcome) -> None:
+        way, error = self.columns[column], self.ruler(outcome.tip - self.parts.limit)
+        predicted = float(self._errors()[row, column])
+        if way.fixed and error > self.allowed and self.pool.space[row] <= HALF * self.allowed:
+            if column + 1 < len(self.columns) and self.columns[column + 1].fixed:
+                self._open[row, column + 1] = True
             return
-        if name != "RK4":
-            self.share[name] = max(self.share[name], min(1.0, (error - space) / (factor * self.allowed)))
-            ratio = outcome.seconds / candidate.cost
-            pool[:] = [c._replace(cost=c.cost * ratio) if c.method == name else c for c in pool]
-        elif error > self.allowed and space <= HALF * self.allowed:
-            if factor == 1.0:
-                pool.append(Candidate(2 * candidate.cost, model, name, 0.5))
-        elif model not in self.parts.known and space > 0:
-            self.bias = max(self.bias, min(3.0, 0.8 * error / (space / self.bias)))
+        if not np.isfinite(error):
+            return
+        off, of_steps = (error / predicted) ** LEARN, float(self.of_steps[column]) * way.error
+        if of_steps > predicted / np.sqrt(2):
+            self.of_steps[column] = np.clip(off * self.of_steps[column], LEAST, MOST)
+        elif not self._known[row]:
+            self.of_space = float(np.clip(off * self.of_space, LEAST, MOST))
+            self._known[row], self.pool.space[row] = True, np.sqrt(max(error**2 - of_steps**2, (error / 2) ** 2))
+        if not way.fixed:  # Newton's iteration is slow by these axes, or by this tolerance
+            dearer = (outcome.seconds / (self.of_cost * self.pool.costs)[row, column]) ** LEARN
+            self.of_cost[self.pool.alike(row)] *= dearer
+            self.of_cost[:, column] *= dearer
 
-    def _pool(self) -> Iterator[Candidate]:
-        """All that is thought of, at its expected cost."""
-        for model in self._models():
-            step = min((self._step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
-            bodies = self._bodies(model)
-            planar = self._is_planar(model)
-            fixed = self.bench.fixed(OF_STABLE * step if np.isfinite(step) else self.bench.scene.run.sample)
-            if fixed is not None and fixed.step is not None:
-                count = method("RK4").stages * round(self.bench.scene.run.duration / fixed.step)
-                yield Candidate(count * prices().evaluation(bodies, planar=planar, explicit=True), model, "RK4", 1.0)
-            evaluation = prices().evaluation(bodies, planar=planar, explicit=False)
-            for factor, expected in self.counts.items():
-                yield Candidate(expected * self.parts.effort(model) * evaluation, model, CONTROLLED, factor)
-
-    def _counts(self) -> dict[float, float]:
-        """Evaluations that are expected of implicit steps, by their tolerance over what is allowed.
-
-        Measured on the base: they depend on the motion, and on which vibrations the tolerance lets be damped away, but
-        hardly on how many hinges there are.
-        """
-        model = uniform(self.parts.ladder.axes, self.parts.base)
-        probe = self.bench.run(model, Stepping(CONTROLLED, tolerance=self.allowed))
-        self.accept(model, probe)
-        if probe.run is None or probe.run.steps is None or not probe.whole:
-            return {}
-        return {factor: probe.run.steps.evaluations * factor**-FALL for factor in TOLERANCES}
-
-    def _models(self) -> Iterator[Model]:
-        links = range(len(self.bench.scene.arm.links))
-        lists: list[list[Bend | None]] = [self._efficient(k) if k in self.parts.bending else [None] for k in links]
-        while np.prod([len(choices) for choices in lists], dtype=float) > MOST:
-            longest = max(lists, key=len)
-            longest[1:-1] = longest[1:-1:2] if len(longest) > 3 else []
-        for model in itertools.chain(itertools.product(*lists), self.parts.known):
-            if is_scene(self.bench.scene, model):
-                yield model
-
-    def _efficient(self, k: int) -> list[Bend | None]:
-        """Choices for a link that are not both dearer and worse than another one, by either kind of steps."""
-        choices = [(self.ruler(error), bend) for bend, error in self.parts.choices(k).items()]
-        choices = [(error, bend) for error, bend in choices if error <= HOPE_AFTER * self.allowed]
-        kept: dict[Bend | None, None] = {}
-        for explicit in (False, True):
-            least = np.inf
-            for error, bend in sorted(choices, key=lambda choice: (self._weight(k, choice[1], explicit), choice[0])):
-                if error < 0.98 * least:
-                    kept[bend] = None
-                    least = error
-                if least < 0.02 * self.allowed:
-                    break
-        return sorted(kept, key=lambda bend: self._weight(k, bend, True))
-
-    def _weight(self, k: int, bend: Bend | None, explicit: bool) -> float:
-        """What a choice costs, beside others for the same link."""
-        if bend is None:
-            return 0.0
-        return len(bend.flex) * bend.hinges / (self._step(k, bend) if explicit else 1.0)
-
-    def _step(self, k: int, bend: Bend) -> float:
-        """About the stable step with this choice for a link [s]."""
-        if (k, bend) not in self._steps:
-            if bend.hinges > SCALED:
-                step = self._step(k, bend._replace(hinges=SCALED)) * (SCALED / bend.hinges) ** 2
-            else:
-                step = self.bench.estimated_step(k, bend)
-            self._steps[k, bend] = step
-        return self._steps[k, bend]
-
-    def _bodies(self, model: Model) -> NDArray[np.intp]:
-        bodies = self._joints.copy()
-        for bend in filter(None, model):
-            bodies[len(bend.flex)] += bend.hinges
-        return bodies
-
-    def _is_planar(self, model: Model) -> bool:
-        flexes = tuple(bend.flex if bend else "rigid" for bend in model)
-        if flexes not in self._planar:
-            plane = all(flex in {"rigid", "z"} for flex in flexes)
-            self._planar[flexes] = plane and self.bench.chain(model).is_planar
-        return self._planar[flexes]
+    def _probes(self) -> Probes:
+        """Of the base, whose runs may be good enough."""
+        ladder = self.parts.ladder
+        model = uniform(ladder.axes, self.parts.base)
+        tip = self.bench.run(model, ladder.stepping).tip
+        probes = Probes(self.bench, self.ruler, model, tip, self.allowed, ladder.motion)
+        for outcome in probes.runs:
+            self.accept(model, outcome)
+        return probes

@@ -47,6 +47,11 @@ def uniform(axes: Axes, hinges: int, family: str = "gauss") -> Model:
     return tuple(by_rule(flex, hinges, family) for flex in axes)
 
 
+def flexes(model: Model) -> Axes:
+    """What bends of every link."""
+    return tuple(bend.flex if bend else "rigid" for bend in model)
+
+
 def most_axes(scene: Scene) -> Axes:
     """All that physics lets bend: every link with a section, about all three axes."""
     return tuple("xyz" if is_beam(link) else "rigid" for link in scene.arm.links)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from flexlink.advice.bench import Bench, Outcome, Stepping
 from flexlink.advice.goal import Ruler
 from flexlink.advice.ladder import Ladder
-from flexlink.advice.model import Bend, Model, by_rule, lesser, uniform
+from flexlink.advice.model import Bend, Model, by_rule, flexes, lesser, uniform
 from flexlink.describe.methods import method
 
 Array = NDArray[np.float64]
@@ -65,9 +65,8 @@ class Parts:
 
     def effort(self, model: Model) -> float:
         """Evaluations of an implicit method over those of the base, as far as axes tell."""
-        flexes = [bend.flex if bend else "rigid" for bend in model]
         return float(np.prod([
-            self.efforts.get((k, flex), 1.0) for k, flex in enumerate(flexes) if flex != self.ladder.axes[k]
+            self.efforts.get((k, flex), 1.0) for k, flex in enumerate(flexes(model)) if flex != self.ladder.axes[k]
         ]))  # fmt: skip
 
     def choices(self, k: int) -> dict[Bend | None, Array]:
@@ -89,6 +88,7 @@ class Parts:
         factors = self._rule_factors(tips[base])
         for k in self.bending:
             self.errors[k, by_rule(axes[k], half)] = changes[k] + own[k]
+            self.errors[k, by_rule(axes[k], base)] = own[k]
             self._coarse(k, own[k])
             self._fine(k, own[k], factors)
             self._fewer_axes(k)

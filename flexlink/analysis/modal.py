@@ -188,7 +188,8 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     SingularMassError
         It does not, or M is beyond float64.
     """
-    M = np.ascontiguousarray(mass_matrix(chain, q)[np.ix_(free, free)])
+    whole = mass_matrix(chain, q, method="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
+    M = np.ascontiguousarray(whole[np.ix_(free, free)])
     L, stopped = linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
         good = np.diag(L) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too

@@ -149,7 +149,7 @@ def compare_trajectories(
         scene = scene.varied({"run.duration": positive("duration", duration)})
     named = None if engines is None else all_given("engines", engines, str)
     chain, told = lump(scene), progress or (lambda _: None)
-    scene, steps = _in_fixed_steps(scene, chain)
+    scene, steps = in_fixed_steps(scene, chain)
     names = [name for name in ENGINES if name != "native"] if named is None else named
     ours = simulate(scene)
     allowed = max(AGREE, TWINS * _twin(scene, ours))
@@ -176,7 +176,7 @@ def compare_trajectories(
     return TrajectoryComparison(scene.name, steps, tuple(rows), tuple(refused))
 
 
-def _in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
+def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     """The scene in steps that other engines take, and words for them."""
     run = scene.run
     over = f"{run.duration:g} s in"

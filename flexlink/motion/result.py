@@ -302,15 +302,16 @@ class Trajectory:
             matplotlib is not installed, or ffmpeg for .mp4.
         EngineError
             ffmpeg failed.
+        KeyboardInterrupt
+            Ctrl-C or SIGTERM while it was drawn; nothing is written.
         OutputError
             The file cannot be written.
         SingularMassError
             As in `qdd`.
         """
-        options = {"magnify": magnify, "colour": colour, "fps": fps, "speed": speed, "width": width}
-        drawn: Path = importlib.import_module("flexlink.pictures.animate").animate(
-            self, path, progress=progress, **options
-        )
+        room = importlib.import_module("flexlink.pictures.animate")
+        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
+        drawn: Path = room.animate(self, wanted, progress)
         return drawn
 
 

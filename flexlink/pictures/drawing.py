@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from flexlink.pictures.captions import axes_of_frame, time_text
+from flexlink.pictures.captions import time_text
 from flexlink.pictures.film import Film
 from flexlink.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, INK, TRACE, Legend
 from flexlink.pictures.projection import Projected, Window
@@ -61,11 +61,6 @@ class Drawing:
         half = self.projected.base_half
         self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links
         self.axes.add_patch(self._base)
-        origin, length = axes_corner(self.window)
-        for name, tip in axes_of_frame(self.film.view):
-            end = origin + length * tip
-            self.axes.plot(*np.transpose([origin, end]), color="0.45", linewidth=1.0, zorder=1)
-            self.axes.text(*(origin + 1.35 * length * tip), name, fontsize=8, color="0.35", ha="center", va="center")
 
     def _moving(self) -> None:
         """What moves, from the back to the front."""
@@ -99,7 +94,7 @@ class Drawing:
         places = zip(projected.joints[k, :, :2], projected.joint_radii, strict=True)
         self._joints.set_paths([Circle(tuple(place), radius) for place, radius in places])
         self._ball.center = tuple(projected.ball[k, :2])
-        self._line.set_data(*projected.skeleton(k).T)
+        self._line.set_data(*projected.skeleton[k, :, :2].T)
         if film.view.spatial:
             self._shadow.set_data(*projected.shadow[k, :, :2].T)
         self._trace.set_data(*projected.trace[film.trace_t <= film.t[k] + 1e-12, :2].T)
@@ -110,9 +105,3 @@ class Drawing:
         found, spans = self.film.colouring, self.projected.spans
         values = (found.values[k, spans] + found.values[k, spans + 1]) / 2
         return np.asarray(COLOURS(values / found.largest if found.largest else np.full(len(spans), np.nan)))
-
-
-def axes_corner(window: Window) -> tuple[NDArray[np.float64], float]:
-    """Where the axes of frame 0 are shown, and how long [m]."""
-    length = 0.055 * window.size
-    return np.array([window.left + 1.7 * length, window.bottom + 1.6 * length]), length

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LinearSegmentedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from flexlink.pictures.captions import number, scale_bar, subtitle
+from flexlink.pictures.captions import axes_of_frame, number, scale_bar, subtitle
 from flexlink.pictures.colouring import STOPS, UNKNOWN
 from flexlink.pictures.film import Film
 from flexlink.pictures.projection import Window
+from flexlink.pictures.view import View
 
 INK, GREY, BASE, TRACE = "#1c2024", "#595d61", "#73777b", "#0072b2"
 HEAD, FOOT = 54, 80  # pixels for the words above the scene and the legend below it
@@ -43,6 +45,7 @@ class Legend:
         style = {"color": INK, "linewidth": 1.5, "solid_capstyle": "butt", "transform": self.figure.transFigure}
         self.figure.add_artist(Line2D(*ends, **style))
         self._text(right, 50, text, ha="right")
+        self._axes(film.view)
         self._key(bool(film.outline.ball))
 
     def _colours(self, largest: float, label: str) -> None:
@@ -54,6 +57,23 @@ class Legend:
             tick.set_ha(place)
         bar.tick_params(length=2, pad=1)
         self._text(SIDE, 29, label)
+
+    def _axes(self, view: View) -> None:
+        """Axes of frame 0 as they are seen, between colours and scale."""
+        side, x = 54, 0.42 * self.width + SIDE + 0.2 * (0.58 * self.width - 2 * SIDE)
+        place = self.figure.add_axes((x / self.width, 26 / self.height, side / self.width, side / self.height))
+        place.set(xlim=(-1.8, 1.8), ylim=(-1.8, 1.8))
+        place.set_axis_off()
+        for name, tip in axes_of_frame(view):
+            place.plot([0.0, tip[0]], [0.0, tip[1]], color=BASE, linewidth=1.0)
+            place.text(
+                *(1.45 * tip / max(float(np.linalg.norm(tip)), 0.6)),
+                name,
+                fontsize=8,
+                color=GREY,
+                ha="center",
+                va="center",
+            )
 
     def _key(self, payload: bool) -> None:
         words = [("■ base", BASE), ("○ joint", INK), ("● payload", GREY), ("— path of the tip", TRACE)]

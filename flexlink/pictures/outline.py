@@ -35,10 +35,17 @@ class Outline(NamedTuple):
     round: NDArray[np.bool_]  # (s,)
     piece: Whole  # (s,), of `pieces`
     part: Array  # (s,), of the piece's length
-    joints: Whole  # bodies that hang on driven joints
+    bodies: int  # how many, the base and the tip frame counted
+    joints: Whole  # those that hang on driven joints
     ball: float  # radius of the payload [m], or 0
     center: Array  # (3,), its centre in the tip frame [m]
     pieces: list[Piece]
+
+    @property
+    def order(self) -> Whole:
+        """Along the arm: origins of the bodies, 0 the base, and, after these, stations, which count on from there."""
+        bodies = np.arange(self.bodies)
+        return np.argsort(np.concatenate([bodies, self.body]), kind="stable")
 
 
 def outline_of(scene: Scene, chain: Chain) -> Outline:
@@ -51,7 +58,8 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     return Outline(
         np.array(link, dtype=np.int64), np.array(body, dtype=np.int64), np.reshape(place, (-1, 3)),
         np.reshape(axes, (-1, 2, 3)), np.reshape(across, (-1, 2)), np.array(is_round, dtype=bool),
-        np.array(number, dtype=np.int64), np.array(part, dtype=float), joints, ball, np.array(arm.tip.center), found,
+        np.array(number, dtype=np.int64), np.array(part, dtype=float),
+        len(chain.bodies) + 1, joints, ball, np.array(arm.tip.center), found,
     )  # fmt: skip
 
 

@@ -34,6 +34,7 @@ def data_of(film: Film) -> dict[str, Any]:
     level = np.nan_to_num(found.values / found.largest * 254, nan=255.0) if found.largest else found.values * 0 + 255
     return {
         "name": film.name,
+        "about": film.about,
         "subtitle": subtitle(film),
         "fps": film.fps,
         "digits": digits_of_time(film),
@@ -47,6 +48,7 @@ def data_of(film: Film) -> dict[str, Any]:
         "axes": _floats(outline.axes),
         "across": _floats(outline.across),
         "round": outline.round.astype(int).tolist(),
+        "order": outline.order.tolist(),
         "joints": outline.joints.tolist(),
         "radii": projected.joint_radii.tolist(),
         "ball": projected.ball_radius,

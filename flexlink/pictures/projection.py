@@ -77,13 +77,15 @@ class Projected:
 
     @property
     def skeleton_points(self) -> Array:
-        """What is drawn as a line where there is no section: base, stations link by link, tip; frame 0, (f, m, 3)."""
-        base, tip = self.film.p[:, :1], self.film.p[:, -1:]
-        return np.concatenate([base, self.film.points, tip], axis=1)
+        """What is drawn as a line where there is no section: bodies and stations, payload; frame 0, shape (f, m, 3)."""
+        film = self.film
+        every = np.concatenate([film.p, film.points], axis=1)[:, film.outline.order]
+        return np.concatenate([every, film.ball[:, None]], axis=1) if film.outline.ball else every
 
-    def skeleton(self, k: int) -> Array:
-        """The same of frame `k` in the view, shape (m, 2)."""
-        return np.vstack([self.origin[:2], self.points[k, :, :2], self.view(self.film.p[k, -1])[:2]])
+    @functools.cached_property
+    def skeleton(self) -> Array:
+        """The same in the view."""
+        return self.view(self.skeleton_points)
 
     @functools.cached_property
     def thinnest(self) -> tuple[float, float]:

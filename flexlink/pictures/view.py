@@ -44,14 +44,16 @@ def view_of(chain: Chain) -> View:
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:
-    """Axes of a view along the normal of a plane: gravity down, else Y up, or Z; X or Y right, or seen from above."""
-    up = _part_across(vertical, normal)
+    """Axes of a view along the normal of a plane: gravity down, else X right, or Y; a plane that lies, from above."""
+    rises, up = float(normal @ vertical), _part_across(vertical, normal)
+    if abs(rises) > LYING and rises < 0:
+        normal = -normal
     if not weighs or np.linalg.norm(up) < 1e-3:
-        up = max((_part_across(axis, normal) for axis in np.eye(3)[[1, 2, 0]]), key=lambda v: round(float(v @ v), 6))
+        right = _level(normal)
+        return np.array([right, np.cross(normal, right), normal])
     up = up / np.linalg.norm(up)
     right = np.cross(up, normal)
-    rises = float(normal @ vertical)
-    if rises < 0 if abs(rises) > LYING else right[np.argmax(np.abs(right))] < 0:
+    if abs(rises) <= LYING and right[np.argmax(np.abs(right))] < 0:
         normal, right = -normal, -right
     return np.array([right, up, normal])
 

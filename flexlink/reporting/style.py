@@ -12,6 +12,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from flexlink.reporting.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
+SMALL, LETTERS, HANDLE = 10.0, 56, 5  # pt; letters of that size that fit in the width, and what a line's sample takes
+BESIDE_AXIS = 0.8  # of the width, that a panel has beside the numbers on its axis
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
 
 # Okabe and Ito's palette (2008), which stays apart for the common kinds of colour blindness
@@ -77,6 +79,23 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
     figure.legend(
         handles, labels, loc="outside upper left", ncols=columns, frameon=False, columnspacing=1.0, handletextpad=0.5
     )
+
+
+def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
+    """A legend above a panel, or above the whole figure: in as many columns as its words fit in."""
+    handles, labels = axes.get_legend_handles_labels()
+    if not labels:
+        return
+    room = LETTERS if figure is not None else BESIDE_AXIS * LETTERS
+    columns = max(1, min(int(room / (max(map(len, labels)) + HANDLE)), len(labels)))
+    look: dict[str, Any] = {
+        "ncols": columns, "frameon": False, "columnspacing": 1.0, "handletextpad": 0.5, "fontsize": SMALL,
+        "borderaxespad": 0.2,
+    }  # fmt: skip
+    if figure is None:
+        axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), **look)
+    else:
+        figure.legend(handles, labels, loc="outside upper left", **look)
 
 
 def colour_along(part: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from flexlink.reporting.numbers import amount, plural
@@ -11,20 +12,25 @@ from validation.store import Row
 
 SECTION = "claims"
 CLAIM = "claim"
-HOLDS = "holds"  # what the note of a claim begins with if it does, with or without limits
+HOLDS, PLAINLY = "holds", r"holds($|[;:])"  # what the note of a claim begins with: at all, and without limits
 
 
 def find(results: Results) -> Iterator[Finding]:
     """One table over all cases that judge a claim."""
-    claims = [row for row in results.rows if row.quantity == CLAIM]
+    claims = [row for row in results.rows if row.quantity.startswith(CLAIM)]
     if claims:
         heads = (CLAIM, "measured", "verdict")
-        lines = tuple((row.title, f"{amount(row.value, row.unit)}: {row.metric}", row.note) for row in claims)
+        lines = tuple((_words(row), f"{amount(row.value, row.unit)}: {row.metric}", row.note) for row in claims)
         yield Finding("paper_claims", "Claim by claim", (_said(claims),), heads, lines, opened=True)
 
 
+def _words(row: Row) -> str:
+    """The claim: the title of its case, or, where one has several, what the row says."""
+    return str(row.varied.get(CLAIM, row.title))
+
+
 def _said(claims: list[Row]) -> str:
-    plain = sum(row.note == HOLDS for row in claims)
+    plain = sum(bool(re.match(PLAINLY, row.note)) for row in claims)
     limited = sum(row.note.startswith(HOLDS) for row in claims) - plain
     left = len(claims) - plain - limited
     return (

@@ -10,21 +10,24 @@ distance from what a coarser choice of the same kind gives.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Dynamics
 from flexlink.describe.spec import Positive, Spec
-from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion.single import simulate
+from flexlink.motion.start import initial_state
 
 Array = NDArray[np.float64]
 Type = Literal["rigid", "z", "yz", "xyz"]
+
+NUDGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
+DIRECTIONS = 3
 
 
 class Setup(Spec, frozen=True):
@@ -37,10 +40,10 @@ class Setup(Spec, frozen=True):
     step: Positive | None = None
     tolerance: Positive | None = None
 
-    def tip(self, scene: Scene, dynamics: Dynamics | None = None) -> Array:
-        """The tip's path by it, shape (samples, 3) [m]; q̈ by another solver than the scene's."""
+    def tip(self, scene: Scene, q0: Array | None = None, qd0: Array | None = None) -> Array:
+        """The tip's path by it, shape (samples, 3) [m], from the scene's start or this one, (n,) [rad, rad/s]."""
         cut = self.scene(scene)
-        return simulate(cut, method=self.method, step=self.step, tolerance=self.tolerance, dynamics=dynamics).tip
+        return simulate(cut, method=self.method, step=self.step, tolerance=self.tolerance, q0=q0, qd0=qd0).tip
 
     def scene(self, scene: Scene) -> Scene:
         """The scene with its flexible links of this type, cut so."""
@@ -61,18 +64,16 @@ class Fine(Spec, frozen=True):
     def limit(self, scene: Scene, flex: Type) -> Path:
         """Infinitely many hinges; of a rigid arm, which has none, exact in time."""
         counts = (0, 0) if flex == "rigid" else self.hinges
-        return self._of(scene, *(self._setup(Setup(flex=flex, method="", rule=self.rule, hinges=k)) for k in counts))
+        return self._of(scene, *(Setup(flex=flex, method=self.method, rule=self.rule, hinges=k) for k in counts))
 
     def in_time(self, scene: Scene, setup: Setup) -> Path:
         """The chain of a run, exact in time."""
-        return self._of(scene, self._setup(setup), self._setup(setup))
+        cut = replace(setup, method=self.method, step=None)
+        return self._of(scene, cut, cut)
 
-    def _setup(self, setup: Setup) -> dict[str, Any]:
-        return {"flex": setup.flex, "rule": setup.rule, "hinges": setup.hinges, "method": self.method}
-
-    def _of(self, scene: Scene, *cuts: dict[str, Any]) -> Path:
+    def _of(self, scene: Scene, *cuts: Setup) -> Path:
         fine, coarse = (
-            Setup(**cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
+            replace(cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
         )
         return Path(fine, apart(fine, coarse))
 
@@ -116,23 +117,29 @@ class Splitter:
             "space": _between(exact, limit),
             "time": _between(Path(tip, 0.0), exact),
         }
-        rounding = max(apart(other, tip) for other in _rounded_otherwise(self.scene, setup))
-        return Split(apart(tip, truth.tip), truth.own, parts, rounding)
+        return Split(apart(tip, truth.tip), truth.own, parts, rounding(self.scene, setup, tip))
 
 
 def _between(one: Path, other: Path) -> Part:
     return Part(0.0, 0.0) if one is other else Part(apart(one.tip, other.tip), one.own + other.own)
 
 
-def _rounded_otherwise(scene: Scene, setup: Setup) -> Iterator[Array]:
-    """The same run but for its roundings: by other solvers for q̈, and from angles moved by a unit in the last place."""
-    if setup.step is not None:
-        for solver in SOLVERS.keys() - {scene.run.dynamics}:
-            yield setup.tip(scene, dynamics=solver)
-    for k, angle in enumerate(scene.initial.joint_deg or ()):
-        for way in (-np.inf, np.inf):
-            if angle and not scene.arm.links[k].joint.locked:
-                yield setup.tip(scene.varied({f"initial.joint_deg.{k + 1}": np.nextafter(angle, way)}))
+def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
+    """What rounding does to the path of the tip by this run, shape (samples, 3) [m].
+
+    Moved a little one way and the other at the start, two runs have the path of the run between them as their mean, up
+    to a square, but every run has roundings of its own: what is left is theirs. (Another solver for q̈ would not tell
+    them: it rounds q + h q̇ alike.)
+    """
+    cut = setup.scene(scene)
+    chain = lump(cut)
+    q, qd = initial_state(cut, chain)
+    left = []
+    for direction in range(DIRECTIONS):
+        dq, dqd = NUDGE * np.random.default_rng(direction).uniform(-1.0, 1.0, (2, chain.n))
+        either = (setup.tip(scene, q + way * dq, qd + way * dqd) for way in (1.0, -1.0))
+        left.append(apart(np.mean(list(either), axis=0), tip))
+    return max(left)
 
 
 def apart(a: Array, b: Array) -> float:

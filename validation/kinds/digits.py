@@ -51,7 +51,8 @@ class States(Spec, frozen=True):
     angle, bend
         Largest angles of driven joints and of hinges [rad].
     gimbal
-        How far from 90° the middle one of three axes at one point stands [rad]; None: as it is drawn.
+        How far from 90°, or, negative, from −90°, the middle one of three axes at one point stands [rad]; None: as it
+        is drawn.
     """
 
     angle: float = np.pi
@@ -73,7 +74,7 @@ class States(Spec, frozen=True):
         tau[driven] = random.uniform(-self.torque, self.torque, len(driven))
         if self.gimbal is not None:
             groups = chain.bodies[chain.bodies["stop"] - chain.bodies["first"] == 3]
-            q[groups["first"] + 1] = np.pi / 2 - self.gimbal
+            q[groups["first"] + 1] = np.copysign(np.pi / 2 - abs(self.gimbal), self.gimbal)
         return State(q, random.uniform(-self.rate, self.rate, n), tau, np.zeros(6))
 
 

@@ -34,7 +34,8 @@ OF_A_TRUTH = 3.0
 """Budgets that a reference may take: it is found once for many runs."""
 
 LABELS = (
-    "cell", "recipe", "situation", "varied", "engine", "method", "steps", "outcome", "error / tolerance", "said"
+    "cell", "recipe", "situation", "varied", "axes",
+    "engine", "method", "steps", "outcome", "error / tolerance", "said",
 )  # fmt: skip
 LONGEST = 0.02
 """Step [s] of a scene in which every step is stable."""
@@ -219,8 +220,9 @@ def _worst(members: list[Cell]) -> str:
 
 def _series(case: Case, found: list[Cell]) -> Series:
     rows = [
-        (number, recipe(case, number), cell.scene, said(cell.axes), *cell.how[:2], cell.how.words, *cell.found[:3])
+        (number, recipe(case, number), cell.scene, said(cell.axes), " and ".join(cell.axes), *cell.how[:2],
+         cell.how.words, *cell.found[:3])
         for number, cell in enumerate(found)
-    ]
+    ]  # fmt: skip
     columns, (x, *_, y, _) = table(LABELS, rows), LABELS
     return Series("outcomes", "What became of every run", columns, x, x, y, "linear", "log", group="outcome")

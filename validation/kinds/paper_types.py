@@ -9,6 +9,7 @@ import msgspec
 
 from flexlink.chain.arguments import choice
 from flexlink.describe.spec import Spec
+from flexlink.reporting.numbers import number
 from validation.benchmarks.error_parts import Fine, Path, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -57,5 +58,5 @@ def _own(limits: Mapping[str, Path], name: str) -> float:
 def _verdict(idle: Mapping[str, float]) -> str:
     if not idle:
         return "holds"
-    gains = ", ".join(f"{name} {gain:.3g}" for name, gain in idle.items())
-    return f"does not hold in general; gains below {STEP:g}: {gains}"
+    gains = ", ".join(f"{name} {number(gain)}" for name, gain in idle.items())
+    return f"does not hold in general; gains below {number(STEP)}: {gains}"

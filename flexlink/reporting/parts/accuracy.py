@@ -10,21 +10,21 @@ import numpy as np
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
-from flexlink.reporting.refinement import Choice, Refinement
+from flexlink.reporting.refinement import ENOUGH, Choice, Refinement
 from flexlink.reporting.study import Study
-from flexlink.reporting.style import CYCLE, GREY, INK, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
 from flexlink.reporting.tables import Sheet, table_csv
 from flexlink.reporting.verdict import State, Verdict
 
 ID, TITLE, SHORT = "accuracy", "How good this model is, and what others cost", "Accuracy and cost"
 
-ENOUGH = 0.01
-"""Part of the tip's travel that a model may be off by without a doubt."""
+LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
+"""Colours and markers of choices, the scene's own first."""
 
 
 def made(study: Study) -> Part | None:
     """The chapter."""
-    if study.scene.run.duration == 0 or not study.travel > 0:
+    if study.scene.run.duration == 0 or not study.moves:
         return None
     about = Refinement(study)
     choices = about.choices()
@@ -45,12 +45,15 @@ def _of_the_cut(about: Refinement) -> list[str]:
         return ["The scene starts from the joints of this very cut (initial.q), so that no other cut can be run."]
     limit = about.limit
     if limit is None:
-        early = [f"with {factor:g} times the hinges: {why}" for factor, why in _early(about)]
-        fall = "the change from cut to cut does not fall" if len(about.cuts) > 2 else "too few cuts could be run"
-        told = f" ({'; '.join(early)})" if early else ""
+        early = "; ".join(f"with {factor:g} times the hinges: {why}" for factor, why in _early(about))
+        return [f"The error of the hinges is not known: too few other cuts can be run ({early})."]
+    if not about.is_known:
+        until = about.known_until(ENOUGH)
         return [
-            f"The error of the hinges cannot be told over the whole run: {fall}{told}. Motion that multiplies errors "
-            "does so; compare a shorter run (run.duration)."
+            "The error of the hinges cannot be told over the whole run: with more of them the tip still changes by "
+            f"{_length(limit.error)}. Motion that multiplies errors does so. Up to {number(until)} s "
+            f"the two finest cuts differ by less than {number(100 * ENOUGH)} % of the tip's travel: a run up to there "
+            "(run.duration) tells more."
         ]
     error = about.error(about.run.tip)
     order = f", whose order is {number(limit.order, 2)} here" if math.isfinite(limit.order) else ""
@@ -87,10 +90,14 @@ def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
         better = [one for one in known if one.error < own.error]
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
-            sentences.append(f"Cheaper and best: {best.label}, {_seconds(best.seconds)}, off by {_length(best.error)}.")
+            sentences.append(
+                f"Of what is cheaper, the best: {best.label}, {_seconds(best.seconds)}, off by {_length(best.error)}."
+            )
         if better:
             least = min(better, key=lambda one: one.seconds)
-            sentences.append(f"Better for least: {least.label}, {_seconds(least.seconds)}, {_length(least.error)}.")
+            sentences.append(
+                f"Of what is better, the cheapest: {least.label}, {_seconds(least.seconds)}, {_length(least.error)}."
+            )
         sentences.append("flexlink advise finds the cheapest model for a tolerance of yours.")
     return " ".join(sentences)
 
@@ -100,10 +107,12 @@ def _verdict(about: Refinement) -> Verdict:
     if math.isnan(error):
         return Verdict("Error of the model", "doubt", "not known", "The chapter says why.")
     share = error / about.study.travel
-    state: State = "pass" if share <= ENOUGH else "doubt"
+    doubts = about.run.warnings
+    state: State = "pass" if share <= ENOUGH and not doubts else "doubt"
     what = "hinges and steps" if any(about.model) else "steps"
+    warned = " The run itself warns, see its chapter." if doubts else ""
     return Verdict(
-        "Error of the model", state, _length(error), f"At the tip, by {what}: {number(share)} of the tip's travel."
+        "Error of the model", state, _length(error), f"At the tip, by {what}: {number(share)} of its travel.{warned}"
     )
 
 
@@ -126,7 +135,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
 
 def _in_time(about: Refinement) -> Picture | None:
     """Distance from the limit along the run, of every cut."""
-    if about.limit is None:
+    if about.limit is None or not about.is_known:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
@@ -142,7 +151,7 @@ def _in_time(about: Refinement) -> Picture | None:
     top = max(float(column.max()) for name, column in columns.items() if name != "t [s]")
     axes.set(yscale="log", ylim=(1e-6 * top, 2 * top), xlabel="time [s]", ylabel="tip off by [m]")
     tidy_logs(axes)
-    legend_above(figure, axes, 2)
+    legend_over(axes, figure=figure)
     csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
     told = "How far the tip is from the limit of more and more hinges, along the run."
     return Picture("convergence", "Convergence in hinges", figure, told, csv)
@@ -153,16 +162,14 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
     if len(known) < 2:
         return None
-    figure, (axes,) = stacked_axes(1, 3.4)
+    figure, (axes,) = stacked_axes(1, 3.8)
     for place, one in enumerate(known):
-        look = {"color": INK if place == 0 else CYCLE[(place - 1) % len(CYCLE)], "linestyle": ""}
-        marker = "*" if place == 0 else MARKERS[(place - 1) % len(MARKERS)]
-        axes.plot(
-            [one.seconds], [one.error], marker=marker, markersize=11 if place == 0 else 7, label=one.label, **look
-        )
+        colour, marker = LOOKS[place % len(LOOKS)]
+        size = 7 if place else 11
+        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
     axes.set(xscale="log", yscale="log", xlabel="CPU time of the run [s]", ylabel="tip off by [m]")
     tidy_logs(axes)
-    legend_above(figure, axes, 2)
+    legend_over(axes, figure=figure)
     csv = table_csv(("choice", "CPU [s]", "tip off by [m]"), [(one.label, one.seconds, one.error) for one in known])
     told = "Further down is better, further left cheaper. CPU time: evaluations times what one takes on this machine."
     return Picture("price_list", "What accuracy costs", figure, told, csv)

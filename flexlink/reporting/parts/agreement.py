@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
-from flexlink.describe.methods import method, steps_explicitly
+from flexlink.describe.methods import method
 from flexlink.engines import ENGINES
 from flexlink.engines.comparison import compare
 from flexlink.engines.diagnosis import Diagnosis
-from flexlink.engines.trajectories import LITTLE, RunDifference, compare_trajectories
+from flexlink.engines.trajectories import LITTLE, RunDifference, compare_trajectories, in_fixed_steps
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.study import Study
@@ -19,7 +19,7 @@ from flexlink.reporting.verdict import State, Verdict
 ID, TITLE, SHORT = "agreement", "Agreement with other engines", "Agreement"
 
 SAMPLES = 60  # states
-EVALUATIONS = 10_000
+EVALUATIONS = 8_000
 """Of the equation of motion in an engine's run, at most: in Python one takes a tenth of a millisecond."""
 
 OTHERS = tuple(name for name in ENGINES if name != "native")
@@ -62,12 +62,8 @@ def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
 def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     """What became of the runs, a sentence about them, and why some are not there."""
     scene = study.scene
-    duration = scene.run.duration
-    if steps_explicitly(scene.run):
-        steps = EVALUATIONS // method(scene.run.method).stages
-        samples = max(1, round(steps * scene.run.step / scene.run.sample))
-        duration = min(duration, samples * scene.run.sample)
     try:
+        duration = _affordable(study)
         found = compare_trajectories(scene, duration=duration)
     except MissingDependencyError:
         return [], "", []
@@ -80,6 +76,13 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     if any(row.explained > LITTLE for row in found.rows):
         why.append("This motion multiplies rounding so far that agreement of the runs says little.")
     return found.rows, said, why
+
+
+def _affordable(study: Study) -> float:
+    """As much of the run [s], in whole samples, as engines do in so many evaluations."""
+    run = in_fixed_steps(study.scene, study.chain)[0].run
+    samples = int(EVALUATIONS / method(run.method).stages * run.step / run.sample)
+    return min(run.duration, max(samples, 1) * run.sample)
 
 
 def _terms(diagnoses: Sequence[Diagnosis]) -> Sheet:

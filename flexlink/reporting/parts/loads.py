@@ -8,7 +8,7 @@ from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
-from flexlink.reporting.style import CYCLE, stacked_axes
+from flexlink.reporting.style import CYCLE, legend_over, stacked_axes
 from flexlink.reporting.tables import Cell, Sheet, table_csv
 
 ID, TITLE, SHORT = "loads", "Loads and drive torques", "Loads"
@@ -74,14 +74,14 @@ def _picture(study: Study, driven: list[int]) -> Picture:
         columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
         label = _place(study, body) if place < NAMED else None
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
-    axes[0].set_ylabel("bending moment [N m]")
+    axes[0].set_ylabel("bending [N m]")
     for place, k in enumerate(driven):
         columns[f"drive {chain.joint_name(k)} [N m]"] = run.tau[:, k]
         label = chain.joint_name(k) if place < NAMED else None
         axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
-        axes[1].set_ylabel("drive torque [N m]")
+        axes[1].set_ylabel("drive [N m]")
     for panel in axes:
-        panel.legend(loc="best", fontsize=9, ncols=3)
+        legend_over(panel)
     axes[-1].set_xlabel("time [s]")
     csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
     told = "Bending moment where links begin" + (", and the torque of the drives." if driven else ".")

@@ -12,7 +12,7 @@ from flexlink.reporting.numbers import number, plural
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
-from flexlink.reporting.style import BLUE, GREY, INK, VERMILION, legend_above, stacked_axes
+from flexlink.reporting.style import BLUE, GREY, INK, VERMILION, legend_over, stacked_axes
 from flexlink.reporting.tables import Cell, Sheet, table_csv
 from flexlink.reporting.verdict import Verdict
 
@@ -169,7 +169,7 @@ def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
         columns[f"measured {name}"] = column
         columns |= {f"{label} {name}": found[label][name] for label in runs}
     axes[-1].set_xlabel("time [s]")
-    legend_above(figure, axes[0], 3)
+    legend_over(axes[0], figure=figure)
     csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
     told = "What was measured, beside the run" + (f" and the run with another {best.number.what}." if best else ".")
     return Picture("beside", "Measured and computed", figure, told, csv)
@@ -189,7 +189,7 @@ def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
         panel.set_ylabel(f"Δ {name}")
         panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
     axes[-1].set_xlabel("time [s]")
-    legend_above(figure, axes[0], 2)
+    legend_over(axes[0], figure=figure)
     csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
     told = "Run less measured" + (f", also with the best value of {best.number.what}." if best else ".")
     return Picture("difference", "What is left", figure, told, csv)

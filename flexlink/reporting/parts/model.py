@@ -15,6 +15,7 @@ from flexlink.reporting.numbers import number, plural
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
+from flexlink.reporting.style import legend_over
 from flexlink.reporting.tables import Cell, Sheet, table_csv
 from flexlink.reporting.views import draw_arm, panels, views_of
 
@@ -52,7 +53,7 @@ def _drawing(study: Study) -> Picture:
     figure, axes = panels(views, points)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain)
-    axes[0].legend(loc="best", fontsize=9)
+    legend_over(axes[0], figure=figure)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
     seen = "From the side, gravity downwards" + ("; below, from above." if len(views) > 1 else ".")
     return Picture("arm", "The arm at the start", figure, seen, csv)
@@ -61,14 +62,13 @@ def _drawing(study: Study) -> Picture:
 def _links(study: Study) -> Sheet:
     heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
     arm = study.scene.arm
-    lines = []
+    lines: list[tuple[Cell, ...]] = []
     for link, (nodes, _) in zip(arm.links, hinges_of(arm), strict=True):
-        bends = link.flex != "rigid"
-        lines.append((
-            link.name, float(link.length), link.flex if bends else "rigid", len(nodes) if bends else 0,
-            link.lumping if bends else "", link.material or "", link.section or "",
-            arm.loss_time(link) if bends else None,
-        ))  # fmt: skip
+        if link.flex == "rigid":
+            lines.append((link.name, float(link.length), "rigid", 0, "", link.material or "", link.section or "", None))
+        else:
+            named = link.lumping, link.material or "", link.section or ""
+            lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, arm.loss_time(link)))
     return Sheet("links", "Links", heads, tuple(lines))
 
 

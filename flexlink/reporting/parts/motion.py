@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
-from flexlink.reporting.style import CYCLE, GREY, colour_along, stacked_axes
+from flexlink.reporting.style import CYCLE, GREY, colour_along, legend_over, stacked_axes
 from flexlink.reporting.tables import table_csv
+from flexlink.reporting.verdict import Verdict
 from flexlink.reporting.views import draw_shadow, panels, views_of
 
 ID, TITLE, SHORT = "motion", "The motion", "Motion"
@@ -22,6 +23,9 @@ NAMED = 6  # curves of one panel with a name
 
 def made(study: Study) -> Part:
     """The chapter."""
+    if isinstance(study.attempt, FlexlinkError):
+        said = str(study.attempt)
+        return Part((f"There is no run: {said}.",), (Verdict("Run", "fail", "none", f"{said}."),))
     run = study.run
     most = int(np.argmax(study.bent_by))
     sentences = [
@@ -76,16 +80,11 @@ def _in_time(study: Study) -> Picture:
         axes[2].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
         axes[2].set_ylabel("bent by [mm]")
         columns["bent by [m]"] = study.bent_by
-    _finish(figure, axes)
+    for panel in axes[:2]:
+        legend_over(panel)
+    axes[-1].set_xlabel("time [s]")
     csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
     told = "Angles of the driven joints, the tip" + (
         ", and how far bending takes it from straight links." if study.bends else "."
     )
     return Picture("motion", "Joints and tip in time", figure, told, csv)
-
-
-def _finish(figure: Figure, axes: list) -> None:  # type: ignore[type-arg]
-    for panel in axes[:2]:
-        if panel.lines:
-            panel.legend(loc="best", fontsize=9, ncols=3)
-    axes[-1].set_xlabel("time [s]")

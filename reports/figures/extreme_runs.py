@@ -1,0 +1,114 @@
+"""Where runs at extremes are wrong without a word: cell by cell, flexlink and the engines beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from numpy.typing import NDArray
+
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import GREEN, GREY, PAPER, VERMILION, stacked_axes
+from flexlink.reporting.tables import table_csv
+from reports.results import Results
+
+SECTION = "extremes"
+TAKES = ()  # `outcomes` is drawn by the figure of that name
+ENGINES = {"native": "flexlink", "pinocchio": "Pinocchio", "mujoco": "MuJoCo"}
+KNOWN = ("within", "near", "warned", "false doubt")
+COLOURS = ListedColormap([GREY, GREEN, VERMILION])  # refused or unknown, known, wrong without a word
+TITLE = "Wrong without a word"
+KEY = (
+    "Red: the number of runs whose tip is off by more than ten tolerances, of fixed steps 5 % of its motion, without a "
+    "word. Green: there is none. Grey: every run was refused, stopped, or too sensitive for a truth; an engine that "
+    "leaves the finite numbers counts as refused. The CSV of the outcomes has every run, with the command that looks "
+    "at it once more."
+)
+ALONE = f"One axis at a time, least left, most right, in all scenes. {KEY}"
+PAIRS = f"Two axes at a time, a few values each, in all scenes. {KEY}"
+AND = " and "
+"""Between the names of the axes of a cell."""
+
+
+class Runs(NamedTuple):
+    """Columns of a map's runs."""
+
+    engine: NDArray[np.str_]
+    axes: NDArray[np.str_]
+    varied: NDArray[np.str_]
+    outcome: NDArray[np.str_]
+    recipe: NDArray[np.str_]
+
+
+class Grid(NamedTuple):
+    """Names of rows and of columns, if these have any, and which runs stand at (row, column)."""
+
+    rows: list[str]
+    columns: list[str]
+    members: Mapping[tuple[int, int], NDArray[np.bool_]]
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """Of each case with engines beside, one axis at a time and two, where there are any."""
+    for case, series in results.showing("outcomes"):
+        runs = Runs(*(np.asarray(series.columns[name]).astype(str) for name in Runs._fields))
+        if set(runs.engine.tolist()) <= {"native"}:
+            continue
+        for name, caption, grid in (("alone", ALONE, _alone(runs)), ("pairs", PAIRS, _pairs(runs))):
+            if grid.members:
+                yield _picture(f"{case}.{name}", caption, grid, runs)
+
+
+def _alone(runs: Runs) -> Grid:
+    names = [name for name in dict.fromkeys(runs.axes.tolist()) if name and AND not in name]
+    members = {
+        (row, place): (runs.axes == name) & (runs.varied == value)
+        for row, name in enumerate(names)
+        for place, value in enumerate(dict.fromkeys(runs.varied[runs.axes == name].tolist()))
+    }
+    return Grid(names, [], members)
+
+
+def _pairs(runs: Runs) -> Grid:
+    pairs = [name.split(AND) for name in dict.fromkeys(runs.axes.tolist()) if name.count(AND) == 1]
+    names = list(dict.fromkeys(name for pair in pairs for name in pair))
+    members = {
+        (max(places), min(places)): runs.axes == AND.join(pair)
+        for pair in pairs
+        if (places := [names.index(name) for name in pair])
+    }
+    numbered = [f"{name} · {k}" for k, name in enumerate(names, 1)]
+    return Grid(numbered, [str(k) for k in range(1, len(names) + 1)], members)
+
+
+def _picture(name: str, caption: str, grid: Grid, runs: Runs) -> Picture:
+    seen = [engine for engine in ENGINES if engine in runs.engine]
+    figure, panels = stacked_axes(len(seen), 0.5 + 0.21 * len(grid.rows))
+    rows = [row for axes, engine in zip(panels, seen, strict=True) for row in _panel(axes, grid, runs, engine)]
+    csv = table_csv(("engine", "axes", "varied", "runs", "wrong without a word", "recipe of the first"), rows)
+    return Picture(name, TITLE, figure, caption, csv)
+
+
+def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[object, ...]]:
+    """Draw the cells of one engine; yields what they say."""
+    colours = np.full((len(grid.rows), 1 + max(column for _, column in grid.members)), np.nan)
+    own, silent = runs.engine == engine, runs.outcome == "silent wrong"
+    for (row, column), members in grid.members.items():
+        wrong = np.flatnonzero(members & own & silent)
+        colours[row, column] = 2 if wrong.size else 1 if np.isin(runs.outcome[members & own], KNOWN).any() else 0
+        if wrong.size:
+            axes.text(column + 0.5, row + 0.5, str(wrong.size), color=PAPER, fontsize=8, ha="center", va="center")
+        first = np.flatnonzero(members)[0]
+        recipe = runs.recipe[wrong[0]] if wrong.size else ""
+        varied = "" if grid.columns else runs.varied[first]
+        yield ENGINES[engine], runs.axes[first], varied, int(np.sum(members & own)), wrong.size, recipe
+    axes.pcolormesh(colours, cmap=COLOURS, vmin=0, vmax=2, edgecolors="w", linewidth=0.8)
+    axes.set_yticks(np.arange(len(grid.rows)) + 0.5, grid.rows, fontsize=8)
+    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, grid.columns, fontsize=8)
+    axes.tick_params(length=0)
+    axes.invert_yaxis()
+    axes.grid(False)
+    axes.set_title(f"{ENGINES[engine]}: {np.sum(own & silent)} of {np.sum(own)} runs", loc="left")

@@ -1,0 +1,142 @@
+"""Is RK4 enough over all the cases? Evaluations that an error of the tip takes by each method, on many kinds of arm."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from msgspec.structs import replace
+
+import flexlink as fl
+from flexlink.describe import methods
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.motion.start import initial_state
+from flexlink.reporting.numbers import number
+from validation.benchmarks.error_parts import Fine, Path, Setup, Type, apart
+from validation.benchmarks.trade import motion_of
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.timing.work_precision import Point, cost
+
+SECOND, FOURTH, TENTH = "RK2", "RK4", "RK10"
+OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
+
+
+class Settings(Spec, frozen=True):
+    """Situations by name, what each changes in the scene; types; segments; the aims.
+
+    Attributes
+    ----------
+    halvings
+        How often the largest stable step is halved, by method.
+    second
+        What is claimed of RK2.
+    errors
+        Aims, as parts of the tip's motion, the largest first.
+    exact
+        What counts as exact in time.
+    """
+
+    situation: dict[str, dict[str, Any]]
+    types: dict[str, Type]
+    segments: tuple[int, ...]
+    second: str
+    halvings: dict[str, int]
+    errors: tuple[Positive, ...]
+    exact: Fine
+
+
+class Need(NamedTuple):
+    """Evaluations by method that an error takes on one arm."""
+
+    situation: str
+    error: float
+    evaluations: Mapping[str, float]
+
+    def gain(self, rival: str) -> float:
+        """How many times fewer the rival takes than RK4."""
+        return self.evaluations[FOURTH] / self.evaluations[rival]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Error of RK4 at its largest stable step, arm by arm; its rivals' gains over all of them; both claims."""
+    (base,) = case.load_scenes()
+    needs: list[Need] = []
+    arms, worst = 0, 0.0
+    for situation, name, segments in itertools.product(settings.situation, settings.types, settings.segments):
+        cut = Setup(flex=settings.types[name], hinges=segments - 1, method=FOURTH)
+        ladders, own = _ladders(base.varied(settings.situation[situation]), cut, settings)
+        facts: Facts = {"situation": situation, "chain": name, "cells": segments}
+        yield Measured("error at the largest step", ladders[FOURTH][0].error, base.name, varied=facts)
+        yield Measured("own error / smallest aim", own / min(settings.errors), base.name, varied=facts)
+        needs += [Need(situation, error, _costs(ladders, error)) for error in settings.errors]
+        arms, worst = arms + 1, max(worst, ladders[FOURTH][0].error)
+    for rival, error in itertools.product((SECOND, TENTH), settings.errors):
+        gain = max(need.gain(rival) for need in needs if need.error == error)
+        yield Measured("RK4 / rival", gain, base.name, varied={"method": rival, "error": error})
+    yield Measured("claim", worst, base.name, varied={"arms": arms}, note=_of_tenth(needs, arms))
+    gain = max(need.gain(SECOND) for need in needs)
+    facts = {"claim": settings.second, "arms": arms}
+    yield Measured("claim on RK2", gain, base.name, varied=facts, note=_of_second(needs))
+
+
+def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, list[Point]], float]:
+    """Errors as parts of the motion, evaluations in place of seconds, by method; and the reference's own error."""
+    truth = settings.exact.in_time(scene, cut)
+    return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / motion_of(
+        truth.tip
+    )
+
+
+def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -> Iterator[Point]:
+    whole = cut.scene(scene)
+    chain = fl.lump(whole)
+    stable = fl.stable_step(chain, *initial_state(whole, chain), method=method)
+    for halving in range(halvings + 1):
+        steps = 2**halving * math.ceil(scene.run.sample / (OF_STABLE * stable))  # between two samples
+        setup = replace(cut, method=method, step=scene.run.sample / steps)
+        evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
+        try:
+            error = apart(setup.tip(scene), truth.tip) / motion_of(truth.tip)
+        except fl.FlexlinkError:  # a posture passed later has a shorter stable step
+            error = math.inf
+        yield Point(scene.run.sample / steps, error, evaluations)
+
+
+def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]:
+    """Evaluations by method; beyond the smallest error measured by its order."""
+    found = {method: cost(points, error, methods.method(method).order) for method, points in ladders.items()}
+    return {method: each.seconds if each else math.inf for method, each in found.items()}
+
+
+def _of_tenth(needs: Sequence[Need], arms: int) -> str:
+    """Down to which error RK10 is on no arm cheaper than RK4."""
+    if any(math.isinf(need.evaluations[FOURTH]) for need in needs):
+        return "does not hold: there is an arm that RK4 does not get through with any of the steps tried"
+    held = ""
+    for error in dict.fromkeys(need.error for need in needs):
+        gains = [need.gain(TENTH) for need in needs if need.error == error]
+        cheaper = [gain for gain in gains if gain > 1.0]
+        if cheaper:
+            most = number(max(cheaper), 2)
+            said = f"at {number(error)} RK10 is cheaper on {len(cheaper)} of {arms} arms, by up to {most} times"
+            return f"holds down to errors of {held} of the motion; {said}" if held else f"does not hold: {said}"
+        held = number(error)
+    return "holds"
+
+
+def _of_second(needs: Sequence[Need]) -> str:
+    """In which situations RK2 is cheaper than either, at any of the errors."""
+    lost: dict[str, float] = {}
+    for need in needs:
+        gain = min(need.evaluations[FOURTH], need.evaluations[TENTH]) / need.evaluations[SECOND]
+        if gain > 1.0:
+            lost[need.situation] = max(gain, lost.get(need.situation, 0.0))
+    if not lost:
+        return "holds"
+    said = ", ".join(f"{situation} (up to {number(gain, 2)} times)" for situation, gain in lost.items())
+    rest = [s for s in dict.fromkeys(need.situation for need in needs) if s not in lost]
+    return f"holds for arms: {', '.join(rest)}; not for all: {said}" if rest else f"does not hold: {said}"

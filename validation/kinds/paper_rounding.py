@@ -1,0 +1,97 @@
+"""Must round-off be weighed against the step? Errors of the steps and of rounding, down to where they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+
+import flexlink as fl
+from flexlink.describe import methods
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.rounding import EPS
+from flexlink.motion.start import initial_state
+from flexlink.reporting.numbers import number
+from validation.benchmarks.error_parts import Fine, Setup, apart, rounding
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.store import Series, table
+
+CLEAR = 10.0  # times rounding: what is measured of the step is hardly rounding, and that of the exact path
+
+
+class Settings(Spec, frozen=True):
+    """Hinges a link by the paper's rule, steps [s] by method, what counts as exact, what is changed in the scene."""
+
+    hinges: int
+    steps: dict[str, tuple[Positive, ...]]
+    exact: Fine
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class Errors(NamedTuple):
+    """Of one run [m]: of its steps, rounding included, and of rounding alone."""
+
+    step: float
+    steps: float
+    rounding: float
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """Both errors at every step, and the step at which they meet, as a part of the largest stable one."""
+    (full,) = case.load_scenes()
+    scene = full.varied(settings.change)
+    found = {method: list(_errors(scene, method, steps, settings)) for method, steps in settings.steps.items()}
+    parts: dict[str, float] = {}
+    for method, errors in found.items():
+        for e in errors:
+            facts: Facts = {"method": method, "step": e.step}
+            yield Measured("error of the steps", e.steps, scene.name, varied=facts)
+            yield Measured("rounding", e.rounding, scene.name, varied=facts)
+            linear = scene.run.duration / e.step * EPS * fl.lump(scene).reach
+            yield Measured("rounding / steps", e.rounding, scene.name, varied=facts, scale=linear)
+        meeting = _meeting(errors, methods.method(method).order)
+        parts[method] = meeting / _stable(scene, method)
+        yield Measured("step where they meet", meeting, scene.name, varied={"method": method})
+    yield Measured("claim", min(parts.values()), scene.name, note=_verdict(parts))
+    yield _series(scene, found)
+
+
+def _verdict(parts: Mapping[str, float]) -> str:
+    """By the part of the largest stable step at which rounding is as large as the error of the step."""
+    limits = ", ".join(f"{number(100 * part, 2)} % for {method}" for method, part in parts.items())
+    return f"holds up to these parts of the largest stable step: {limits}; above, the error of the step is larger"
+
+
+def _errors(scene: Scene, method: str, steps: Sequence[float], settings: Settings) -> Iterator[Errors]:
+    truth = settings.exact.in_time(scene, _setup(method, steps[0], settings))
+    for step in steps:
+        setup = _setup(method, step, settings)
+        tip = setup.tip(scene)
+        yield Errors(step, apart(tip, truth.tip), rounding(scene, setup, tip))
+
+
+def _setup(method: str, step: float, settings: Settings) -> Setup:
+    return Setup(flex="z", hinges=settings.hinges, method=method, step=step)
+
+
+def _stable(scene: Scene, method: str) -> float:
+    chain = fl.lump(scene)
+    return fl.stable_step(chain, *initial_state(scene, chain), method=method)
+
+
+def _meeting(errors: Sequence[Errors], order: int) -> float:
+    """The step at which both are equal: from the finest whose error stands out of rounding, on with the order."""
+    floor = max(e.rounding for e in errors)
+    clear = min((e for e in errors if e.steps >= CLEAR * floor), key=lambda e: e.step, default=errors[0])
+    return float(clear.step * (floor / clear.steps) ** (1.0 / order))
+
+
+def _series(scene: Scene, found: Mapping[str, Sequence[Errors]]) -> Series:
+    rows = [(method, *errors) for method, each in found.items() for errors in each]
+    columns = table(("method", "step [s]", "steps", "rounding"), rows)
+    title = f"Error of the steps, and of rounding alone: {scene.name}, {scene.run.duration:g} s"
+    labels = "step [s]", "step [s]", "error of the tip [m]"
+    return Series("rounding", title, columns, *labels, "log", "log", group="method", scene=scene.name)

@@ -1,0 +1,105 @@
+"""Precision and cost by the number of segments a link, laid out as in the paper, each run by RK4 as fast as it goes."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import msgspec
+
+import flexlink as fl
+from flexlink.chain.arguments import choice
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from flexlink.motion.start import initial_state
+from flexlink.reporting.numbers import number
+from validation.benchmarks.error_parts import Fine, Setup, Type, apart
+from validation.case import Case, Measured
+from validation.facts import Facts
+from validation.timing.families import of_steps
+
+TIMED = True
+
+OF_STABLE = 0.9  # of the largest stable step at the start: as fast as RK4 goes
+SMALL = 0.01  # of it, of the steps that are timed: no posture that is passed has a shorter one
+STEPS, REPEATS = (500, 3500), 5
+
+
+class Arm(Spec, frozen=True):
+    """Of one scene: segments a link, rising, and their type; what counts as infinitely many hinges, and as exact."""
+
+    segments: tuple[int, ...]
+    flex: Type
+    fine: Fine
+    in_time: Fine
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+class Settings(Spec, frozen=True):
+    """Scenes by name."""
+
+    scene: dict[str, Arm]
+
+
+class Price(NamedTuple):
+    """What so many segments a link give and take."""
+
+    scene: str
+    segments: int
+    error: float  # m, of the tip, exact in time
+    cost: float  # s of CPU a second of motion
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Error and cost of every chain, and what becomes of the claim."""
+    scenes = {scene.name: scene for scene in case.load_scenes()}
+    found: list[Price] = []
+    for name, arm in settings.scene.items():
+        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(arm.change)
+        limit = arm.fine.limit(scene, arm.flex)
+        for segments in arm.segments:
+            setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")
+            path = arm.in_time.in_time(scene, setup)
+            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(scene))))
+            facts: Facts = {"cells": segments}
+            yield Measured("error", found[-1].error, name, varied=facts)
+            yield Measured("own error / error", (path.own + limit.own) / found[-1].error, name, varied=facts)
+            yield Measured("cost", 1e3 * found[-1].cost, name, varied=facts, timed=True)
+    gains = {name: _gain([price for price in found if price.scene == name]) for name in settings.scene}
+    yield Measured("claim", max(cost for _, cost in gains.values()), note=_verdict(found, gains), timed=True)
+
+
+def _cost(scene: Scene) -> float:
+    """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
+    chain = fl.lump(scene)
+    stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
+    few, many = (min(_seconds(of_steps(scene, n, SMALL * stable)) for _ in range(REPEATS)) for n in STEPS)
+    return (many - few) / (STEPS[1] - STEPS[0]) / (OF_STABLE * stable)
+
+
+def _seconds(scene: Scene) -> float:
+    start = time.process_time()
+    fl.simulate(scene)
+    return time.process_time() - start
+
+
+def _gain(prices: Sequence[Price]) -> tuple[float, float]:
+    """From the fewest segments to the most: how many times smaller the error is, how many times larger the cost."""
+    first, last = prices[0], prices[-1]
+    return first.error / last.error, last.cost / first.cost
+
+
+def _verdict(found: Sequence[Price], gains: Mapping[str, tuple[float, float]]) -> str:
+    spans = {name: [price.segments for price in found if price.scene == name] for name in gains}
+    said = "; ".join(
+        f"{name}, {spans[name][0]} to {spans[name][-1]} segments: error ÷ {number(error, 2)}, cost × {number(cost, 2)}"
+        for name, (error, cost) in gains.items()
+    )
+    worse = [
+        f"{b.segments} segments on {a.scene}, less precise than {a.segments}"
+        for a, b in itertools.pairwise(found)
+        if a.scene == b.scene and b.error > a.error
+    ]
+    return f"holds but for {', '.join(worse)}; {said}" if worse else f"holds; {said}"
