@@ -395,6 +395,7 @@ def test_the_arm_of_the_readmes_first_picture_visibly_bends() -> None:
         assert off.max() > 0.1 * link.length
 
 
+@pytest.mark.slow
 def test_the_readmes_first_picture_is_small_and_made_by_its_command(tmp_path: Path, monkeypatch) -> None:
     picture = ROOT / "docs" / "steel_strips.gif"
     assert picture.stat().st_size <= 400_000
