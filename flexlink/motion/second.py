@@ -1,11 +1,11 @@
 """A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
 
-Fixed steps of an implicit method are compared with a run of twice the step, whose error is 2^p times theirs, or, where
-Newton's iteration does not end so, with one that keeps a tolerance: for about half the cost. The errors of the steps
-themselves are bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up.
-Where joints turn round and round, errors grow. There a run with a tenth of the tolerance tells how far; fixed explicit
-steps, which may be far better than they need be, are compared with less and less tolerance, until a run agrees, is
-itself so strict that they are to blame, or has taken more evaluations than they have.
+Fixed steps of an implicit method are compared with a run of twice the step, for about half the cost, and, where the two
+differ or Newton's iteration does not end so, with one that keeps a tolerance. The errors of the steps themselves are
+bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up. Where joints turn
+round and round, errors grow. There a run with a tenth of the tolerance tells how far; fixed explicit steps, which may
+be far better than they need be, are compared with less and less tolerance, until a run agrees, is itself so strict that
+they are to blame, or has taken more evaluations than they have.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from flexlink.describe.methods import method
 from flexlink.describe.situation import AUTO, Run
 from flexlink.motion.result import Record
 from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch, least_tolerance
@@ -32,6 +31,10 @@ FINER = 1e-2
 
 TOLERABLE = 3.0
 """Tolerances that two runs may be apart: ten are the limit for an error at the end, one is what it should be."""
+
+SURE = 2**2 - 1.0
+"""How much larger the error of a run of twice the step is at least, beyond that of the first: that of order two. Steps
+that hardly resolve the motion have not the order of their method, and two such runs may be wrong alike."""
 
 FAR = 16.0
 """Angle [rad] that a joint goes through in all from which a motion is suspected to multiply errors: one of the rates
@@ -68,7 +71,7 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
         if pairs := (run.samples - 1) // 2:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
-            yield Second(coarser, 2, 2.0 ** method(run.method).order - 1)
+            yield Second(coarser, 2, SURE, strict=False)
         if _moved(watch) > 0:
             yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
 
