@@ -79,6 +79,12 @@ def test_fixed_explicit_steps_are_doubted_where_their_small_errors_grow_and_not_
     assert [run.warnings for run in fl.simulate_many(scenes)] == [run.warnings for run in runs]
 
 
+def test_a_second_run_that_takes_very_long_is_given_up_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(single, "GIVEN_UP", 0.1)
+    run = fl.simulate(swung(), method="Radau5", step=0.17 / 8)
+    assert any("no run with other steps ends" in told for told in run.warnings)
+
+
 def spinning(rate: float) -> fl.Scene:
     """Two links that bend in all directions, no friction, the first joint turning so fast [deg/s]."""
     links = flexible("a", "yz", 3), flexible("b", "yz", 3, mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)))

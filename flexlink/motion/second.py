@@ -41,7 +41,14 @@ FAR = 16.0
 grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15 and less;
 those whose errors were more than ten tolerances went through 19 (up to thirty), or 37 and more (up to thousands)."""
 
-UNKNOWN = "doubtful: no run with other steps ends, and so none tells the errors of this one; {advice} and compare"
+GIVEN_UP = 50
+"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
+nobody waits for a second run much longer than for the first."""
+
+UNKNOWN = (
+    "doubtful: no run with other steps ends, in {times} times the evaluations, and so none tells the errors of this "
+    "one; {advice} and compare"
+)
 
 
 class Second(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Callable, Iterator
 
@@ -23,7 +24,7 @@ from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import ControlError, InterruptedRunError, LawFailure
 from flexlink.motion.fixed_steps import FixedSteps
 from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.second import UNKNOWN, advice, doubt, second_runs
+from flexlink.motion.second import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
 from flexlink.motion.start import initial_state
 from flexlink.motion.watch import Watch, judge_step
 
@@ -149,32 +150,34 @@ class SingleRun:
             raise InterruptedRunError(watch.trajectory(), stop.signal)
         return watch.trajectory()
 
-    def advance(self, stop: Stop, told: Callable[[float], None]) -> None:
-        """As far as the steps go, the samples are good, and nobody stops it."""
+    def advance(self, stop: Stop, told: Callable[[float], None], most: float = math.inf) -> None:
+        """As far as the steps go, the samples are good, nobody stops it, and no more than `most` evaluations."""
         watch, steps = self.watch, self.steps
         for reached in steps:
             if not watch.look(reached.rows, steps.steps) or steps.failure:
                 break
             told(reached.part)
-            if stop.asked:
+            if stop.asked or steps.steps.evaluations > most:
                 break
 
 
 def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterator[str]:
     """What second runs say against a finished one, that advanced by the method of this name: a warning, or nothing."""
-    text = ""
+    text, own = "", watch.steps.evaluations
     for second in second_runs(watch, name):
-        text = text or UNKNOWN.format(advice=advice(watch))
+        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(watch))
         try:
             again = replace(scene, run=second.run)  # whose steps may not be such that one begins at its start
             other = SingleRun(again, prepare(again, watch.record.chain))
-            other.advance(stop, lambda _: None)
+            other.advance(stop, lambda _: None, most=GIVEN_UP * own)
         except FlexlinkError:
             continue
+        evaluations = other.steps.steps.evaluations
+        if evaluations > GIVEN_UP * own:
+            break
         if not (other.watch.fault or other.steps.failure):
             text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
-            dear = other.steps.steps.evaluations > watch.steps.evaluations
-            if not text or second.strict or dear:
+            if not text or second.strict or evaluations > own:
                 break
     if text:
         yield text

@@ -24,10 +24,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.interruption import deferred
 from flexlink.describe.scene import Scene
 from flexlink.motion.endings import InterruptedRunError
 from flexlink.motion.result import Trajectory
-from flexlink.motion.single import simulate
+from flexlink.motion.single import SingleRun
 from flexlink.motion.watch import DOUBT, TIP_SHARE
 
 Array = NDArray[np.float64]
@@ -112,13 +113,16 @@ def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
 
 def _reference(scene: Scene, budget: float) -> Trajectory | None:
     try:
-        return within_budget(scene, budget)
+        return within_budget(scene, budget, compared=False)  # the references compare each other
     except (FlexlinkError, InterruptedRunError):
         return None
 
 
-def within_budget(scene: Scene, budget: float) -> Trajectory:
-    """Run a scene; InterruptedRunError where it takes longer than `budget` [s of CPU], compilation apart."""
+def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Trajectory:
+    """Run a scene; InterruptedRunError where it takes longer than `budget` [s of CPU], compilation apart.
+
+    `compared`: with a second run, as users' runs are, where its steps call for one.
+    """
     started: list[float] = []
 
     def look(_: float) -> None:
@@ -126,7 +130,8 @@ def within_budget(scene: Scene, budget: float) -> Trajectory:
         if started[-1] - started[0] > budget:
             raise KeyboardInterrupt
 
-    return simulate(scene, progress=look)
+    with deferred() as stop:
+        return SingleRun(scene).finish(stop, look, compared=compared)
 
 
 def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> Found:
