@@ -347,3 +347,9 @@ def test_engines_refuse_what_is_no_fixed_step_of_an_explicit_method(settings: di
     for name in ("pinocchio", "mujoco"):
         with pytest.raises(ArgumentError, match=r"take fixed steps of an explicit method|only 'RK4'"):
             load(name, lump(scene)).integrate(scene)
+
+
+def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
+    chain = lump(make_scene(flexible("boom", "z", 700)))
+    with pytest.raises(ArgumentError, match=r"^700 joints: Pinocchio's data would take 11 GB; allowed are 600 joints"):
+        load("pinocchio", chain)

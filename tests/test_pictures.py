@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+import signal
 import subprocess
 from pathlib import Path
 
@@ -275,6 +276,23 @@ def test_nothing_of_the_arm_is_drawn_beyond_the_edge_of_the_picture(tmp_path: Pa
             assert pixels[:, -8:].min() > 240
 
 
+@pytest.mark.parametrize(
+    "kind", ["gif", pytest.param("mp4", marks=pytest.mark.skipif(not FFMPEG, reason="needs ffmpeg"))]
+)
+def test_a_signal_ends_the_drawing_and_leaves_what_was_there(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / f"arm.{kind}"
+    path.write_text("before")
+
+    def send(part: float) -> None:
+        if part > 0:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt, match="interrupted, not written"):
+        run_of("paper_fig5", 0.3).animate(path, width=320, progress=send)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+    assert path.read_text() == "before"
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not FFMPEG, reason="needs ffmpeg")
 def test_a_video_has_every_frame(tmp_path: Path) -> None:
@@ -353,7 +371,14 @@ def test_the_command_writes_what_was_asked_for(tmp_path: Path, monkeypatch, caps
     assert main(["show", scene, "--duration", "0.05", "--magnify", "20", "--colour", "strain"]) == 0
     assert capsys.readouterr().out == "film: paper_fig5.html\n"
     assert "deflections × 20" in (tmp_path / "paper_fig5.html").read_text(encoding="utf-8")
-    for wrong in (["-o", "arm.avi"], ["-o", "nowhere/arm.gif"], ["--colour", "red"], ["--fps", "-1"]):
+    monkeypatch.setattr("flexlink.cli.show.simulate", None)  # nothing is run that cannot be drawn
+    for wrong in (
+        ["--speed", "1e-9"],
+        ["-o", "arm.avi"],
+        ["-o", "nowhere/arm.gif"],
+        ["--colour", "red"],
+        ["--fps", "-1"],
+    ):
         assert main(["show", scene, "--duration", "0.05", *wrong]) == 2
         assert len(capsys.readouterr().err.splitlines()) == 1
 
@@ -370,6 +395,7 @@ def test_the_arm_of_the_readmes_first_picture_visibly_bends() -> None:
         assert off.max() > 0.1 * link.length
 
 
+@pytest.mark.slow
 def test_the_readmes_first_picture_is_small_and_made_by_its_command(tmp_path: Path, monkeypatch) -> None:
     picture = ROOT / "docs" / "steel_strips.gif"
     assert picture.stat().st_size <= 400_000

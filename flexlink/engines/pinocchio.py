@@ -33,6 +33,9 @@ from flexlink.motion.actuation import motion_arrays
 
 OWN = ("stiffness", "rest", "coulomb_width", "armature")
 
+MOST_JOINTS = 600
+"""Pinocchio's Data holds four arrays of n³ numbers, second derivatives that nobody asks for: 7 GB of so many joints."""
+
 
 class PinocchioEngine:
     """A chain in Pinocchio.
@@ -86,7 +89,12 @@ class PinocchioEngine:
         robot = ET.fromstring(text)
         self.model = model = pin.buildModelFromXML(text)
         pinocchio_reader.require_hinges(model)
-        self.data, self.n = pin.Data(model), model.nv  # createData copies it, n³ numbers
+        if model.nv > MOST_JOINTS:
+            raise ArgumentError(
+                f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; allowed are "
+                f"{MOST_JOINTS} joints; leave the engine out, or take fewer segments"
+            )
+        self.data, self.n = pin.Data(model), model.nv  # createData copies it
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in model.names[1:]]
         self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in OWN)

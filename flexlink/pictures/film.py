@@ -31,8 +31,10 @@ class Film:
 
     Attributes
     ----------
-    name, magnify, speed, fps
-        Of the arm; of its deflections; seconds of the run, and frames, in a second of the film.
+    name, about
+        What the scene says of itself.
+    magnify, speed, fps
+        Of the deflections; seconds of the run, and frames, in a second of the film.
     t
         Time of each frame in the run [s], shape (f,).
     R, p
@@ -42,6 +44,7 @@ class Film:
     """
 
     name: str
+    about: str
     magnify: float
     speed: float
     fps: float
@@ -98,20 +101,42 @@ def film_of(run: Trajectory, *, magnify: float, colour: Colour, fps: float, spee
     trace = frames(run.chain, bent[along]).points[:, -1]
     found = colouring(colour, scene.arm, outline, true, shown.loads)
     return Film(
-        run.chain.name, magnify, speed, fps, outline, view_of(run.chain), found, shown.t, R, p, trace, run.t[along]
+        run.chain.name,
+        scene.about,
+        magnify,
+        speed,
+        fps,
+        outline,
+        view_of(run.chain),
+        found,
+        shown.t,
+        R,
+        p,
+        trace,
+        run.t[along],
     )
 
 
-def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
-    """Numbers of the samples that are shown."""
-    lasts = float(run.t[-1] - run.t[0])
+def frame_count(lasts: float, fps: float, speed: float) -> int:
+    """Frames of a run of so many seconds.
+
+    Raises
+    ------
+    ArgumentError
+        There would be too many.
+    """
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
         raise ArgumentError(
             f"fps = {fps:g}, speed = {speed:g}: {count} frames of {lasts:g} s; at most {MOST_FRAMES}, so a speed of at "
             f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second"
         )
-    wanted = run.t[0] + np.arange(count) * speed / fps
+    return count
+
+
+def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
+    """Numbers of the samples that are shown."""
+    wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
     before = np.maximum(after - 1, 0)
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))

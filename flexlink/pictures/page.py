@@ -34,6 +34,7 @@ def data_of(film: Film) -> dict[str, Any]:
     level = np.nan_to_num(found.values / found.largest * 254, nan=255.0) if found.largest else found.values * 0 + 255
     return {
         "name": film.name,
+        "about": film.about,
         "subtitle": subtitle(film),
         "fps": film.fps,
         "digits": digits_of_time(film),

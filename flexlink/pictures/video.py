@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,18 +69,26 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
         "-r", f"{fps:.6f}", "-i", "-", "-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(place),
     ]  # fmt: skip
     with tempfile.TemporaryFile() as said:
-        with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said) as process:
-            assert process.stdin is not None
-            try:
-                for image in images:
-                    process.stdin.write(image.tobytes())
+        code = _fed(command, images, said)
+        said.seek(0)
+        reason = " ".join(said.read().decode(errors="replace").split())
+    if code:
+        raise EngineError(f"ffmpeg failed with exit code {code}: {reason[-300:]}; take .gif or .html")
+
+
+def _fed(command: list[str], images: Iterable[Image], said: IO[bytes]) -> int:
+    """Exit code of a program that reads the frames; in a session of its own, so that a Ctrl-C is ours to answer."""
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said, start_new_session=True) as process:
+        assert process.stdin is not None
+        try:
+            for image in images:
+                process.stdin.write(image.tobytes())
+        except BrokenPipeError:
+            pass  # it has ended, and says why
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            with contextlib.suppress(BrokenPipeError):
                 process.stdin.close()
-            except BrokenPipeError:
-                pass  # it has ended, and says why
-            except BaseException:
-                process.kill()
-                raise
-        if process.returncode:
-            said.seek(0)
-            reason = " ".join(said.read().decode(errors="replace").split())
-            raise EngineError(f"ffmpeg failed with exit code {process.returncode}: {reason[-300:]}; take .gif or .html")
+    return process.returncode

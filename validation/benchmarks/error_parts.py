@@ -11,9 +11,10 @@ distance from what a coarser choice of the same kind gives.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
@@ -63,18 +64,16 @@ class Fine(Spec, frozen=True):
     def limit(self, scene: Scene, flex: Type) -> Path:
         """Infinitely many hinges; of a rigid arm, which has none, exact in time."""
         counts = (0, 0) if flex == "rigid" else self.hinges
-        return self._of(scene, *(self._setup(Setup(flex=flex, method="", rule=self.rule, hinges=k)) for k in counts))
+        return self._of(scene, *(Setup(flex=flex, method=self.method, rule=self.rule, hinges=k) for k in counts))
 
     def in_time(self, scene: Scene, setup: Setup) -> Path:
         """The chain of a run, exact in time."""
-        return self._of(scene, self._setup(setup), self._setup(setup))
+        cut = replace(setup, method=self.method, step=None)
+        return self._of(scene, cut, cut)
 
-    def _setup(self, setup: Setup) -> dict[str, Any]:
-        return {"flex": setup.flex, "rule": setup.rule, "hinges": setup.hinges, "method": self.method}
-
-    def _of(self, scene: Scene, *cuts: dict[str, Any]) -> Path:
+    def _of(self, scene: Scene, *cuts: Setup) -> Path:
         fine, coarse = (
-            Setup(**cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
+            replace(cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
         )
         return Path(fine, apart(fine, coarse))
 
