@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from flexlink.reporting.style import BLUE, GREEN, PURPLE, VERMILION
+from flexlink.reporting.style import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from reports.results import Results
 from validation.store import Row, Series
 
 KIND = "speed_trade"
 OURS = "flexlink"
-LOOKS = {OURS: (BLUE, "o"), "MuJoCo": (PURPLE, "D"), "Pinocchio": (VERMILION, "s"), "solvers": (GREEN, "^")}
+LOOKS = {
+    OURS: (BLUE, "o"), "MuJoCo": (PURPLE, "D"), "Pinocchio": (VERMILION, "s"), "solvers": (GREEN, "^"),
+    "Drake": (ORANGE, "v"), "Exudyn": (SKY, "P"),
+}  # fmt: skip
 """Contestant, as the rows and the methods' names call it → colour, marker."""
 SAID = {"solvers": "SciPy, CVODE"}
 AIMS = {"error": "tip", "deflection error": "deflection"}

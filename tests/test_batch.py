@@ -14,6 +14,10 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.kernels.lanes import LANES
+from flexlink.motion.fixed_steps import tip_errors_of_eight
+from flexlink.motion.single import prepare
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -50,6 +54,19 @@ def members(flex: str, count: int) -> list[fl.Scene]:
         )
         for i in range(count)
     ]
+
+
+@compiled
+def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
+    scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
+    watches = [prepare(scene, fl.lump(scene)) for scene in scenes]
+    q, qd = (np.stack([getattr(w.record, name)[:1] for w in watches], axis=-1) for name in ("q", "qd"))
+    chains, probed = [w.record.chain for w in watches], np.array([0])
+    scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
+    errors = tip_errors_of_eight(watches, scratch, (q, qd, np.zeros((1, LANES))), probed)
+    np.testing.assert_allclose(errors, [w.tip_errors(probed) for w in watches], rtol=1e-9)
+    assert errors.min() > 1e-9
+    assert len(np.unique(errors)) == LANES
 
 
 @compiled

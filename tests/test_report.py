@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,8 +18,9 @@ from test_page import CUT_WORDS, DESK, OFF_SCREEN, PHONE, UNFOLD, VIOLATIONS
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.reporting import building
-from flexlink.reporting.parts import statics
+from flexlink.reporting.parts import accuracy, energy, statics
 from flexlink.reporting.report import report
+from flexlink.reporting.study import Study
 from flexlink.reporting.tables import Sheet
 
 pytestmark = pytest.mark.slow
@@ -100,13 +102,35 @@ def test_what_cannot_be_computed_is_a_sentence_and_the_rest_is_there(
         raise RuntimeError("out of\nluck")
 
     monkeypatch.setattr(statics, "made", falls)
-    monkeypatch.setattr(building, "PARTS", ("model", "motion", "statics", "reproduce"))
+    monkeypatch.setattr(building, "PARTS", ("model", "motion", "energy", "statics", "reproduce"))
     found = report(scene.varied({"run.step": 5e-3}), tmp_path)  # beyond the largest stable one
-    assert [failure.partition(": ")[0] for failure in found.failures] == ["The motion", "At rest, joints held"]
+    assert [failure.partition(": ")[0] for failure in found.failures] == [energy.TITLE, statics.TITLE]
+    assert [(verdict.about, verdict.state) for verdict in found.verdicts] == [("Run", "fail")]
+    assert not found.passed
     text = found.page.read_text(encoding="utf-8")
     assert "RuntimeError: out of luck" in text
     assert "largest stable" in text
     assert (tmp_path / "springs.csv").is_file()
+
+
+def test_where_the_motion_multiplies_errors_the_error_is_not_told_but_how_long_it_could_be(models: Path) -> None:
+    falling = fl.load_scene(models / "three_links.toml")
+    part = accuracy.made(Study(falling))
+    assert part is not None
+    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Error of the model", "doubt")
+    until = re.search(r"Up to (\S+) s the two finest cuts differ by less than 1 %", part.sentences[0])
+    assert until is not None
+    assert 0.0 < float(until[1]) < falling.run.duration
+
+
+def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(models: Path) -> None:
+    scene = fl.load_scene(models / "paper_fig5.toml").varied({"run.duration": 0.1})
+    rigid = Study(fl.rigid_twin(scene))
+    held = statics.made(rigid).tables[0].lines
+    q, _ = fl.initial_state(rigid.scene, rigid.chain)
+    assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)
+    assert (found := accuracy.made(rigid)) is not None
+    assert "At the tip, by steps" in found.verdicts[0].text
 
 
 def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path: Path, capsys, monkeypatch) -> None:

@@ -1,6 +1,8 @@
 """The trade between cost and accuracy: its scenes are data, its references belong to them, other solvers agree."""
 
 import dataclasses
+import importlib
+import itertools
 import math
 import sys
 import timeit
@@ -18,7 +20,7 @@ from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
-from validation.timing import pinocchio_models, pinocchio_trade
+from validation.timing import pinocchio_models, pinocchio_trade, witness_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -218,6 +220,49 @@ def _call_of_aba(chain):
     model, _ = pinocchio_models.build_all(chain)["spherical ZYX joints"]
     data, q = pinocchio_models.pin.Data(model), np.zeros(model.nv)
     return min(timeit.repeat(lambda: pinocchio_models.pin.aba(model, data, q, q, q), number=20, repeat=20)) / 20
+
+
+# Drake and Exudyn
+
+
+@pytest.mark.slow
+def test_drake_s_own_control_of_errors_comes_to_the_reference_and_a_run_that_is_too_dear_is_not_waited_for():
+    pytest.importorskip("pydrake", reason="Drake, an optional witness, is not installed")
+    runs = importlib.import_module("validation.timing.drake_trade").DrakeRuns("paperd")
+    coarse, fine = (runs.run("implicit_euler", accuracy, 60.0) for accuracy in (1e-1, 1e-3))
+    assert fine.error < 0.5 * coarse.error < 0.2
+    assert fine.evaluations > coarse.evaluations > 0
+    assert runs.run("implicit_euler", 1e-3, 0.0) is None
+
+
+@pytest.mark.slow
+def test_exudyn_s_implicit_steps_are_of_the_second_order_and_its_limit_of_stability_is_told():
+    pytest.importorskip("exudyn", reason="Exudyn, an optional witness, is not installed")
+    runs = importlib.import_module("validation.timing.exudyn_trade").ExudynRuns("paperd")
+    errors = [runs.run("GeneralizedAlpha", steps).error for steps in (2, 4, 8)]
+    assert all(3.5 < coarse / fine < 4.5 for coarse, fine in itertools.pairwise(errors))
+    assert runs.run("RK44", 4).error == math.inf
+
+
+def test_a_witness_that_is_not_installed_says_how_to_get_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "validation.timing.exudyn_trade", None)
+    with pytest.raises(fl.MissingDependencyError, match=r"Exudyn cannot be imported .*'flexlink\[witness\]'"):
+        witness_trade._points("exudyn", "paper", 1.0, 1e-8)
+
+
+def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_asked_for(monkeypatch):
+    def points(engine, *_):
+        if engine == "drake":
+            raise fl.MissingDependencyError("Drake cannot be imported")
+        return {"RK44": [Point(1e-3, 1e-5, 1.0)]}
+
+    monkeypatch.setattr(witness_trade, "points", points)
+    monkeypatch.setattr(speed_trade.native_trade, "by_step", lambda *_: [])
+    settings = {"errors": [1e-4], "methods": [], "budget": 1.0, "witnesses": ["drake", "exudyn"]}
+    asked = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
+    assert speed_trade._others("p2p5", asked)["Exudyn"] == points("exudyn")
+    assert "Drake" not in speed_trade._others("p2p5", asked)
+    assert "Exudyn" not in speed_trade._others("p2p", asked)
 
 
 # work against precision

@@ -154,7 +154,7 @@ def eigenvalue_bound(
     _, L = factored_mass(chain, state.q, state.free)
     with np.errstate(all="ignore"):  # what is beyond float64 is no bound
         W = np.linalg.inv(L)
-        c, k = (float(np.linalg.norm(W @ A @ W.T)) for A in (C, K))
+        c, k = (float(np.linalg.norm(W @ A @ W.T)) if A.any() else 0.0 for A in (C, K))
         return float(c + np.sqrt(c**2 + 4 * k)) / 2
 
 

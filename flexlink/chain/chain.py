@@ -152,11 +152,8 @@ class Chain:
     def axes(self) -> Array:
         """Hinge axes in frame 0 at zero angles, unit vectors, shape (n, 3)."""
         turned = self.bodies["turned"] != 0
-        rotations = np.array([*accumulate(self.bodies["rotation"][turned], np.matmul, initial=np.eye(3))])
         before = np.repeat(np.cumsum(turned), self.bodies["stop"] - self.bodies["first"])  # turns, of each hinge
-        axes: Array = rotations[before, :, self.hinges["axis"]]
-        axes.flags.writeable = False
-        return axes
+        return _axes(self.bodies["rotation"][turned].tobytes(), before.tobytes(), self.hinges["axis"].tobytes())
 
     def all_axes_parallel_to(self, direction: Array) -> bool:
         """Whether all hinge axes are parallel or opposite to a unit vector of frame 0, at zero and thus at all angles.
@@ -243,10 +240,23 @@ class Chain:
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of all joints, in sequential order."""
-        hinges = [f"{self.link_names[c.link - 1]}.{_hinge_name(c)}" for c in self.coordinates]
-        distinct = unique([*self.link_names, *hinges])  # links come first: they keep their own names
-        links = len(self.link_names)
-        return tuple(distinct[c.link - 1 if c.axis == 0 else links + k] for k, c in enumerate(self.coordinates))
+        return _joint_names(self.link_names, self.coordinates)
+
+
+@functools.lru_cache(maxsize=64)
+def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) -> tuple[str, ...]:
+    distinct = unique([*links, *(f"{links[c.link - 1]}.{_hinge_name(c)}" for c in coordinates)])
+    own = len(links)  # which come first: they keep their own names
+    return tuple(distinct[c.link - 1 if c.axis == 0 else own + k] for k, c in enumerate(coordinates))
+
+
+@functools.lru_cache(maxsize=64)
+def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
+    """`Chain.axes`, read-only, from the turns of the bodies that are turned, how many are before each hinge, axes."""
+    rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
+    found: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
+    found.flags.writeable = False
+    return found
 
 
 def _hinge_name(coordinate: Coordinate) -> str:

@@ -123,7 +123,7 @@ def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, pre
     if not joint.locked or joint.gear_stiffness is not None:
         builder.start_body()
     if not joint.locked:
-        lower, upper = np.radians(joint.limits_deg or (-np.inf, np.inf))
+        lower, upper = np.radians(joint.limits_deg).tolist() if joint.limits_deg else (-np.inf, np.inf)
         builder.add_hinge(
             Coordinate(number, 0, 0), axis, damping=joint.viscous, coulomb=joint.coulomb, width=joint.coulomb_width,
             armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
@@ -154,17 +154,18 @@ def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Ar
     root, tip = arm.sections[link.section or ""], arm.sections[link.section_tip or link.section or ""]
     beam, loss_time = _Beam(link.beam.length, material.density, root, tip), arm.loss_time(link)
     friction = (link.friction.coulomb, link.friction.coulomb_width) if link.friction else ()
-    twist_rotors = _twist_rotors(link, rule, beam, nodes, weights)
+    rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
     stiffnesses = _stiffnesses(beam, material, nodes.tobytes(), weights.tobytes())
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
         raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
+    springs = stiffnesses.tolist()
     for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment:
             builder.start_body()
             backward = rule.alternate_axes and segment % 2 == 0
             for axis in AXES[link.flex][:: -1 if backward else 1]:
-                k = float(stiffnesses[axis - 1, segment - 1])
-                rotor = float(twist_rotors[segment - 1]) if axis == TWIST else 0.0
+                k = springs[axis - 1][segment - 1]
+                rotor = rotors[segment - 1] if axis == TWIST else 0.0
                 coordinate = Coordinate(number, segment, axis)
                 builder.add_hinge(coordinate, axis - 1, k, loss_time * k, *friction, armature=rotor)
         if body is not None:
@@ -216,6 +217,15 @@ def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, tuple[f
     ]  # fmt: skip
 
 
+@functools.lru_cache(maxsize=256)
+def _sections(root: Section, tip: Section, places: bytes) -> Array:
+    """`_Beam.sections` at places in a row, (4, m), which beams of all materials share."""
+    x = np.frombuffer(places)
+    if root == tip:
+        return np.multiply.outer(root.properties, np.ones(len(x)))
+    return np.transpose([root.towards(tip, place) for place in x.tolist()])
+
+
 @dataclasses.dataclass(frozen=True)
 class _Beam:
     """The continuous link: its dimensions run linearly from the root's to the tip's section, x from 0 to 1."""
@@ -227,10 +237,7 @@ class _Beam:
 
     def sections(self, x: Array) -> Array:
         """Area, I_y, I_z and J at every x, shape (4, *x.shape) [m², m⁴]."""
-        if self.root == self.tip:
-            return np.multiply.outer(self.root.properties, np.ones(x.shape))
-        found = [self.root.towards(self.tip, float(place)) for place in x.flat]
-        return np.reshape(np.transpose(found), (4, *x.shape))
+        return _sections(self.root, self.tip, x.tobytes()).reshape(4, *x.shape)
 
     def rigidities(self, material: Material, x: Array) -> Array:
         """GJ, EI_y, EI_z at every x, shape (3, N), in the order of the axes [N m²]."""

@@ -12,7 +12,8 @@ from flexlink.cli.shared import about, require_place, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.motion.notes import notes
 from flexlink.motion.single import simulate
-from flexlink.pictures.animate import COLOURS, FORMATS, require_film
+from flexlink.pictures.animate import COLOURS, FORMATS, animate, shot
+from flexlink.pictures.film import frame_count
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -37,19 +38,19 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def show_scene(options: argparse.Namespace) -> int:
     """Run a scene and draw it; nothing is run that cannot be drawn."""
     out = options.out or Path(options.scene.with_suffix(".html").name)
-    require_film(out)
+    wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
     require_place(out)
     scene = varied_scene(
         options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
     )
+    frame_count(scene.run.duration, wanted.fps, wanted.speed)
     for note in notes(scene):
         print(f"note: {note}", file=sys.stderr)
     with about(options.scene):
         run = simulate(scene, progress=Progress(scene.name))
     for warning in run.warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    film = {name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")}
-    run.animate(out, progress=Progress(out.name), **film)
+    animate(run, wanted, Progress(out.name))
     print(f"film: {out}")
     if options.out is None and has_screen():
         webbrowser.open(out.resolve().as_uri())

@@ -21,7 +21,7 @@ from flexlink.describe.methods import check_method
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
-from flexlink.describe.spec import Spec, Vector3, decode, fields_of, meant, short
+from flexlink.describe.spec import Spec, Vector3, assembled, decode, fields_of, meant, short
 from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
 from flexlink.describe.writing import said, toml_of
 
@@ -353,7 +353,8 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
             raise SceneError(f"{key}: missing; this key is required")
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
-    return Scene(arm=Arm(**parts), **{key: value for key, value in values.items() if key in _OWN})
+    own = {key: value for key, value in values.items() if key in _OWN}
+    return assembled(Scene, arm=assembled(Arm, **parts), **own)
 
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}

@@ -8,7 +8,8 @@ import itertools
 import math
 import re
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+import threading
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -28,6 +29,21 @@ BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
+class _LookedThrough(threading.local):
+    """Whether what this thread builds a description of has been checked, type by type and number by number."""
+
+    now = False
+
+    def build(self, make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
+        """Make it; what it is made of is not checked again."""
+        before, self.now = self.now, True
+        try:
+            return make(*arguments, **fields)
+        finally:
+            self.now = before
+
+
+LOOKED_THROUGH = _LookedThrough()
 UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
 
 
@@ -41,6 +57,8 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """
 
     def __post_init__(self) -> None:
+        if LOOKED_THROUGH.now:
+            return
         for field in fields_of(type(self)):
             try:
                 value = plain(getattr(self, field.name))
@@ -124,9 +142,14 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
-        return msgspec.convert(raw, kind)
+        return LOOKED_THROUGH.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
     except msgspec.ValidationError as error:
         raise SceneError(_explain(raw, kind, path, error)) from None
+
+
+def assembled(kind: type[T], **fields: Any) -> T:
+    """A `Spec` of fields each of which has been decoded, or stood in another one; what they are together is checked."""
+    return LOOKED_THROUGH.build(kind, **fields)
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:

@@ -20,7 +20,7 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.lanes import LANES
 from flexlink.motion.drives import same_law
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
-from flexlink.motion.fixed_steps import pieces, steps_up_to
+from flexlink.motion.fixed_steps import pieces, steps_up_to, tip_errors_of_eight
 from flexlink.motion.result import Steps, Trajectory
 from flexlink.motion.single import SingleRun, room_for, second_opinion
 from flexlink.motion.watch import Watch
@@ -173,18 +173,20 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
             return [block[0].run(stop)]
         return [ended for member in block for ended in _simulate_block([member], stop)]
     rows = done // run.steps_per_sample + 1
+    watches = [member.watch for member in eight]
+    errors = tip_errors_of_eight(watches, work, samples, watches[0].probed(slice(0, rows)))
     return [
-        _outcome(member, stop, steps_up_to(run, done), *(array[:rows, ..., lane] for array in samples))
+        _outcome(member, stop, steps_up_to(run, done), errors[lane], *(array[:rows, ..., lane] for array in samples))
         for lane, member in enumerate(block)
     ]
 
 
-def _outcome(member: Member, stop: Stop, steps: Steps, q: Array, qd: Array, works: Array) -> Ended:
-    """What became of a member, whose first samples are given."""
+def _outcome(member: Member, stop: Stop, steps: Steps, errors: Array, q: Array, qd: Array, works: Array) -> Ended:
+    """What became of a member, whose first samples are given, and the errors of steps between them."""
     watch, rows = member.watch, len(works)
     record = watch.record
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
-    if not watch.look(rows, steps):
+    if not watch.look(rows, steps, errors):
         return watch.diverged()
     if rows < len(record.t):
         return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)

@@ -82,6 +82,8 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     Shape (n,) each if every joint's torque depends on its own motion only, else (n, n).
     """
     n, joints = chain.n, drive.joints
+    if not len(joints):
+        return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
     if not isinstance(drive, SampledLaw):
         law, state = drive._replace(effort=np.full(len(joints), np.inf)), np.array([q, qd])

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink.describe.methods import method
 from flexlink.describe.situation import Run
+from flexlink.kernels.kinematics import tip_points
 from flexlink.kernels.machine_code import direct
 from flexlink.kernels.runge_kutta import NEVER, integrate
 from flexlink.motion.actuation import Inputs
@@ -18,6 +20,7 @@ from flexlink.motion.result import Steps
 from flexlink.motion.watch import Watch
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 Arrays = tuple[Array, Array, Array]
 """q, q̇ and W."""
 
@@ -105,3 +108,28 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
         if done < stop:
             return
         first = stop
+
+
+def tip_errors_of_eight(watches: Sequence[Watch], scratch: Any, samples: Arrays, probed: Indices) -> Array:
+    """How far apart one step of h and two of h/2 put the tips of eight runs side by side [m], shape (8, probed).
+
+    From samples (rows, n, 8), with their scratch; what `Watch` finds of a run alone.
+    """
+    run, record = watches[0].run, watches[0].record
+    (n, lanes), numbers = samples[0].shape[1:], record.origin + probed * run.steps_per_sample
+    none = *np.empty((2, 0, n, lanes)), np.empty((0, lanes))
+    ends, rates, works = np.empty((2, len(probed), n, lanes)), np.empty((n, lanes)), np.zeros((1, lanes))
+    go: Any = None
+    for part, (row, sample) in product((1, 2), enumerate(probed)):
+        q = ends[part - 1, row]
+        q[:], rates[:] = samples[0][sample], samples[1][sample]
+        steps = run.step / part, part * int(numbers[row]), 0, part, NEVER, (q, rates, works), none
+        arguments = scratch, method(run.method).arrays, record.inputs, *steps
+        go = go or direct(integrate, *arguments)
+        go(*arguments)
+    tips = np.empty((lanes, 2, len(probed), 3))
+    for lane, watch in enumerate(watches):
+        states = np.ascontiguousarray(ends[..., lane])
+        for part in range(2):
+            tip_points(watch.record.chain.arrays, states[part], tips[lane, part])
+    return np.asarray(np.linalg.norm(tips[:, 1] - tips[:, 0], axis=-1))

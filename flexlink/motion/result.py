@@ -25,6 +25,7 @@ from flexlink.dynamics.terms import Energy
 from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.motion import balance, tables
 from flexlink.motion.actuation import Inputs, input_arrays
+from flexlink.motion.columns import Columns
 from flexlink.motion.saving import Writer, output_format
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ class Trajectory:
             raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
         return self.work
 
-    @functools.cached_property
+    @property
     def columns(self) -> Mapping[str, Array]:
         """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
 
@@ -194,18 +195,7 @@ class Trajectory:
         "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]", "elastic [J]", and, of flexlink's own runs,
         "work [J]", "imbalance [J]".
         """
-        names = self.chain.joint_names
-        return {
-            "t [s]": self.t,
-            **{f"q {name} [rad]": self.q[:, k] for k, name in enumerate(names)},
-            **{f"qd {name} [rad/s]": self.qd[:, k] for k, name in enumerate(names)},
-            **{f"tau {names[k]} [N m]": self.tau[:, k] for k in self.chain.active},
-            **{f"tip {axis} [m]": self.tip[:, k] for k, axis in enumerate("xyz")},
-            "kinetic [J]": np.asarray(self.energy.kinetic),
-            "gravity [J]": np.asarray(self.energy.gravity),
-            "elastic [J]": np.asarray(self.energy.elastic),
-            **({} if self.work is None else {"work [J]": self.work, "imbalance [J]": self.imbalance}),
-        }
+        return Columns(self)
 
     def save(self, path: str | Path) -> Path:
         """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
@@ -319,10 +309,9 @@ class Trajectory:
         SingularMassError
             As in `qdd`.
         """
-        options = {"magnify": magnify, "colour": colour, "fps": fps, "speed": speed, "width": width}
-        drawn: Path = importlib.import_module("flexlink.pictures.animate").animate(
-            self, path, progress=progress, **options
-        )
+        room = importlib.import_module("flexlink.pictures.animate")
+        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
+        drawn: Path = room.animate(self, wanted, progress)
         return drawn
 
 

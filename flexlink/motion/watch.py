@@ -17,7 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Run
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.kernels.samples import tip_errors
+from flexlink.kernels.samples import tip_errors as write_tip_errors
 from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.control import Control
@@ -26,6 +26,7 @@ from flexlink.motion.endings import DivergenceError
 from flexlink.motion.result import Record, Steps, Trajectory
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 FAR = np.radians(84.0)
 """Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
@@ -129,8 +130,11 @@ class Watch:
         self.steps = Steps(run.method, 0, 0)
         self._told: set[str] = set()
 
-    def look(self, stop: int, steps: Steps | None = None) -> bool:
-        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good."""
+    def look(self, stop: int, steps: Steps | None = None, errors: Array | None = None) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
+
+        `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`.
+        """
         first, self.steps = self.good, steps or self.steps
         if stop == first or self.fault:
             return not self.fault
@@ -142,7 +146,7 @@ class Watch:
                 self._judge_bend(slice(first, self.good))
                 self._judge_limits(slice(first, self.good))
             if self.good > first and self.explicit:
-                self._probe_steps(slice(first, self.good))
+                self._probe_steps(slice(first, self.good), errors)
         return not self.fault
 
     def trajectory(self) -> Trajectory:
@@ -220,19 +224,32 @@ class Watch:
         k = int(self.passive[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
-    def _probe_steps(self, rows: slice) -> None:
-        """Add up the errors of the steps themselves, of a few that stand for all."""
-        record, per_sample = self.record, self.run.steps_per_sample
+    def probed(self, rows: slice) -> Indices:
+        """Of these samples those whose next step's own error is looked at."""
+        every = self._apart()
+        return np.arange(-(-rows.start // every) * every, rows.stop, every)
+
+    def _apart(self) -> int:
+        """Of samples that are probed [samples]."""
+        per_sample = self.run.steps_per_sample
         steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
-        every = max(1, -(-steps_apart // per_sample))  # samples
-        probed = np.arange(-(-rows.start // every) * every, rows.stop, every)
-        errors = np.empty(len(probed))
-        tip_errors(
+        return max(1, -(-steps_apart // per_sample))
+
+    def _probe_steps(self, rows: slice, known: Array | None) -> None:
+        """Add up the errors of the steps themselves, of a few that stand for all."""
+        probed = self.probed(rows)
+        errors = self.tip_errors(probed) if known is None else known[: len(probed)].copy()
+        errors[errors < rounding.of_position(self.record.chain)] = 0.0
+        self.tip_error += float(errors.sum()) * self._apart() * self.run.steps_per_sample
+
+    def tip_errors(self, probed: Indices) -> Array:
+        """Of the steps from these samples [m]."""
+        record, errors = self.record, np.empty(len(probed))
+        write_tip_errors(
             record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
-            record.origin + probed * per_sample, record.q[probed], record.qd[probed], errors,
+            record.origin + probed * self.run.steps_per_sample, record.q[probed], record.qd[probed], errors,
         )  # fmt: skip
-        errors[errors < rounding.of_position(record.chain)] = 0.0
-        self.tip_error += float(errors.sum()) * every * per_sample
+        return errors
 
     def _doubts(self) -> Iterator[str]:
         """What makes a run doubtful that is not garbage."""

@@ -6,7 +6,7 @@ import importlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,22 +39,33 @@ class InterruptedFilmError(KeyboardInterrupt):
         self.signal = signal
 
 
-def animate(
-    run: Trajectory, path: str | Path, *, magnify: float, colour: Colour, fps: float, speed: float, width: int,
-    progress: Progress | None,
-) -> Path:  # fmt: skip
-    """`Trajectory.animate`."""
+class Shot(NamedTuple):
+    """What is asked for, and can be made: the arguments of `Trajectory.animate`."""
+
+    path: Path
+    magnify: float
+    colour: Colour
+    fps: float
+    speed: float
+    width: int
+
+
+def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: float, width: int) -> Shot:
+    """The arguments, checked; errors as of `Trajectory.animate`."""
     path = given_path("path", path)
-    kind = require_film(path)
-    callable_or_none("progress", progress)
-    fps, told = positive("fps", fps), progress or (lambda _: None)
-    if kind == ".gif":
+    require_film(path)
+    fps, width = positive("fps", fps), integer("width", width, 320, 3840)
+    if path.suffix == ".gif":
         fps = GIF_CLOCK / max(round(GIF_CLOCK / fps), 2)
-    film = film_of(
-        run, magnify=positive("magnify", magnify), colour=choice("colour", colour, COLOURS), fps=fps,
-        speed=positive("speed", speed),
-    )  # fmt: skip
-    width = integer("width", width, 320, 3840)
+    magnify, speed = positive("magnify", magnify), positive("speed", speed)
+    return Shot(path, magnify, choice("colour", colour, COLOURS), fps, speed, width + width % 2)  # videos: even
+
+
+def animate(run: Trajectory, wanted: Shot, progress: Progress | None = None) -> Path:
+    """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
+    callable_or_none("progress", progress)
+    told, path = progress or (lambda _: None), wanted.path
+    film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
     told(0.0)
 
     def pulse(part: float) -> None:
@@ -63,12 +74,12 @@ def animate(
             raise InterruptedFilmError(path, stop.signal)
 
     with deferred() as stop:
-        write_or_keep(path, lambda place: WRITERS[kind](film, place, width + width % 2, pulse))
+        write_or_keep(path, lambda place: WRITERS[path.suffix](film, place, wanted.width, pulse))
     return path
 
 
-def require_film(path: Path) -> str:
-    """Format of a film, from the ending of its name; known before the work that it can be made.
+def require_film(path: Path) -> None:
+    """Know before the work that a film of this name can be made.
 
     Raises
     ------
@@ -83,7 +94,6 @@ def require_film(path: Path) -> str:
         _drawing()
     if path.suffix == ".mp4":
         require_ffmpeg()
-    return path.suffix
 
 
 def _drawing() -> ModuleType:

@@ -117,16 +117,26 @@ def film_of(run: Trajectory, *, magnify: float, colour: Colour, fps: float, spee
     )
 
 
-def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
-    """Numbers of the samples that are shown."""
-    lasts = float(run.t[-1] - run.t[0])
+def frame_count(lasts: float, fps: float, speed: float) -> int:
+    """Frames of a run of so many seconds.
+
+    Raises
+    ------
+    ArgumentError
+        There would be too many.
+    """
     count = 1 + int(lasts * fps / speed + 1e-6)
     if count > MOST_FRAMES:
         raise ArgumentError(
             f"fps = {fps:g}, speed = {speed:g}: {count} frames of {lasts:g} s; at most {MOST_FRAMES}, so a speed of at "
             f"least {1.01 * lasts * fps / MOST_FRAMES:.3g}, or fewer frames a second"
         )
-    wanted = run.t[0] + np.arange(count) * speed / fps
+    return count
+
+
+def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
+    """Numbers of the samples that are shown."""
+    wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
     before = np.maximum(after - 1, 0)
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))

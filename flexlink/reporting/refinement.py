@@ -29,8 +29,11 @@ FACTORS = (0.5, 2.0, 4.0)
 OF_TRAVEL = 1e-5
 """Part of the tip's travel that the steps of runs with other cuts may be off by: it hides in no error of a cut."""
 
+ENOUGH = 0.01
+"""Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
+
 FALLS = 1.5
-"""Times by which the change from cut to cut must fall at least for a limit to be told by it."""
+"""Times by which the change from cut to cut must fall at least for an order to be told by it."""
 
 OF_STEPS, OF_TOLERANCE = (2.0, 0.5), (10.0, 0.1)
 """Of the scene's steps, or of its tolerance, in the runs beside its own."""
@@ -52,7 +55,7 @@ class Limit(NamedTuple):
 
     tip: Array  # (samples, 3) [m]
     error: float  # how far it may itself be off [m]
-    order: float  # shown by the cuts; nan if only two of them ran
+    order: float  # shown by the cuts; nan where their changes do not tell
 
 
 class Refinement:
@@ -101,7 +104,7 @@ class Refinement:
 
     @cached_property
     def limit(self) -> Limit | None:
-        """What the cuts tend to; None if fewer than two ran, or their changes do not fall."""
+        """What the cuts tend to, the finest one where their changes do not fall; None if fewer than two ran."""
         cuts = [self.cuts[factor] for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
@@ -110,14 +113,27 @@ class Refinement:
             return Limit(cuts[-1].tip, far(last), math.nan)
         before = far(cuts[-2].tip - cuts[-3].tip)
         if before < FALLS * far(last):
-            return None
+            return Limit(cuts[-1].tip, max(before, far(last)), math.nan)
         order = min(math.log2(before / far(last)), 4.0) if far(last) > 0 else 4.0
         change = last / (2.0**order - 1)
         return Limit(cuts[-1].tip + change, max(far(change), self.strict.tolerance or 0.0), order)
 
+    def known_until(self, part: float) -> float:
+        """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""
+        t, cuts = self.run.t, list(self.cuts.values())[-2:]
+        if len(cuts) < 2:
+            return float(t[0])
+        apart = np.linalg.norm(cuts[1].tip - cuts[0].tip, axis=1) > part * self.study.travel
+        return float(t[apart.argmax()] if apart.any() else t[-1])
+
     def error(self, tip: Array) -> float:
         """How far a tip's path is from the limit at most [m]; nan where that is not known."""
-        return far(tip - self.limit.tip) if self.limit is not None else math.nan
+        return far(tip - self.limit.tip) if self.limit is not None and self.is_known else math.nan
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the limit is known well enough to measure errors by it."""
+        return self.limit is not None and self.limit.error <= ENOUGH * self.study.travel
 
     @property
     def factors(self) -> tuple[float, float]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
+from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
@@ -24,10 +24,12 @@ from flexlink.motion.start import initial_state
 from flexlink.motion.tip_wrench import initial_wrench
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
 """Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
+
+SOME = 1e6
+"""Roundings of a place from which on a motion is one."""
 
 BUDGET = 3.0
 """CPU time that one run beside the scene's own may take [s]."""
@@ -83,18 +85,26 @@ class Study:
 
     @property
     def run(self) -> Trajectory:
-        """The scene's own run."""
-        return found(self._run)
+        """The scene's own run.
 
-    @property
-    def rest(self) -> Equilibrium:
-        """How the arm sags with its driven joints held where they start."""
-        return found(self._rest)
+        Raises
+        ------
+        FlexlinkError
+            There is none; `attempt` is why.
+        """
+        if isinstance(self.attempt, FlexlinkError):
+            raise FlexlinkError("there is no run, as the chapter on the motion says")
+        return self.attempt
 
     @cached_property
     def travel(self) -> float:
         """How far the tip gets from its start [m]."""
         return farthest(self.run.tip)
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the tip gets anywhere, beyond rounding."""
+        return self.travel > SOME * rounding.of_position(self.chain)
 
     @cached_property
     def bent_by(self) -> Array:
@@ -106,25 +116,22 @@ class Study:
         return np.where(self.chain.stiffness > 0, self.chain.rest, q)
 
     @cached_property
-    def _run(self) -> Trajectory | FlexlinkError:
+    def attempt(self) -> Trajectory | FlexlinkError:
+        """The scene's own run, or why there is none."""
         try:
             return simulate(self.scene)
         except FlexlinkError as error:
             return error
 
     @cached_property
-    def _rest(self) -> Equilibrium | FlexlinkError:
+    def rest(self) -> Equilibrium:
+        """How the arm sags with its driven joints held where they start.
+
+        Raises
+        ------
+        FlexlinkError
+            As of `solve_static`.
+        """
         wrench, follower = initial_wrench(self.scene, self.chain)
-        held = self.chain.active.tolist()
-        try:
-            start = self.straight(self.start[0])
-            return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)
-        except FlexlinkError as error:
-            return error
-
-
-def found(what: T | FlexlinkError) -> T:
-    """What was found, or the error that stands in its place, raised."""
-    if isinstance(what, FlexlinkError):
-        raise what
-    return what
+        held, start = self.chain.active.tolist(), self.straight(self.start[0])
+        return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)

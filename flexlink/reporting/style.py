@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from flexlink.reporting.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
-SMALL, LETTERS, HANDLE = 10.0, 46, 5  # pt; letters of that size that fit in the width, and what a line's sample takes
+SMALL, LETTERS, HANDLE = 10.0, 56, 5  # pt; letters of that size that fit in the width, and what a line's sample takes
 BESIDE_AXIS = 0.8  # of the width, that a panel has beside the numbers on its axis
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
 

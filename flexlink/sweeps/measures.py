@@ -75,11 +75,11 @@ class Quantity(Spec, frozen=True):
         if self.of in MEASURES:
             return float(MEASURES[self.of](self, run))
         column = column_of(run, self.of)
-        kept = run.t >= self.after
-        if not kept.any():
+        first = int(np.searchsorted(run.t, self.after))
+        if first == len(run.t):
             raise ArgumentError(f"after = {self.after:g}: the run ends at {run.t[-1]:g} s")
         with np.errstate(all="ignore"):
-            return float(REDUCTIONS[self.take or "final"](run.t[kept], column[kept]))
+            return float(REDUCTIONS[self.take or "final"](run.t[first:], column[first:]))
 
     def place(self, run: Trajectory) -> Array:
         """Where the tip is to come to rest, shape (3,) [m]."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -72,6 +73,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
                 facts: Facts = {"chain": name, "n": chain.n, "method": m}
                 yield Measured("time", found[-1].times[m], varied=facts, timed=True)
                 yield Measured("apart", _apart(chain, q, loop), varied=facts)
+    for name in settings.chain:
+        yield from _exponents([time for time in found if time.chain == name])
     longest = max((time for time in found if time.chain == found[0].chain), key=lambda time: time.n)
     facts = {"chain": longest.chain, "n": longest.n}
     yield Measured("claim", longest.times_less(THIRD, FIRST), varied=facts, note=_verdict(found, longest), timed=True)
@@ -92,13 +95,23 @@ def _apart(chain: Chain, q: rounding.Array, loop: Loop) -> float:
     return float(difference / rounding.of_mass_matrix(chain, last[0]))
 
 
+def _exponents(found: Sequence[Time]) -> Iterator[Measured]:
+    """p of cost ∝ n^p between the two longest chains of a family, by method."""
+    if len(found) < 2:
+        return
+    shorter, longer = found[-2:]
+    for m in METHODS:
+        p = math.log(longer.times[m] / shorter.times[m]) / math.log(longer.n / shorter.n)
+        facts: Facts = {"chain": longer.chain, "n": shorter.n, "to n": longer.n, "method": m}
+        yield Measured("exponent", p, varied=facts, timed=True)
+
+
 def _verdict(found: Sequence[Time], longest: Time) -> str:
     """Whether each method takes less than the one before, everywhere; and what came later."""
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < TIE]
-    later = (
-        f"composite bodies in inertial axes take {number(longest.times_less(LATER, THIRD), 2)} times less than method 3"
-    )
+    less = number(longest.times_less(LATER, THIRD), 2)
+    later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less than method 3"
     if dear:
         return f"does not hold for method {'; '.join(dear)}; {later}"
     return f"holds; {later}"

@@ -114,6 +114,8 @@ def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]
 
 def _of_tenth(needs: Sequence[Need], arms: int) -> str:
     """Down to which error RK10 is on no arm cheaper than RK4."""
+    if any(math.isinf(need.evaluations[FOURTH]) for need in needs):
+        return "does not hold: there is an arm that RK4 does not get through with any of the steps tried"
     held = ""
     for error in dict.fromkeys(need.error for need in needs):
         gains = [need.gain(TENTH) for need in needs if need.error == error]

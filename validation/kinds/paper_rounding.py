@@ -85,7 +85,7 @@ def _stable(scene: Scene, method: str) -> float:
 def _meeting(errors: Sequence[Errors], order: int) -> float:
     """The step at which both are equal: from the finest whose error stands out of rounding, on with the order."""
     floor = max(e.rounding for e in errors)
-    clear = min((e for e in errors if e.steps >= CLEAR * floor), key=lambda e: e.step)
+    clear = min((e for e in errors if e.steps >= CLEAR * floor), key=lambda e: e.step, default=errors[0])
     return float(clear.step * (floor / clear.steps) ** (1.0 / order))
 
 

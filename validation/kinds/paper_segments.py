@@ -98,6 +98,8 @@ def _verdict(found: Sequence[Price], gains: Mapping[str, tuple[float, float]]) -
         for name, (error, cost) in gains.items()
     )
     worse = [
-        f"{b.segments} on {a.scene}" for a, b in itertools.pairwise(found) if a.scene == b.scene and b.error > a.error
+        f"{b.segments} segments on {a.scene}, less precise than {a.segments}"
+        for a, b in itertools.pairwise(found)
+        if a.scene == b.scene and b.error > a.error
     ]
     return f"holds but for {', '.join(worse)}; {said}" if worse else f"holds; {said}"

@@ -1,4 +1,4 @@
-"""Work against precision: what an error costs with flexlink, RK4, MuJoCo's integrators, Pinocchio, SciPy and CVODE.
+"""Work against precision: what an error costs with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
 order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
@@ -7,6 +7,7 @@ only its runs that met the error. Pinocchio is charged with its evaluations alon
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -18,7 +19,7 @@ from validation.benchmarks.trade import scenes, trade_scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series, table
-from validation.timing import mujoco_trade, native_trade, pinocchio_trade, solver_trade
+from validation.timing import mujoco_trade, native_trade, pinocchio_trade, solver_trade, witness_trade
 from validation.timing.work_precision import Cost, Point, cost
 
 TIMED = True
@@ -33,13 +34,18 @@ MARKS = {
 SMALLEST = 1e-8  # error at which a ladder ends
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
 HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
-ORDERS: Mapping[str, Mapping[str, float]] = {MUJOCO: mujoco_trade.ORDER, PINOCCHIO: pinocchio_trade.ORDER}
+ORDERS: Mapping[str, Mapping[str, float]] = {
+    MUJOCO: mujoco_trade.ORDER,
+    PINOCCHIO: pinocchio_trade.ORDER,
+    "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
+}
 
 
 class Settings(Spec, frozen=True):
     """Scenes; errors, as parts of the motion; methods; the longest runs [s of CPU]; who else runs, and where.
 
-    `methods` have tolerances, `stepped` steps. `pinocchio` is the number of evaluations that a run of it may take.
+    `methods` have tolerances, `stepped` steps. `solvers` and `witnesses` that are not installed are left out.
+    `pinocchio` is the number of evaluations that a run of it may take.
     """
 
     scenes: tuple[str, ...]
@@ -50,6 +56,8 @@ class Settings(Spec, frozen=True):
     solvers: tuple[str, ...] = ()
     solver_scenes: tuple[str, ...] = ()
     solver_tolerances: tuple[Positive, ...] = ()
+    witnesses: tuple[str, ...] = ()
+    witness_scenes: tuple[str, ...] = ()
     pinocchio: int = 0
     pinocchio_tolerances: tuple[Positive, ...] = ()
 
@@ -95,6 +103,9 @@ def _others(name: str, settings: Settings) -> dict[str, Ladders]:
     }
     if settings.pinocchio:
         found[PINOCCHIO] = pinocchio_trade.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
+    for engine in settings.witnesses if name in settings.witness_scenes else ():
+        with contextlib.suppress(MissingDependencyError):
+            found[witness_trade.NAMES[engine]] = witness_trade.points(engine, name, settings.budget, SMALLEST)
     return found
 
 

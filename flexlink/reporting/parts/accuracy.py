@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
 from flexlink.reporting.picture import Picture
-from flexlink.reporting.refinement import Choice, Refinement
+from flexlink.reporting.refinement import ENOUGH, Choice, Refinement
 from flexlink.reporting.study import Study
 from flexlink.reporting.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
 from flexlink.reporting.tables import Sheet, table_csv
@@ -21,13 +21,10 @@ ID, TITLE, SHORT = "accuracy", "How good this model is, and what others cost", "
 LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
 """Colours and markers of choices, the scene's own first."""
 
-ENOUGH = 0.01
-"""Part of the tip's travel that a model may be off by without a doubt."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
-    if study.scene.run.duration == 0 or not study.travel > 0:
+    if study.scene.run.duration == 0 or not study.moves:
         return None
     about = Refinement(study)
     choices = about.choices()
@@ -48,12 +45,15 @@ def _of_the_cut(about: Refinement) -> list[str]:
         return ["The scene starts from the joints of this very cut (initial.q), so that no other cut can be run."]
     limit = about.limit
     if limit is None:
-        early = [f"with {factor:g} times the hinges: {why}" for factor, why in _early(about)]
-        fall = "the change from cut to cut does not fall" if len(about.cuts) > 2 else "too few cuts could be run"
-        told = f" ({'; '.join(early)})" if early else ""
+        early = "; ".join(f"with {factor:g} times the hinges: {why}" for factor, why in _early(about))
+        return [f"The error of the hinges is not known: too few other cuts can be run ({early})."]
+    if not about.is_known:
+        until = about.known_until(ENOUGH)
         return [
-            f"The error of the hinges cannot be told over the whole run: {fall}{told}. Motion that multiplies errors "
-            "does so; compare a shorter run (run.duration)."
+            "The error of the hinges cannot be told over the whole run: with more of them the tip still changes by "
+            f"{_length(limit.error)}. Motion that multiplies errors does so. Up to {number(until)} s "
+            f"the two finest cuts differ by less than {number(100 * ENOUGH)} % of the tip's travel: a run up to there "
+            "(run.duration) tells more."
         ]
     error = about.error(about.run.tip)
     order = f", whose order is {number(limit.order, 2)} here" if math.isfinite(limit.order) else ""
@@ -135,7 +135,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
 
 def _in_time(about: Refinement) -> Picture | None:
     """Distance from the limit along the run, of every cut."""
-    if about.limit is None:
+    if about.limit is None or not about.is_known:
         return None
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
@@ -162,7 +162,7 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
     known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
     if len(known) < 2:
         return None
-    figure, (axes,) = stacked_axes(1, 3.4)
+    figure, (axes,) = stacked_axes(1, 3.8)
     for place, one in enumerate(known):
         colour, marker = LOOKS[place % len(LOOKS)]
         size = 7 if place else 11

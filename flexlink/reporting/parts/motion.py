@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
@@ -11,6 +12,7 @@ from flexlink.reporting.picture import Picture
 from flexlink.reporting.study import Study
 from flexlink.reporting.style import CYCLE, GREY, colour_along, legend_over, stacked_axes
 from flexlink.reporting.tables import table_csv
+from flexlink.reporting.verdict import Verdict
 from flexlink.reporting.views import draw_shadow, panels, views_of
 
 ID, TITLE, SHORT = "motion", "The motion", "Motion"
@@ -21,6 +23,9 @@ NAMED = 6  # curves of one panel with a name
 
 def made(study: Study) -> Part:
     """The chapter."""
+    if isinstance(study.attempt, FlexlinkError):
+        said = str(study.attempt)
+        return Part((f"There is no run: {said}.",), (Verdict("Run", "fail", "none", f"{said}."),))
     run = study.run
     most = int(np.argmax(study.bent_by))
     sentences = [

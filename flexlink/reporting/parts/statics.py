@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from flexlink.analysis.equilibrium import buckling_loads
+from flexlink.analysis.tangent import load_torque
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames, tip_position
 from flexlink.motion.tip_wrench import initial_wrench
@@ -27,24 +29,30 @@ VISIBLE = 0.08
 
 def made(study: Study) -> Part:
     """The chapter."""
-    chain, rest = study.chain, study.rest
+    chain, q = study.chain, study.start[0]
+    if not study.bends:
+        wrench, follower = initial_wrench(study.scene, chain)
+        held = load_torque(chain, q, np.zeros(chain.n), wrench, follower)
+        return Part(("No link bends. The joints are held where they start.",), tables=_holding(chain, q, held))
+    rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, study.straight(rest.q)))
     size = float(np.linalg.norm(sag))
-    sentences = ["The driven joints are held where they start; gravity and the tip wrench bend the links."]
-    if study.bends:
-        x, y, z = (number(1e3 * part) for part in sag)
-        sentences.append(
-            f"The tip rests {number(1e3 * size)} mm from where straight links would have it, by ({x}, {y}, {z}) mm in "
-            f"frame 0. {'The posture is stable.' if rest.stable else 'The posture is not stable: it would fall.'}"
-        )
-        sentences.append(_buckling(study))
-    else:
-        sentences.append("No link bends.")
-    heads = ("joint", "angle [deg]", "held by [N m]")
-    holds = _without_rounding(rest.tau)
-    lines = tuple((chain.joint_name(int(k)), float(np.degrees(rest.q[k])), float(holds[k])) for k in chain.active)
-    tables = (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
-    return Part(tuple(sentences), pictures=(_picture(study, size),) if size > 0 else (), tables=tables)
+    x, y, z = (number(1e3 * part) for part in sag)
+    sentences = (
+        "The driven joints are held where they start; gravity and the tip wrench bend the links.",
+        f"The tip rests {number(1e3 * size)} mm from where straight links would have it, by ({x}, {y}, {z}) mm in "
+        f"frame 0. {'The posture is stable.' if rest.stable else 'The posture is not stable: it would fall.'}",
+        _buckling(study),
+    )
+    pictures = (_picture(study, size),) if size > 0 else ()
+    return Part(tuple(filter(None, sentences)), pictures=pictures, tables=_holding(chain, rest.q, rest.tau))
+
+
+def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Sheet, ...]:
+    """Torques of the driven joints, if there are any."""
+    heads, tau = ("joint", "angle [deg]", "held by [N m]"), _without_rounding(tau)
+    lines = tuple((chain.joint_name(int(k)), float(np.degrees(q[k])), float(tau[k])) for k in chain.active)
+    return (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
 
 
 def _buckling(study: Study) -> str:

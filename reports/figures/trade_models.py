@@ -1,0 +1,69 @@
+"""Which model an error needs: every type, rule, number of hinges, method and step, and the front of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from flexlink.reporting.picture import Picture
+from flexlink.reporting.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
+from flexlink.reporting.tables import table_csv
+from reports.prices import Run, front
+from reports.results import Results
+from validation.store import Series
+
+SECTION = "trade"
+TAKES = ("models",)
+LOOKS = {"rigid": (GREY, "s"), "T1": (ORANGE, "o"), "T2": (GREEN, "^"), "T3": (SKY, "D")}
+AIM = "error"
+ROOM = 0.15  # of the smallest error, for the name of the first run
+SHOWN = 1.0  # an error of everything or more is no result
+APART = 4.0  # in error, of two names
+CAPTION = (
+    "Whole error of the tip, of model, hinges and steps, as a part of its motion. A mark is a type of the links, a "
+    "rule, a number of hinges, a method and its steps; the line: those than which no other is both as cheap and as "
+    "right, with type, hinges and rule."
+)
+
+
+def draw(results: Results) -> Iterator[Picture]:
+    """One picture a scene."""
+    for case, series in results.showing(*TAKES):
+        many = [run for run in _runs(series) if 0.0 < run.errors[AIM] < SHOWN]
+        best = front(many, AIM)
+        figure, (axes,) = stacked_axes(1, 4.2)
+        for who, (colour, marker) in LOOKS.items():
+            if not (own := [run for run in many if run.who == who]):
+                continue
+            x, y = [run.errors[AIM] for run in own], [run.seconds for run in own]
+            axes.plot(x, y, marker, color=colour, label=who, markersize=4.0, alpha=0.6, markeredgewidth=0)
+        axes.plot([run.errors[AIM] for run in best], [run.seconds for run in best], "-", color=INK)
+        for run in _named(best):
+            name = "rigid" if run.who == "rigid" else f"{run.who}, {run.method}"
+            axes.annotate(
+                name, (run.errors[AIM], run.seconds), xytext=(-3, -6), textcoords="offset points", fontsize=8,
+                ha="right", va="center",
+            )  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="error of the tip [1]", ylabel="CPU time [s]")
+        axes.margins(0.1, 0.1)
+        axes.set_xlim(ROOM * axes.get_xlim()[0])
+        tidy_logs(axes)
+        legend_above(figure, axes, 4)
+        csv = table_csv(list(series.columns), zip(*(v.tolist() for v in series.columns.values()), strict=True))
+        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, csv)
+
+
+def _runs(series: Series) -> Iterator[Run]:
+    """Runs by type of the links, their cut in place of the method's name."""
+    names = ("type", "rule", "hinges", "setting", "error", "CPU time [s]")
+    for flex, rule, hinges, setting, error, seconds in zip(*(series.columns[n].tolist() for n in names), strict=True):
+        yield Run(flex, f"{hinges} {rule}", setting, seconds, 0, {AIM: error})
+
+
+def _named(best: list[Run]) -> list[Run]:
+    """The first run of each cut on the front, but for names that would stand on each other."""
+    named: list[Run] = []
+    for run in best:
+        new = not named or (run.who, run.method) != (named[-1].who, named[-1].method)
+        if new and (not named or run.errors[AIM] > APART * named[-1].errors[AIM]):
+            named.append(run)
+    return named

@@ -1,0 +1,95 @@
+"""Which model an error needs: all combinations against the arm itself, the cheapest of those that are right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from studies import row, stored
+
+from flexlink.describe.spec import decode
+from reports.figures import trade_models
+from reports.results import Results
+from validation.case import CASES, load_case
+from validation.kinds import speed_models
+from validation.store import Series, Store, table
+
+CASE = load_case(CASES / "speed_models.toml")
+GRID = {
+    "change": {"name": "short", "run.duration": 0.1, "run.sample": 0.02, "material.aluminium.young": 70e7},
+    "true": "z", "fine": {"method": "Radau5", "tolerances": [1e-7, 1e-6], "hinges": [8, 6]},
+    "flex": ["rigid", "z"], "hinges": {"paper": [1, 4], "gauss": [2]},
+    "tolerances": {"Radau5": [1e-1, 1e-4]}, "stepped": ["RK4"],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    """Rows and the series of a tenth of a second."""
+    settings = decode({"scene": {"paper_fig5": GRID}, "errors": [1e-1, 1e-5], "budget": 5.0}, speed_models.Settings)
+    *rows, series = speed_models.run(replace(CASE, scenes=("paper_fig5",)), settings)
+    return rows, series
+
+
+@pytest.mark.slow
+def test_every_type_rule_hinge_method_and_step_is_run_once_and_a_rigid_arm_has_no_hinges(found):
+    made = list(zip(*(found[1].columns[name].tolist() for name in ("type", "rule", "hinges", "method")), strict=True))
+    cuts = [("rigid", "paper", 0), ("T1", "paper", 1), ("T1", "paper", 4), ("T1", "gauss", 2)]
+    assert made == [(*cut, method) for cut in cuts for method in ("Radau5", "Radau5", "RK4")]
+
+
+@pytest.mark.slow
+def test_fine_steps_leave_the_error_of_the_model_which_more_hinges_mend(found):
+    columns = found[1].columns
+    fine = {
+        (flex, hinges): error
+        for flex, hinges, error, setting, method in zip(
+            *(columns[name].tolist() for name in ("type", "hinges", "error", "setting", "method")), strict=True
+        )
+        if method == "Radau5" and setting < 1e-3
+    }
+    assert fine["T1", 4] < fine["T1", 1] < fine["rigid", 0]
+
+
+@pytest.mark.slow
+def test_the_cheapest_run_that_meets_an_error_is_named_with_its_model(found):
+    rows, series = found
+    known, *times = rows
+    assert (known.quantity, known.scene) == ("own error / smallest error", "short")
+    assert times, "some run is as right as the largest error"
+    for each in times:
+        met = series.columns["CPU time [s]"][series.columns["error"] <= each.varied["error"]]
+        assert each.value == pytest.approx(1e3 * met.min())
+        assert each.timed
+    assert speed_models.Run(next(cut_of("z")), 0.1, 1.0).said == "T1, 1 hinges by paper, RK4, step 0.001"
+    assert speed_models.Run(next(cut_of("rigid")), 0.1, 1.0).said == "rigid, RK4, step 0.001"
+
+
+def cut_of(flex: str):
+    grid = decode(GRID, speed_models.Grid)
+    return (replace(cut, method="RK4", step=1e-3) for cut in grid.cuts() if cut.flex == flex)
+
+
+@pytest.mark.slow
+def test_a_run_that_takes_too_long_or_fails_is_none():
+    scene, setup = CASE.load_scenes()[0].varied(GRID["change"]), next(cut_of("z"))
+    assert speed_models._made(scene, setup, 0.0, 1.0, longest=0.0) is None
+    assert speed_models._made(scene, replace(setup, hinges=16, step=2e-2), 0.0, 1.0, longest=5.0) is None  # not stable
+
+
+RUNS = (
+    ("rigid", "paper", 0, "RK4", 1e-2, 1e-1, 1e-4), ("T1", "gauss", 2, "Radau5", 1e-2, 1e-3, 1e-3),
+    ("T1", "paper", 4, "Radau5", 1e-2, 1e-2, 5e-3), ("T3", "gauss", 4, "Radau5", 1e-4, 1e-6, 1e-1),
+)  # fmt: skip
+
+
+def test_the_front_of_models_names_type_hinges_and_rule_and_the_csv_has_every_run(tmp_path: Path) -> None:
+    results = stored(tmp_path, row("models", kind="speed_models"))
+    series = Series("models", "arm: which", table(speed_models.COLUMNS, RUNS), "error", "error", "t", scene="arm")
+    Store(results).add_series("models", series)
+    (picture,) = trade_models.draw(Results.read(results))
+    (axes,) = picture.figure.axes
+    assert [text.get_text() for text in axes.texts] == ["T3, 4 gauss", "T1, 2 gauss", "rigid"]
+    assert [line.get_label() for line in axes.lines if line.get_linestyle() == "None"] == ["rigid", "T1", "T3"]
+    assert len(picture.csv.splitlines()) == len(RUNS) + 1

@@ -1,0 +1,65 @@
+"""What a report says of its model's error is what finer models and smaller steps show."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink.reporting.refinement import Refinement, far
+from flexlink.reporting.study import Study
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def scene() -> fl.Scene:
+    """A damped move in space, by a method whose steps leave an error that can be seen."""
+    changes = {"run.duration": 0.6, "run.method": "RK2", "run.step": 2.5e-4}
+    return fl.load_scene(ROOT / "models" / "ptp_move.toml").varied(changes)
+
+
+@pytest.fixture(scope="module")
+def thrown() -> fl.Scene:
+    return fl.load_scene(ROOT / "models" / "t3_spatial.toml").varied({"run.duration": 0.3})
+
+
+@pytest.fixture(scope="module")
+def about(scene: fl.Scene) -> Refinement:
+    return Refinement(Study(scene))
+
+
+def test_the_limit_is_as_close_as_it_says_to_a_much_finer_model(about: Refinement, scene: fl.Scene) -> None:
+    finest = scene.varied({"link.*.segments": 17, "run.tolerance": 1e-6, "run.method": "Radau5"})
+    assert about.limit is not None
+    assert about.is_known
+    assert far(fl.simulate(finest).tip - about.limit.tip) <= about.limit.error
+    assert about.limit.error < 0.5 * about.error(about.cuts[1.0].tip)
+
+
+def test_the_error_of_steps_is_that_beside_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:
+    exact = fl.simulate(scene, method="RK4", step=1e-4)
+    assert about.of_steps == pytest.approx(far(about.run.tip - exact.tip), rel=0.2)
+
+
+def test_a_tolerance_is_judged_by_a_tenth_of_it(thrown: fl.Scene) -> None:
+    loose = Refinement(Study(thrown.varied({"run.tolerance": 1e-3, "run.method": "auto"})))
+    exact = fl.simulate(thrown, method="auto", tolerance=1e-8)
+    assert far(loose.run.tip - exact.tip) / 3 < loose.of_steps < 3 * far(loose.run.tip - exact.tip)
+
+
+def test_choices_cost_what_their_evaluations_do_and_twice_the_step_half(about: Refinement) -> None:
+    own, *others = about.choices()
+    seconds = {one.label: one.seconds for one in others}
+    assert own.seconds == pytest.approx(2 * seconds["twice the step"], rel=1e-12)
+    assert own.seconds == pytest.approx(seconds["half the step"] / 2, rel=1e-12)
+    assert [one.label for one in others if not one.outcome.whole] == ["half the hinges"]  # gauss takes them in pairs
+
+
+def test_a_scene_that_starts_from_its_own_joints_has_no_other_cut(thrown: fl.Scene) -> None:
+    q = np.zeros(fl.lump(thrown).n)
+    about = Refinement(Study(thrown.varied({"initial.q": q, "run.duration": 0.05})))
+    assert about.limit is None
+    assert [one.label for one in about.choices()][1:3] == ["twice the step", "half the step"]
+    assert not any("hinges" in one.label for one in about.choices())

@@ -1,0 +1,142 @@
+"""What a model costs: type of the links, rule, hinges, method and steps, against the tip's whole error from the arm.
+
+The error is from the arm itself, a chain of infinitely many hinges exact in time, as a part of how far its tip moves;
+the time is that of the steps alone, as in `speed_trade`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import msgspec
+from msgspec.structs import replace
+
+from flexlink.analysis.stability import stable_step
+from flexlink.chain.arguments import choice
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Positive, Spec
+from flexlink.motion.start import initial_state
+from validation.benchmarks.error_parts import Fine, Setup, Type, apart
+from validation.benchmarks.trade import motion_of
+from validation.case import Case, Measured
+from validation.store import Series, table
+from validation.timing.native_trade import OF_STABLE, timed_run
+
+TIMED = True
+
+COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
+TYPES = {"rigid": "rigid", "z": "T1", "yz": "T2", "xyz": "T3"}
+REPEATS = 3
+
+
+class Grid(Spec, frozen=True):
+    """Of one scene: what is changed in it, what counts as the truth, and of what all combinations are run.
+
+    Attributes
+    ----------
+    true, fine
+        Type of links that is the truth, and what counts as converged.
+    flex, hinges
+        Types of the links; of each rule the numbers of hinges a link.
+    tolerances
+        Of methods whose steps follow from it, as parts of the motion.
+    stepped
+        Methods that take the largest stable step of the start.
+    """
+
+    true: Type
+    fine: Fine
+    flex: tuple[Type, ...]
+    hinges: dict[str, tuple[int, ...]]
+    tolerances: dict[str, tuple[Positive, ...]]
+    stepped: tuple[str, ...] = ()
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    def cuts(self) -> Iterator[Setup]:
+        """Types, rules and hinges, of a rigid arm one; methods come later."""
+        for flex in self.flex:
+            ways = [(rule, k) for rule, counts in self.hinges.items() for k in counts]
+            for rule, hinges in [("paper", 0)] if flex == "rigid" else ways:
+                yield Setup(flex=flex, rule=rule, hinges=hinges, method="")
+
+    def setups(self, scene: Scene, motion: float) -> Iterator[Setup]:
+        """All of them, of a scene whose tip moves so far [m]."""
+        for cut in self.cuts():
+            for method, parts in self.tolerances.items():
+                yield from (replace(cut, method=method, tolerance=part * motion) for part in parts)
+            for method in self.stepped:
+                yield replace(cut, method=method, step=_largest_step(cut.scene(scene), method))
+
+
+class Settings(Spec, frozen=True):
+    """Scenes by name; errors, as parts of the motion; the longest run [s of CPU]."""
+
+    scene: dict[str, Grid]
+    errors: tuple[Positive, ...]
+    budget: Positive
+
+
+class Run(NamedTuple):
+    """A run: how it is made, its error as a part of the motion, CPU seconds."""
+
+    setup: Setup
+    error: float
+    seconds: float
+
+    @property
+    def said(self) -> str:
+        """The choice in words."""
+        flex, rule, hinges, method, setting, *_ = self.row
+        cut = flex if flex == "rigid" else f"{flex}, {hinges} hinges by {rule}"
+        return f"{cut}, {method}, {'step' if self.setup.step else 'tolerance'} {setting:.2g}"
+
+    @property
+    def row(self) -> tuple[Any, ...]:
+        """The columns."""
+        setup = self.setup
+        return TYPES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+    """How well the truth is known; for each error the cheapest run; and all runs to draw."""
+    scenes = {scene.name: scene for scene in case.load_scenes()}
+    for name, grid in settings.scene.items():
+        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
+        truth = grid.fine.limit(scene, grid.true)
+        motion = motion_of(truth.tip)
+        yield Measured("own error / smallest error", truth.own / (motion * min(settings.errors)), scene.name)
+        setups = grid.setups(scene, motion)
+        made = [run for setup in setups if (run := _made(scene, setup, truth.tip, motion, settings.budget))]
+        for error in settings.errors:
+            met = [run for run in made if run.error <= error]
+            if met:
+                best = min(met, key=lambda run: run.seconds)
+                yield Measured(
+                    "CPU time", 1e3 * best.seconds, scene.name, varied={"error": error}, note=best.said, timed=True
+                )
+        columns = table(COLUMNS, [run.row for run in made])
+        title = f"{scene.name}: which model, and what it costs"
+        x, y = COLUMNS[-2:]
+        yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=scene.name)
+
+
+def _largest_step(scene: Scene, method: str) -> float:
+    """The largest stable step of the start that divides a sample [s]."""
+    chain = lump(scene)
+    stable = stable_step(chain, *initial_state(scene, chain), method=method)
+    return scene.run.sample / max(1, math.ceil(scene.run.sample / (OF_STABLE * stable)))
+
+
+def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float) -> Run | None:
+    """The run; None if it ends in an error, or takes too long."""
+    asked = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
+    cut = setup.scene(scene).varied({key: value for key, value in asked.items() if value is not None})
+    try:
+        runs = [timed_run(cut, longest) for _ in range(REPEATS)]
+    except FlexlinkError:
+        return None
+    return Run(setup, apart(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))
