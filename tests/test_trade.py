@@ -20,7 +20,7 @@ from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
-from validation.timing import pinocchio_models, pinocchio_trade, witness_trade
+from validation.timing import native_trade, pinocchio_models, pinocchio_trade, witness_trade
 from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.timing.work_precision import Point, cost, ladder
 
@@ -274,6 +274,37 @@ def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
 
     assert [point.setting for point in ladder(run, 1, 1.0, 1e-2)] == [1, 1 / 2, 1 / 4, 1 / 8, 1 / 16]
     assert [point.setting for point in ladder(run, 1, 4e-3, 1e-9)] == [1, 1 / 2, 1 / 4]
+
+
+def tolerances(monkeypatch, point):
+    """Tolerances of a ladder whose runs are these points, over the first."""
+    monkeypatch.setattr(native_trade, "_point", lambda _name, _scene, setting, _longest: point(setting))
+    found = [each.setting for each in native_trade.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
+    return [each / found[0] for each in found]
+
+
+def test_a_ladder_of_tolerances_that_always_fails_ends(monkeypatch):
+    assert min(tolerances(monkeypatch, lambda setting: Point(setting, math.inf, 0.0))) == pytest.approx(10**-11.75)
+
+
+def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
+    first = native_trade.COARSEST * trade.motion_of(trade.reference("kick11").tip)
+    both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
+    assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
+    assert tolerances(monkeypatch, lambda tol: Point(tol, 1e-3, 1.0, 1e-3, 1)) == [1.0]
+
+    def dear(setting):
+        raise native_trade.TooDearError("too dear")
+
+    monkeypatch.setattr(native_trade, "_point", lambda *_: dear(0.0))
+    assert native_trade.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
+
+
+def test_where_stability_sets_the_steps_a_decade_of_tolerances_is_left_out(monkeypatch):
+    found = tolerances(monkeypatch, lambda setting: Point(setting, 1e-3, 0.1, 1e-3, 16320))
+    assert found[:4] == pytest.approx([1.0, 10**-0.25, 10**-1.25, 10**-2.25])
+    grows = tolerances(monkeypatch, lambda setting: Point(setting, 1e-3, 0.1, 1e-3, int(100 * setting**-0.2)))
+    assert grows[:4] == pytest.approx([1.0, 10**-0.25, 10**-0.5, 10**-0.75])
 
 
 def test_the_cost_of_an_error_lies_between_the_runs_and_goes_on_with_the_order():

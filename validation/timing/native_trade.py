@@ -25,7 +25,9 @@ from validation.timing.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
 OF_STABLE = 0.98  # of the largest stable step at the start
-SHORT = 0.01  # s
+RUNGS = 48  # of tolerances: the last is 5e-13 of the motion, below what roundings leave
+ALIKE, LEFT_OUT = 0.02, 4  # evaluations so much alike are bound by stability: a decade of tolerances at once
+SHORT, LONG = 0.01, 0.2  # s
 TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
 LIMIT = "RK4 at its limit"
 
@@ -47,7 +49,7 @@ def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
             raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
     with deferred() as stop:
-        whole = SingleRun(scene).finish(stop)
+        whole = SingleRun(scene).finish(stop, compared=False)  # the reference judges
     return Timed(seen(whole.chain, whole.q), seconds, run.steps.steps.evaluations)
 
 
@@ -56,20 +58,32 @@ class TooDearError(FlexlinkError):
 
 
 def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
-    """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget."""
-    scene, points, tolerance = trade_scene(name), list[Point](), COARSEST * motion_of(reference(name).tip)
-    while not points or (points[-1].worst > smallest and points[-1].seconds < budget):
+    """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget.
+
+    Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
+    """
+    scene, points, motion, rung = trade_scene(name), list[Point](), motion_of(reference(name).tip), 0
+    while rung < RUNGS:
+        tolerance = COARSEST * motion * FINER**rung
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
             points.append(_point(name, run, tolerance, TOO_DEAR * budget))
         except TooDearError:  # finer ones would be, too
             break
-        tolerance *= FINER
+        if points[-1].worst <= smallest or points[-1].seconds >= budget:
+            break
+        rung += LEFT_OUT if _bound_by_stability(points) else 1
     return points
 
 
+def _bound_by_stability(points: Sequence[Point]) -> bool:
+    """Whether the last two runs took as many evaluations."""
+    last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
+    return abs(last - before) < ALIKE * before
+
+
 def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -> Point:
-    """The fastest of some runs, more of them if they are short; an error of infinity if it ends in one.
+    """The fastest of some runs, more of them if they are short, one if it is long; an error of infinity if it fails.
 
     Raises
     ------
@@ -77,8 +91,8 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
         A run takes more than `longest` [s].
     """
     try:
-        runs = [timed_run(scene, longest), timed_run(scene)]
-        runs += [timed_run(scene) for _ in range(3 if runs[0].seconds < SHORT else 0)]
+        runs = [timed_run(scene, longest)]
+        runs += [timed_run(scene) for _ in range(4 if runs[0].seconds < SHORT else runs[0].seconds < LONG)]
     except TooDearError:
         raise
     except FlexlinkError:
