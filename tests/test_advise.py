@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.advice.bench import Bench, Stepping
 from flexlink.advice.goal import Goal, Ruler, goal_of
-from flexlink.advice.model import Bend, most_axes, uniform, with_model
+from flexlink.advice.model import Bend, capped, most_axes, uniform, with_model
 from flexlink.advice.price import bodies_of, price, prices
 from flexlink.advice.rigid import swung
 from flexlink.cli.main import main
@@ -41,9 +41,9 @@ def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situatio
     return scene.varied(situation)
 
 
-def truth(scene: fl.Scene) -> Array:
-    """Tip of 8 and 12 hinges at Gauss points about all axes, extrapolated."""
-    bench, axes = Bench(scene, 60.0), most_axes(scene)
+def truth(scene: fl.Scene, *, flex: str = "xyz") -> Array:
+    """Tip of 8 and 12 hinges at Gauss points, extrapolated; about all axes unless nothing leaves the plane."""
+    bench, axes = Bench(scene, 60.0), capped(most_axes(scene), flex)
     coarse, fine = (bench.run(uniform(axes, n), Stepping("Radau9", tolerance=1e-8)).tip for n in (8, 12))
     return np.asarray(fine + (fine - coarse) / ((12 / 8) ** 2 - 1))
 
@@ -94,7 +94,7 @@ def test_an_arm_in_a_plane_stays_in_it_and_a_twisted_one_does_not() -> None:
     assert fl.lump(plane).is_planar
     skew = arm(0.004, links=2, motion=led("bar0"), gravity=(0.0, 0.0, -9.81))
     bent = skew.varied({"link.bar1.mount.rpy_deg": (0.0, 0.0, 90.0), "link.bar1.joint.locked": True})
-    assert fl.advise(bent, 1e-3).scene.arm.links[0].flex == "xyz"  # carries a bar at right angles, which weighs
+    assert fl.advise(bent, 1e-2).scene.arm.links[0].flex == "xyz"  # carries a bar at right angles, which weighs
 
 
 @pytest.mark.slow
@@ -164,11 +164,11 @@ def test_vibrations_beyond_the_band_do_not_count() -> None:
 @pytest.mark.slow
 def test_sensitive_motion_is_good_up_to_a_horizon_that_is_not_too_late() -> None:
     scene = arm(0.01, links=2, **{"initial.joint_deg": (120.0, 60.0), "run.duration": 6.0, "run.sample": 0.02})
-    advice = fl.advise(scene, 1e-5, budget=0.4)  # a machine four times slower or faster comes to the same end
+    advice = fl.advise(scene, 1e-3, budget=0.1)  # by price: the same on every machine
     assert not advice.met
-    assert advice.horizon < 6.0
+    assert 0.0 < advice.horizon < 6.0
     assert any(line.startswith("cannot") for line in advice.lines)
-    off = np.linalg.norm(fl.simulate(advice.scene).tip - truth(scene), axis=1)
+    off = np.linalg.norm(fl.simulate(advice.scene).tip - truth(scene, flex="z"), axis=1)
     assert off[scene.run.times <= advice.horizon].max() <= advice.tolerance
 
 
@@ -273,7 +273,9 @@ def test_the_command_says_cannot(tmp_path: Path, capsys) -> None:
 @pytest.mark.slow
 def test_the_case_of_the_study_judges_advice_by_a_truth_of_its_own() -> None:
     case = load_case(CASES / "advice.toml")
-    only = replace(decode(case.settings, kind.Settings), first=25, scenes=1, tolerances=(1e-2,), grid=(25,))
+    only = replace(
+        decode(case.settings, kind.Settings), first=25, scenes=1, tumbling=(), tolerances=(1e-2,), grid=(25,)
+    )
     rows = {row.quantity: row.value for row in kind.run(replace(case, scenes=()), only)}
     assert rows["cells judged"] == rows["cells met"] == 1
     assert rows["met, but is not"] == 0

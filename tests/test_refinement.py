@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -36,6 +38,20 @@ def test_the_limit_is_as_close_as_it_says_to_a_much_finer_model(about: Refinemen
     assert about.is_known
     assert far(fl.simulate(finest).tip - about.limit.tip) <= about.limit.error
     assert about.limit.error < 0.5 * about.error(about.cuts[1.0].tip)
+
+
+def test_cuts_whose_errors_fall_by_four_tend_to_where_they_fall(scene: fl.Scene) -> None:
+    about = Refinement(Study(scene))
+    true, off = about.run.tip, np.array([0.0, 1e-2, 0.0])
+    about.__dict__["cuts"] = {factor: SimpleNamespace(tip=true + off / factor**2) for factor in (1.0, 2.0, 4.0)}
+    assert about.limit is not None
+    assert about.limit.order == pytest.approx(2.0, rel=1e-9)
+    np.testing.assert_allclose(about.limit.tip, true, atol=1e-14)
+
+
+def test_of_one_hinge_the_scene_itself_is_among_the_cuts(thrown: fl.Scene) -> None:
+    one = thrown.varied({"link.*.lumping": "legendre", "link.*.segments": 2, "run.duration": 0.05})
+    assert list(Refinement(Study(one)).cuts) == [1.0, 2.0, 4.0]
 
 
 def test_the_error_of_steps_is_that_beside_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:

@@ -32,6 +32,9 @@ STRICTER = 0.1
 """Tolerance of a second run, over that of the first, by which the errors of its steps are told: where the motion
 multiplies them, they are many times what the steps were allowed."""
 
+ROOM = 8.0
+"""Times what a run of the coarsest chain costs that the budget must have room for: without levels no limit is known."""
+
 PASSES = 8
 """Of the search for steps that are small enough."""
 
@@ -104,10 +107,11 @@ class Study:
         ladder.climb()
         if ladder.limit is None:
             raise AdviceError(f"{self.scene.name}: no two models can be run: {ladder.why}")
-        known_to = ladder.limit.error + ladder.settle_time() + self.ruler(screening.gone)
-        if known_to > ladder.tolerance:
-            return self._cannot(ladder, known_to)
-        return self._cheapest(ladder, known_to)
+        of_steps = ladder.settle_time()
+        known = ladder.limit.errors + of_steps + self.ruler.up_to(screening.gone)
+        if known[-1] > ladder.tolerance:
+            return self._cannot(ladder, known)
+        return self._cheapest(ladder, known)
 
     def _rigid_is_enough(self) -> Advice | None:
         if self.goal.deflection:
@@ -154,14 +158,17 @@ class Study:
                 return stepping, told
             if told >= tolerance / AGAIN:
                 strict = Stepping("auto", tolerance=max(share * STRICTER * tolerance, least))
-                if self.ruler(self.bench.run(model, strict).tip - outcome.tip) <= OF_THE_STEPS * told:
+                stricter = self.bench.run(model, strict)
+                small = self.ruler(stricter.tip - outcome.tip) <= OF_THE_STEPS * told
+                if small or stricter.dear or ROOM * stricter.seconds > self.bench.budget:
                     return stepping, told
                 share *= STRICTER
             tolerance = told
         return stepping, told
 
-    def _cheapest(self, ladder: Ladder, known_to: float) -> Advice:
+    def _cheapest(self, ladder: Ladder, known: Array) -> Advice:
         assert ladder.limit is not None
+        known_to = float(known[-1])
         tolerance, limit = ladder.tolerance, Limit(ladder.limit.tip, known_to)
 
         def total(tip: Array) -> float:
@@ -175,19 +182,20 @@ class Study:
         search = Search(self.bench, parts, tolerance, known_to)
         found = search.best()
         if found is None:
-            for known, outcome in ladder.known().items():
-                search.accept(known, outcome)
+            for level, outcome in ladder.known().items():
+                search.accept(level, outcome)
             found = search.found
         if found is None:
-            return self._cannot(ladder, known_to)
+            return self._cannot(ladder, known)
         return self._done(found.model, found.outcome, found.error + known_to, tolerance, ladder.motion, limit)
 
-    def _cannot(self, ladder: Ladder, known_to: float) -> Advice:
-        """The finest level, with what it is worth."""
+    def _cannot(self, ladder: Ladder, known: Array) -> Advice:
+        """The finest level, with what it is worth; the limit is known so well up to each sample (samples,) [m]."""
         assert ladder.limit is not None
+        known_to = float(known[-1])
         finest, tolerance = ladder.finest.outcome, ladder.tolerance
         error = self.ruler(finest.tip - ladder.limit.tip) + known_to
-        holds = horizons.horizon(ladder, self.ruler, known_to, tolerance)
+        holds = horizons.horizon(ladder, self.ruler, known)
         growth = horizons.growth(self.bench, ladder, tolerance)
         why = f" ({ladder.why})" if ladder.why else ""
         said = f"{self.goal} is not met: with {ladder.finest.hinges} hinges a link the error is {length(error)}{why}"

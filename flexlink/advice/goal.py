@@ -89,6 +89,11 @@ class Ruler:
         """Length at every sample [m]."""
         return np.asarray(np.linalg.norm(self.slow(difference), axis=1))
 
+    def up_to(self, difference: Array) -> Array:
+        """Largest length up to every sample (samples,) [m]; inf from where the difference is not finite."""
+        lengths = self.along(difference)
+        return np.maximum.accumulate(np.where(np.isfinite(lengths), lengths, np.inf))
+
     def __call__(self, difference: Array) -> float:
         """Largest length [m]; inf if the difference is not finite."""
         return float(self.along(difference).max()) if np.isfinite(difference).all() else np.inf

@@ -30,20 +30,15 @@ class Growth(NamedTuple):
     e_fold: float  # time in which it grows by e, over the second half [s]; inf if it does not
 
 
-def horizon(ladder: Ladder, ruler: Ruler, error: float, tolerance: float) -> float:
+def horizon(ladder: Ladder, ruler: Ruler, known: Array) -> float:
     """Time [s] up to which the finest level is within the tolerance.
 
-    Its error is the difference to the limit, and that of the limit, whose height at the end is known and whose shape in
-    time is taken from what the last level changed.
+    Its error up to each sample is the difference to the limit, and what this is `known` to, shape (samples,) [m].
     """
     assert ladder.limit is not None
-    levels = ladder.levels[ladder.family]
-    finest = levels[-1].outcome
+    finest = ladder.finest.outcome
     assert finest.run is not None
-    change = np.maximum.accumulate(ruler.along(finest.tip - levels[-2].outcome.tip))
-    shape = change / change[-1] if change[-1] > 0 else np.ones(len(change))
-    errors = np.maximum.accumulate(ruler.along(finest.tip - ladder.limit.tip)) + error * shape
-    beyond = np.flatnonzero(errors > tolerance)
+    beyond = np.flatnonzero(ruler.up_to(finest.tip - ladder.limit.tip) + known > ladder.tolerance)
     times = finest.run.t
     return float(times[-1] if not beyond.size else times[max(0, beyond[0] - 1)])
 

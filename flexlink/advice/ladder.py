@@ -29,11 +29,14 @@ SAFE_LEVEL, SAFE_LIMIT = 1.4, {"gauss": 1.5, "legendre": 1.2}
 """Measured on 22 scenes: the error of a level is at most 1.4 times what its change tells from N = 6 on; that of the
 limit at most 1/1.5, 1/1.2 of its own change."""
 
+SCATTER = 5.0
+"""Times what steps do at a coarse level that they may do at the finest, where motion is sensitive."""
+
 REGULAR = 6
 """Hinges from which the order of convergence is there."""
 
-FALL = 4.0
-"""Order of the fastest fall that an error is believed to have: two runs can agree by chance."""
+FALL, LIMIT_FALL = 4.0, 6.0
+"""Orders of the fastest fall that errors of a level and of a limit are believed to have: two can agree by chance."""
 
 STUCK = 32
 """Hinges from which a level must better the third last one by a third, or the ladder ends."""
@@ -50,7 +53,12 @@ class Limit(NamedTuple):
     """What the levels tend to."""
 
     tip: Array  # (samples, 3) [m]
-    error: float  # [m]
+    errors: Array  # up to each sample (samples,) [m]
+
+    @property
+    def error(self) -> float:
+        """Of all samples [m]."""
+        return float(self.errors[-1])
 
 
 class Ladder:
@@ -75,7 +83,7 @@ class Ladder:
         self.limit: Limit | None = None
         self.tolerance = self.motion = self.deflection = 0.0
         self._limits: dict[str, list[Limit]] = {"gauss": [], "legendre": []}
-        self._itself: dict[str, float] = {}  # error of the last level by its change
+        self._itself: dict[str, Array] = {}  # errors of the last level by its change (samples,)
         self._errors: list[float] = []
 
     def climb(self) -> None:
@@ -114,23 +122,27 @@ class Ladder:
             for hinges, outcome in levels
         }
 
-    def settle_time(self) -> float:
-        """Error of the levels' steps [m], by a tenth of their tolerance at a coarse level; put right if large."""
-        assert self.limit is not None and self.stepping.tolerance is not None
-        strict = self.stepping._replace(tolerance=self.stepping.tolerance / 10)
-        half = max(2, self.finest.hinges // 2)
-        coarse = [level for level in self.levels["gauss"] if level.hinges <= half] or self.levels["gauss"]
-        error, _ = self._of_steps(uniform(self.axes, coarse[-1].hinges), coarse[-1].outcome, strict)
-        if error > ENOUGH * self.tolerance:
-            error, change = self._of_steps(self.model, self.finest.outcome, strict)
-            if np.isfinite(error):
-                self.limit = self.limit._replace(tip=self.limit.tip + change)
-                error /= 10**0.5  # of the stricter run, whatever the order: what is left of a tolerance of a tenth
-        return error
+    def settle_time(self) -> Array:
+        """Errors of the levels' steps up to each sample (samples,) [m]; put right if they are large.
 
-    def _of_steps(self, model: Model, outcome: Outcome, strict: Stepping) -> tuple[float, Array]:
-        change = self.bench.run(model, strict).tip - outcome.tip
-        return self.ruler(change), change
+        By a tenth of their tolerance, at a coarse level that can be run so.
+        """
+        assert self.limit is not None and self.stepping.tolerance is not None
+        strict, errors = self.stepping._replace(tolerance=self.stepping.tolerance / 10), np.array([np.inf])
+        half = max(2, self.finest.hinges // 2)
+        coarse = [level for level in self.levels["gauss"] if level.hinges <= half] or self.levels["gauss"][:1]
+        for level in coarse[::-1]:
+            change = self.bench.run(uniform(self.axes, level.hinges), strict).tip - level.outcome.tip
+            errors = self.ruler.up_to(change)
+            if np.isfinite(errors[-1]):
+                break
+        if errors[-1] > ENOUGH * self.tolerance:
+            change = self.bench.run(self.model, strict).tip - self.finest.outcome.tip
+            if np.isfinite(change).all():
+                self.limit = self.limit._replace(tip=self.limit.tip + change)
+                return self.ruler.up_to(change) / 10**0.5  # of the stricter run, whatever the order
+            return SCATTER * errors
+        return errors
 
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
@@ -162,18 +174,23 @@ class Ladder:
         """The finest level or the extrapolated one, whichever is known better."""
         levels, limits = self.levels[family], self._limits[family]
         (Na, a), (Nb, b) = levels[-2:]
-        change, q = self.ruler(b.tip - a.tip), (Nb / Na) ** 2 - 1
+        change, q = self.ruler.up_to(b.tip - a.tip), (Nb / Na) ** 2 - 1
         itself = SAFE_LEVEL * change / q if Nb >= REGULAR else change
-        extrapolated = Limit(b.tip + (b.tip - a.tip) / q, np.inf)
+        extrapolated = Limit(b.tip + (b.tip - a.tip) / q, np.full(len(change), np.inf))
         if limits:
-            extrapolated = extrapolated._replace(
-                error=self.ruler(extrapolated.tip - limits[-1].tip) / SAFE_LIMIT[family]
-            )
+            errors = self.ruler.up_to(extrapolated.tip - limits[-1].tip) / SAFE_LIMIT[family]
+            if len(limits) > 1:
+                errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** LIMIT_FALL)
+            extrapolated = extrapolated._replace(errors=errors)
             if Na >= 4:
-                itself = max(itself, self._itself[family] * (Na / Nb) ** FALL)
+                itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** FALL)
         limits.append(extrapolated)
         self._itself[family] = itself
-        return extrapolated if extrapolated.error < itself else Limit(b.tip, itself)
+        return min(extrapolated, Limit(b.tip, itself), key=self._worth)
+
+    def _worth(self, limit: Limit) -> tuple[int, float]:
+        """Small for one that is within the tolerance for long, and at last: errors that have grown say little."""
+        return int((limit.errors > self.tolerance).sum()), limit.error
 
     def _compare_rules(self) -> None:
         """Go on with Gauss-Legendre over the whole link if that is twice as good."""

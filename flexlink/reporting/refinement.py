@@ -89,14 +89,9 @@ class Refinement:
         """Runs with so many times the hinges, those that came to their end; 1 with the scene's own cut."""
         if self.says_state or not any(self.model):
             return {}
-        runs = {factor: self.bench.run(self.cut(factor), self.strict) for factor in sorted((1.0, *FACTORS))}
-        kept: dict[float, Outcome] = {}
-        seen: set[Model] = set()
-        for factor, outcome in runs.items():
-            if outcome.whole and self.cut(factor) not in seen:
-                kept[factor] = outcome
-                seen.add(self.cut(factor))
-        return kept
+        apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # of one hinge, half as many are as many
+        runs = {factor: self.bench.run(model, self.strict) for model, factor in apart.items()}
+        return {factor: runs[factor] for factor in sorted(runs) if runs[factor].whole}
 
     def cut(self, factor: float) -> Model:
         """The scene's cut with so many times the hinges."""
@@ -116,7 +111,7 @@ class Refinement:
             return Limit(cuts[-1].tip, max(before, far(last)), math.nan)
         order = min(math.log2(before / far(last)), 4.0) if far(last) > 0 else 4.0
         change = last / (2.0**order - 1)
-        return Limit(cuts[-1].tip + change, max(far(change), self.strict.tolerance or 0.0), order)
+        return Limit(cuts[-1].tip + change, far(change) + (self.strict.tolerance or 0.0), order)
 
     def known_until(self, part: float) -> float:
         """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""

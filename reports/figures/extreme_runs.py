@@ -96,19 +96,22 @@ def _panel(axes: Axes, grid: Grid, runs: Runs, engine: str) -> Iterator[tuple[ob
     """Draw the cells of one engine; yields what they say."""
     colours = np.full((len(grid.rows), 1 + max(column for _, column in grid.members)), np.nan)
     own, silent = runs.engine == engine, runs.outcome == "silent wrong"
-    for (row, column), members in grid.members.items():
-        wrong = np.flatnonzero(members & own & silent)
-        colours[row, column] = 2 if wrong.size else 1 if np.isin(runs.outcome[members & own], KNOWN).any() else 0
+    for (row, column), at in grid.members.items():
+        members = at & own
+        if not members.any():
+            continue
+        wrong = np.flatnonzero(members & silent)
+        colours[row, column] = 2 if wrong.size else 1 if np.isin(runs.outcome[members], KNOWN).any() else 0
         if wrong.size:
             axes.text(column + 0.5, row + 0.5, str(wrong.size), color=PAPER, fontsize=8, ha="center", va="center")
         first = np.flatnonzero(members)[0]
         recipe = runs.recipe[wrong[0]] if wrong.size else ""
         varied = "" if grid.columns else runs.varied[first]
-        yield ENGINES[engine], runs.axes[first], varied, int(np.sum(members & own)), wrong.size, recipe
+        yield ENGINES[engine], runs.axes[first], varied, int(np.sum(members)), wrong.size, recipe
     axes.pcolormesh(colours, cmap=COLOURS, vmin=0, vmax=2, edgecolors="w", linewidth=0.8)
     axes.set_yticks(np.arange(len(grid.rows)) + 0.5, grid.rows, fontsize=8)
-    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, grid.columns, fontsize=8)
+    axes.set_xticks(np.arange(len(grid.columns)) + 0.5, grid.columns, fontsize=7)
     axes.tick_params(length=0)
     axes.invert_yaxis()
     axes.grid(False)
-    axes.set_title(f"{ENGINES[engine]}: {np.sum(own & silent)} of {np.sum(own)} runs", loc="left")
+    axes.set_title(f"{ENGINES[engine]}: {np.sum(own & silent)} of {np.sum(own)} runs", loc="right")

@@ -21,6 +21,9 @@ SITUATIONS = ("falling", "pulse", "constant", "pd", "led")
 """In turn by seed, and so in pairs in a plane and in space."""
 
 SAMPLES = 100
+TUMBLES = 10
+"""Times as long as the others."""
+
 SOFTEST = 0.2
 """Deflection of a link over its length."""
 STUFFS = {
@@ -57,6 +60,18 @@ def random_scene(seed: int) -> fl.Scene:
     if dice.chance(0.2):
         scene = replace(scene, wrench=fl.Wrench(force=dice.three(2.0 * _mass(links[-1:], sections, material))))
     return _put_in(scene, situation, dice, _inertias(arm, material))
+
+
+def tumbling_scene(seed: int) -> fl.Scene:
+    """An arm in a plane that is let go where it stands nearly upright, without friction: its motion is sensitive."""
+    falling, dice = random_scene(2 * len(SITUATIONS) * seed), Dice(seed)
+    links = tuple(replace(link, joint=fl.Joint(), damping=None) for link in falling.arm.links)
+    angles = dice.linear(60.0, 120.0), *(dice.linear(-60.0, 60.0) for _ in links[1:])
+    arm, run = replace(falling.arm, links=links), replace(falling.run, duration=TUMBLES * falling.run.duration)
+    return replace(
+        falling, name=f"tumbling {seed}", arm=arm, gravity=(0.0, -9.81, 0.0), wrench=fl.Wrench(), run=run,
+        initial=fl.Initial(joint_deg=angles),
+    )  # fmt: skip
 
 
 def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], planar: bool) -> fl.Link:

@@ -13,14 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.bench import OF_STABLE, Bench, Stepping
 from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
 
 LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
-METHOD, OF_MOTION = "Radau9", 1e-6
+METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)
+CHECKED, STRICTER = 6, 0.1
+"""Level of which the steps are checked, and the tolerance of those that check them, over its own."""
+
 NAIVE = 8
 """Hinges about three axes, by RK4 at its stable step: what is taken without thinking."""
 
@@ -31,41 +34,69 @@ METHODS = ("Radau5", "DOP853")
 
 
 class Truth(NamedTuple):
-    """Path of the tip, how far it gets, and how well it is known [m]."""
+    """Path of the tip (samples, 3), how far it gets, and how well it is known up to each sample (samples,) [m]."""
 
     tip: Array
     motion: float
-    error: float
+    errors: Array
+
+    @property
+    def error(self) -> float:
+        """How well it is known up to the end [m]."""
+        return float(self.errors[-1])
 
 
 def truth(scene: Scene, within: float, budget: float) -> Truth:
-    """Limit of finer and finer models, until its last change is `within` a part of the motion, or it takes too long."""
+    """Limit of finer and finer models, until its last change is `within` a part of the motion, or it takes too long.
+
+    What the steps do, which all levels may share, is told by stricter ones at a coarse level; where it is not small,
+    as in sensitive motion, all is done again with them.
+    """
+    found: list[Truth] = []
+    for of_motion in OF_MOTION:
+        limit, of_steps = _limit(scene, within, budget, of_motion)
+        found.append(limit._replace(errors=limit.errors + of_steps))
+        if of_steps[-1] <= within * limit.motion:
+            break
+    return min(found, key=lambda true: int((true.errors > within * true.motion).sum()))
+
+
+def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
+    """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
     bench, axes = Bench(scene, budget), most_axes(scene)
     tips: list[tuple[int, Array]] = []
     limits: list[Array] = []
-    motion, error = 1.0, np.inf
+    motion, errors = 1.0, np.full(scene.run.samples, np.inf)
     for hinges in LEVELS:
-        outcome = _whole_run(bench, uniform(axes, hinges), OF_MOTION * motion)
-        if outcome is None:
+        tip = _tip_of(bench, uniform(axes, hinges), of_motion * motion)
+        if tip is None:
             break
-        tips.append((hinges, outcome.tip))
-        motion = float(np.linalg.norm(outcome.tip - outcome.tip[0], axis=1).max())
+        tips.append((hinges, tip))
+        motion = float(np.linalg.norm(tip - tip[0], axis=1).max())
         if len(tips) > 1:
             (Na, a), (Nb, b) = tips[-2:]
             limits.append(b + (b - a) / ((Nb / Na) ** 2 - 1))
         if len(limits) > 1:
-            error = float(np.linalg.norm(limits[-1] - limits[-2], axis=1).max())
-            if error <= within * motion:
+            errors = _up_to(limits[-1] - limits[-2])
+            if errors[-1] <= within * motion:
                 break
+    strict = _tip_of(bench, uniform(axes, CHECKED), of_motion * STRICTER * motion)
     tip = limits[-1] if limits else np.full((scene.run.samples, 3), np.nan)
-    return Truth(tip, motion, error)
+    checked = [tip for hinges, tip in tips if hinges == CHECKED]
+    of_steps = _up_to(strict - checked[0]) if checked and strict is not None else np.full(len(tip), np.inf)
+    return Truth(tip, motion, errors), of_steps
 
 
-def _whole_run(bench: Bench, model: Model, tolerance: float) -> Outcome | None:
+def _up_to(difference: Array) -> Array:
+    """Largest length up to every sample (samples,) [m]."""
+    return np.asarray(np.maximum.accumulate(np.linalg.norm(difference, axis=1)))
+
+
+def _tip_of(bench: Bench, model: Model, tolerance: float) -> Array | None:
     for method in (METHOD, "auto"):
         outcome = bench.run(model, Stepping(method, tolerance=tolerance))
         if outcome.whole:
-            return outcome
+            return outcome.tip
     return None
 
 

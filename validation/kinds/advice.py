@@ -15,16 +15,20 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.single import simulate
-from validation.benchmarks.advice_scenes import SAMPLES, random_scene
+from validation.benchmarks.advice_scenes import SAMPLES, random_scene, tumbling_scene
 from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
+
+TENTH = 0.1
+"""Part of a tolerance to which the truth must be known to judge."""
 
 
 class Settings(Spec, frozen=True):
     """Seeds of the random scenes, parts of the motion that are allowed, and what the truth may take.
 
-    `durations` are those of the case's own scenes [s]; `grid` are seeds for which every model of a grid is tried.
+    `durations` are those of the case's own scenes [s]; `grid` are seeds for which every model of a grid is tried,
+    `tumbling` those of scenes whose motion is sensitive.
     """
 
     first: int
@@ -34,6 +38,7 @@ class Settings(Spec, frozen=True):
     budget: Positive
     durations: dict[str, Positive]
     grid: tuple[int, ...] = ()
+    tumbling: tuple[int, ...] = ()
     few: NonNegative = 0.0
 
 
@@ -81,6 +86,8 @@ def _scenes(case: Case, settings: Settings) -> Iterator[tuple[Scene, int]]:
         yield scene.varied(changes), -1
     for seed in range(settings.first, settings.first + settings.scenes):
         yield random_scene(seed), seed
+    for seed in settings.tumbling:
+        yield tumbling_scene(seed), -1
 
 
 def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
@@ -97,7 +104,7 @@ def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
 
 def _is_known(cell: Cell) -> bool:
     """Whether the truth is known well enough to judge: to a tenth of what is allowed."""
-    return cell.true.error <= 0.1 * cell.advice.tolerance
+    return cell.true.error <= TENTH * cell.advice.tolerance
 
 
 def _is_wrong(cell: Cell) -> bool:
@@ -142,16 +149,18 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
         ratios = [c.naive / c.advice.seconds for c in cells if c.advice.met and c.tolerance == tolerance]
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
-    late = [c.advice.horizon / _true_horizon(c) for c in known if not c.advice.met]
-    yield from _spread("horizon over true horizon", late)
+    horizons = [(cell.advice.horizon, _true_horizon(cell)) for cell in cells if not cell.advice.met]
+    yield from _spread("horizon over true horizon", [said / true for said, true in horizons if true])
     yield from _spread("cost over the grid's cheapest", optimum)
 
 
-def _true_horizon(cell: Cell) -> float:
-    """Time up to which the model handed over is within the tolerance [s]."""
+def _true_horizon(cell: Cell) -> float | None:
+    """Time up to which the model handed over is within the tolerance [s]; None if the truth is not known so long."""
     run = simulate(cell.advice.scene)
     beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > cell.advice.tolerance)
-    return float(run.t[-1] if not beyond.size else run.t[max(1, beyond[0] - 1)])
+    if not beyond.size or cell.true.errors[beyond[0]] > TENTH * cell.advice.tolerance:
+        return None
+    return float(run.t[max(1, beyond[0] - 1)])
 
 
 def _spread(quantity: str, values: list[float]) -> Iterator[Measured]:
