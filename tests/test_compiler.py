@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import compiled
 
@@ -60,6 +61,67 @@ def test_a_recursion_answers_python_with_an_error_not_with_a_crash(folder: Path)
     for x in (3.0, 3.0, 3):  # of a signature that is compiled, and of one that is not
         with pytest.raises(TypeError, match=r"twice: only kernels can call it"):
             twice(x)
+
+
+NUMBERS = {
+    "floats": np.array([6.0, 1.0, 3.0, 1.0]),
+    "a part of them": np.array([6.0, 1.0, 3.0, 1.0])[::2],
+    "integers": np.array([6, 3]),
+    "short floats": np.array([6, 3], np.float32),
+    "a tuple of floats": (6.0, 3.0),
+    "a tuple of integers": (6, 3),
+}
+
+
+def test_arguments_of_other_types_do_not_get_each_others_code(folder: Path) -> None:
+    @compiler.kernel
+    def ratio(x, y):
+        return x[0] / y[1]
+
+    floats, *others = NUMBERS.values()
+    pairs = [(floats, floats), *((floats, other) for other in others), *((other, floats) for other in others)]
+    expected = [float(x[0] / y[1]) for x, y in pairs]
+    for _ in range(2):  # as found for the first time, and as remembered
+        assert [machine_code.direct(ratio, *pair)(*pair) for pair in pairs] == pytest.approx(expected)
+    assert len({id(machine_code.direct(ratio, *pair)) for pair in pairs}) == len(pairs)
+
+
+def test_records_with_other_fields_do_not_get_each_others_code(folder: Path) -> None:
+    @compiler.kernel
+    def difference(rows):
+        return rows[0].a - rows[0].b
+
+    for order in ("ab", "ba", "ab"):
+        rows = np.zeros(1, [(name, float) for name in order])
+        rows["a"], rows["b"] = 5.0, 2.0
+        assert machine_code.direct(difference, rows)(rows) == 3.0
+
+
+def test_kernels_do_not_get_each_others_code(folder: Path) -> None:
+    @compiler.kernel
+    def less(x):
+        return x - 1.0
+
+    @compiler.kernel
+    def more(x):
+        return x + 1.0
+
+    assert [machine_code.direct(f, 3.0)(3.0) for f in (less, more, less)] == [2.0, 4.0, 2.0]
+
+
+def test_code_that_was_found_is_not_looked_up_again() -> None:
+    class Kernel:
+        looked_up = 0
+        typeof_pyval = staticmethod(type)
+
+        def compile(self, types: tuple[type, ...]) -> tuple[type, ...]:
+            self.looked_up += 1
+            return types
+
+    kernel = Kernel()
+    found = [machine_code.direct(kernel, *arguments) for arguments in ((3.0, 1), (7.0, 2), (1, 7.0), (2, 3.0))]
+    assert found == [(float, int), (float, int), (int, float), (int, float)]
+    assert kernel.looked_up == 2
 
 
 DAMAGE = {

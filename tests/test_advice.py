@@ -1,0 +1,306 @@
+"""Pieces of advice, each by itself: what steps do, which models are thought of, how far a limit is known."""
+
+from __future__ import annotations
+
+import itertools
+from types import SimpleNamespace
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.advice import horizon as horizons
+from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.goal import Goal, Ruler, goal_of
+from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, Ladder, Level, Limit
+from flexlink.advice.model import Axes, Model, uniform
+from flexlink.advice.parts import Parts
+from flexlink.advice.pool import HOPELESS, MOST, Pool
+from flexlink.advice.ways import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
+from flexlink.describe.scene import Scene
+
+Array = NDArray[np.float64]
+RULER = Ruler(Goal(1e-3), 0.01)
+ALLOWED = 1e-3  # at the tip [m]
+
+
+def along_x(*x: float) -> Array:
+    """A path of the tip that stays on the x axis."""
+    return np.array(x)[:, None] * [1.0, 0.0, 0.0]
+
+
+def outcome(tip: Array, evaluations: int = 100, why: str = "") -> Outcome:
+    """A run as far as it is looked at."""
+    run = SimpleNamespace(steps=SimpleNamespace(evaluations=evaluations), t=0.01 * np.arange(len(tip)))
+    return Outcome(tip, 1e-6 * evaluations, cast("Any", run), Stepping("Radau5"), why)
+
+
+# steps
+
+
+class Told(NamedTuple):
+    """What a run with a tolerance is found to take and to do to the tip [m]; `why` it ended early."""
+
+    evaluations: int
+    size: float
+    why: str = ""
+
+
+class Oracle:
+    """A bench whose runs are known beforehand, by tolerance over what is allowed."""
+
+    def __init__(self, told: dict[float, Told]) -> None:
+        self.told, self.asked = told, list[float]()
+
+    def run(self, model: Model, stepping: Stepping) -> Outcome:
+        assert stepping.tolerance is not None
+        factor = round(stepping.tolerance / ALLOWED, 9)
+        self.asked.append(factor)
+        evaluations, size, why = self.told[factor]
+        return outcome(along_x(0.0, size), evaluations, why)
+
+
+def probed(told: dict[float, Told], largest: float = 10.0) -> tuple[Oracle, Probes]:
+    oracle = Oracle(told)
+    return oracle, Probes(cast("Bench", oracle), RULER, (None,), along_x(0.0, 0.0), ALLOWED, largest)
+
+
+SMOOTH = {1.0: Told(1000, 0.01 * ALLOWED), 10.0: Told(500, 0.1 * ALLOWED), 100.0: Told(250, 1.0 * ALLOWED)}
+
+
+def test_what_was_measured_of_steps_is_taken_as_it_is() -> None:
+    _, probes = probed(SMOOTH)
+    for factor, (evaluations, size, _) in SMOOTH.items():
+        assert probes.steps["Radau5", factor] == pytest.approx((evaluations, size))
+
+
+def test_between_tolerances_steps_follow_powers() -> None:
+    _, probes = probed(SMOOTH)
+    for factor in (2.0, 5.0, 20.0, 50.0):  # a tenth of the tolerance: twice the evaluations, a tenth of the error
+        expected = 1000 * factor ** -np.log10(2), 0.01 * ALLOWED * factor
+        assert probes.steps["Radau5", factor] == pytest.approx(expected)
+
+
+def test_beyond_the_tolerances_that_were_measured_steps_follow_the_orders_of_the_method() -> None:
+    _, probes = probed(SMOOTH)
+    assert probes.steps["Radau5", 0.1] == pytest.approx((1000 * 0.1**-FALL, 0.1 * 0.01 * ALLOWED))
+
+
+@pytest.mark.parametrize(
+    ("told", "largest", "asked", "loosest"),
+    [
+        (SMOOTH, 10.0, [1.0, 10.0, 100.0], 100.0),
+        ({**SMOOTH, 10.0: Told(500, 2 * PROMISING * ALLOWED)}, 10.0, [1.0, 10.0], 20.0),  # do too much to the tip
+        ({**SMOOTH, 10.0: Told(1000, 0.1 * ALLOWED)}, 10.0, [1.0, 10.0], 2.0),  # are not fewer
+        (SMOOTH, 50 * ALLOWED, [1.0, 10.0], 20.0),  # a tolerance beyond the motion makes no sense
+        ({**SMOOTH, 10.0: Told(0, 0.0, "diverged")}, 10.0, [1.0, 10.0, 100.0], 100.0),
+    ],
+)
+def test_tolerances_are_tried_upwards_while_that_pays(
+    told: dict[float, Told], largest: float, asked: list[float], loosest: float
+) -> None:
+    oracle, probes = probed(told, largest)
+    assert oracle.asked == asked
+    assert max(factor for _, factor in probes.steps) == loosest <= FURTHER * max(asked)
+
+
+def test_of_steps_that_all_fail_nothing_is_thought() -> None:
+    _, probes = probed(dict.fromkeys(SMOOTH, Told(0, 0.0, "diverged")))
+    assert probes.steps == {}
+    assert probes.runs == []
+
+
+def test_ways_are_data_that_name_methods_and_probe_tolerances_that_they_have() -> None:
+    for way in ways():
+        assert bool(way.of_stable) != bool(way.tolerances)
+        assert {*way.probed} <= {*way.tolerances}
+        assert list(way.probed) == sorted(way.probed)
+    assert fixed_ways() == sorted(fixed_ways(), key=lambda way: -way[1])
+
+
+# models
+
+
+class Study(NamedTuple):
+    """A scene with what was measured of it."""
+
+    bench: Bench
+    parts: Parts
+    pool: Pool
+
+
+def bars(*, skew: float = 0.0) -> Scene:
+    """Two soft bars that fall, the joint of the second one turned out of the plane [deg]."""
+    links = tuple(
+        fl.Link(
+            name=f"bar{k}", length=1.0, material="steel", section="square", mount=fl.Mount(rpy_deg=(k * skew, 0, 0))
+        )
+        for k in range(2)
+    )
+    square = fl.Section(shape="rectangle", height=0.006, width=0.006)
+    return fl.Scene(
+        name="bars", arm=fl.Arm(links=links, materials={"steel": fl.Material(young=210e9, density=7850.0)},
+                                sections={"square": square}),
+        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(0.0, 0.0)),
+        run=fl.Run(duration=0.2, sample=0.01, step=0.01),
+    )  # fmt: skip
+
+
+def study(scene: Scene, axes: Axes, tip: float = 1e-3) -> Study:
+    bench, goal = Bench(scene, 1.0), goal_of(tip, deflection=False, band=None, run=scene.run)
+    ladder = Ladder(bench, RULER, goal, axes, Stepping("Radau5", tolerance=1e-4))
+    ladder.climb()
+    parts = Parts(bench, RULER, ladder, ladder.stepping)
+    base = uniform(axes, parts.base)
+    path = bench.run(base, ladder.stepping).tip
+    allowed = ladder.tolerance
+    return Study(bench, parts, Pool(bench, parts, Probes(bench, RULER, base, path, allowed, ladder.motion), allowed))
+
+
+@pytest.fixture(scope="module")
+def plane() -> Study:
+    return study(bars(), ("z", "z"))
+
+
+@pytest.fixture(scope="module")
+def space() -> Study:
+    return study(bars(skew=60.0), ("yz", "yz"))
+
+
+@pytest.fixture(scope="module")
+def turned() -> Study:
+    """About one axis each, but not in a plane."""
+    return study(bars(skew=60.0), ("z", "z"))
+
+
+@pytest.fixture(params=["plane", "space", "turned"])
+def found(request: pytest.FixtureRequest) -> Study:
+    return cast("Study", request.getfixturevalue(request.param))
+
+
+def test_the_error_of_a_model_that_was_run_is_the_measured_one(found: Study) -> None:
+    _, parts, pool = found
+    for level, run in parts.ladder.known().items():
+        assert pool.space[pool.models.index(level)] == RULER(run.tip - parts.limit)
+
+
+def test_the_errors_of_links_add_up_with_their_signs(found: Study) -> None:
+    _, parts, pool = found
+    others = [row for row, model in enumerate(pool.models) if model not in parts.known]
+    assert others
+    for row in others:
+        paths = [parts.errors[k, bend] for k, bend in enumerate(pool.models[row])]
+        assert pool.space[row] == pytest.approx(RULER(sum(paths)))
+
+
+def test_by_a_tolerance_models_with_the_same_axes_take_as_many_evaluations_each_at_its_own_price(found: Study) -> None:
+    bench, parts, pool = found
+    alike = np.flatnonzero(pool.alike(pool.models.index(uniform(parts.ladder.axes, parts.base))))
+    assert len(alike) > 5
+    for column, way in enumerate(pool.columns):
+        if not way.fixed:
+            for row in alike:
+                one = bench.evaluation(pool.models[row], explicit=False)
+                assert pool.costs[row, column] == pytest.approx(way.evaluations * one)
+
+
+def test_fixed_steps_are_those_that_the_stiffest_link_needs(found: Study) -> None:
+    bench, _, pool = found
+    fixed = [(column, way) for column, way in enumerate(pool.columns) if way.fixed]
+    assert len(fixed) == len(fixed_ways())
+    for (column, way), (row, model) in itertools.product(fixed, enumerate(pool.models)):
+        if any(bend and bend.hinges > 4 for bend in model):
+            continue  # are told from those with fewer
+        own = [bench.estimated_step(k, bend) for k, bend in enumerate(model) if bend]
+        stepping = bench.fixed(way.factor * (OF_STABLE * min(own) if own else bench.scene.run.sample))
+        assert stepping is not None
+        assert pool.costs[row, column] == pytest.approx(bench.fixed_cost(model, stepping))
+
+
+def test_models_that_bend_alike_are_told_from_others() -> None:
+    pool = study(bars(), ("z", "z"), 1e-2).pool
+    rigid = pool.models.index((None, None))
+    assert np.flatnonzero(pool.alike(rigid)).tolist() == [rigid]
+
+
+def test_what_is_thought_of_for_a_link_is_not_hopeless(found: Study) -> None:
+    _, parts, pool = found
+    assert 1 < len(pool.models) <= MOST + len(parts.known)
+    for model in set(pool.models) - set(parts.known):
+        for k, bend in enumerate(model):
+            assert RULER(parts.errors[k, bend]) <= HOPELESS * pool.allowed
+
+
+def test_no_choice_for_a_link_is_worse_and_dearer_by_either_kind_of_steps_than_another(found: Study) -> None:
+    _, parts, pool = found
+    for k in range(2):
+        bends = {bend for model in set(pool.models) - set(parts.known) if (bend := model[k])}
+        implicit = {bend: len(bend.flex) * bend.hinges for bend in bends}
+        explicit = {bend: implicit[bend] / pool._step(k, bend) for bend in bends}
+        for a, b in itertools.permutations(bends, 2):
+            dearer = implicit[a] >= implicit[b] and explicit[a] >= explicit[b]
+            assert not (dearer and RULER(parts.errors[k, b]) < 0.98 * RULER(parts.errors[k, a])), (a, b)
+
+
+# limits
+
+
+def ladder_of(**paths: Array) -> Ladder:
+    """A ladder whose levels, named n1, n2 …, have these paths of the tip."""
+    ladder = Ladder(cast("Bench", None), RULER, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
+    ladder.tolerance = 1e-3
+    for name, path in paths.items():
+        ladder.levels["gauss"].append(Level(int(name[1:]), outcome(path)))
+        if len(ladder.levels["gauss"]) > 1:
+            ladder.limit = ladder._estimate("gauss")
+    return ladder
+
+
+def test_levels_of_the_second_order_have_the_limit_that_they_have() -> None:
+    paths = {f"n{n}": along_x(0.0, 0.1 + 1e-3 / n**2, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
+    limit = ladder_of(**paths).limit
+    assert limit is not None
+    assert limit.tip == pytest.approx(along_x(0.0, 0.1, 0.2), abs=1e-15)
+
+
+def test_two_limits_that_agree_by_chance_are_believed_no_better_than_a_fast_order_allows() -> None:
+    first = {"n1": along_x(0.0, 0.03, 0.03), "n2": along_x(0.0, 0.02, 0.02), "n4": along_x(0.0, 0.012, 0.01)}
+    before = ladder_of(**first).limit
+    assert before is not None
+    chance = first["n4"] + (before.tip - first["n4"]) * (1 - (4 / 6) ** 2)  # whose limit with n4 is the one before
+    limit = ladder_of(**first, n6=chance).limit
+    assert limit is not None
+    assert limit.tip == pytest.approx(before.tip)
+    assert limit.errors == pytest.approx(before.errors * (4 / 6) ** LIMIT_FALL)
+    assert limit.errors[1] < limit.errors[2]  # of each time by itself
+
+
+def test_the_error_of_a_limit_is_told_by_its_change() -> None:
+    paths = {"n1": along_x(0.0, 0.03), "n2": along_x(0.0, 0.02), "n4": along_x(0.0, 0.012)}
+    limit = ladder_of(**paths).limit
+    assert limit is not None
+    coarse, fine = (b + (b - a) / 3 for a, b in itertools.pairwise((0.03, 0.02, 0.012)))
+    assert limit.error == pytest.approx(abs(fine - coarse) / SAFE_LIMIT["gauss"])
+
+
+# horizons
+
+
+@pytest.mark.parametrize(
+    ("off", "known", "holds"),
+    [
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0] * 5, 0.04),  # to the end
+        ([0.0, 0.2, 0.4, 2.0, 0.1], [0.0] * 5, 0.02),  # the last sample before it does not
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [0.0, 0.0, 0.5, 0.5, 0.5], 0.02),  # what is not known counts
+        ([0.0, 0.2, 0.4, 0.6, np.nan], [0.0] * 5, 0.03),  # beyond the end of a run nothing holds
+        ([0.0, 0.2, 0.4, 0.6, 0.8], [2.0] * 5, 0.0),  # not even the start: no time before it
+    ],
+)
+def test_a_tolerance_holds_up_to_the_last_sample_before_it_is_exceeded(
+    off: list[float], known: list[float], holds: float
+) -> None:
+    ladder = ladder_of(n2=ALLOWED * along_x(*off))
+    ladder.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
+    assert horizons.horizon(ladder, RULER, ALLOWED * np.array(known)) == pytest.approx(holds)
