@@ -149,8 +149,8 @@ class Trajectory:
         hinges = self.chain.hinges.copy()
         hinges["prescribed"] = 0  # the torque that a prescribed motion has taken is in `tau`
         free = dataclasses.replace(self.chain, hinges=hinges)
-        state = {"q": self.q, "qd": self.qd, "tau": self.tau}
-        qdd = each(forward_dynamics, free, state, tip_wrench=self.tip_wrench)  # of many at once: seconds to compile
+        # state by state: what takes many at once takes seconds to compile, and the numbers are the same to the bit
+        qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
         return np.asarray(_read_only(qdd))
 
     @functools.cached_property
