@@ -180,6 +180,15 @@ class TestInABrowser:
             window.run(script.read_text(encoding="utf-8"))
             assert window.run_async(VIOLATIONS) == []
 
+    @pytest.mark.parametrize("width", [600, 800, 1050, 1150])
+    def test_a_table_wider_than_the_window_scrolls_by_itself(
+        self, window: Browser, written: fl.Report, width: int
+    ) -> None:
+        window.open(written.page, width, 800)
+        window.run(UNFOLD)
+        whole, seen = window.run("const d = document.documentElement; return [d.scrollWidth, d.clientWidth]")
+        assert whole <= seen
+
 
 def test_a_column_is_of_numbers_where_nothing_else_stands() -> None:
     table = Sheet("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))

@@ -1,6 +1,7 @@
 """The study: cases are checked data, the store loses nothing, a rerun skips what is there, a failed check is seen."""
 
 import datetime
+import re
 import subprocess
 import sys
 import time
@@ -184,6 +185,20 @@ def test_an_edit_of_the_case_measures_it_again(study):
     store = study()[1]
     assert store.finished()["small"].key != key
     assert [row.title for row in store.rows()] == ["another title"]
+
+
+def test_how_pages_look_is_no_reason_to_measure_again_and_all_that_the_study_imports_is() -> None:
+    counted = {path.relative_to(ROOT).as_posix() for path in runner.sources()}
+    shown = {path for path in counted if path.startswith(("flexlink/pictures/", "flexlink/reporting/"))}
+    imported = {
+        module.replace(".", "/")
+        for path in (ROOT / "validation").rglob("*.py")
+        for module in re.findall(r"(?m)^\s*(?:from|import) (flexlink[\w.]*)", path.read_text(encoding="utf-8"))
+    }
+    assert len(imported) > 50
+    assert {module for module in imported if not {f"{module}.py", f"{module}/__init__.py"} & counted} == set()
+    assert shown <= {f"{module}.py" for module in imported}
+    assert "flexlink/cli/simulate.py" in counted  # a case times it
 
 
 def test_a_killed_run_loses_only_the_case_in_hand(study, monkeypatch):

@@ -41,6 +41,11 @@ PACKAGES = (
     "drake",
     "exudyn",
 )
+SHOWING = {"pictures", "reporting"}
+"""Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
+command line is a reason: cases run it, and time it."""
+NOTED = {"machine.py", "numbers.py"}
+"""What the study takes of these rooms all the same, for its notes."""
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
@@ -236,12 +241,19 @@ def _key(case: Case, shared: bytes) -> str:
 
 
 def _hash_of_sources() -> bytes:
-    """Sources of the library and of the study, and versions of what they stand on; cases and scenes come per case."""
+    """What results may depend on, and versions of what that stands on; cases and scenes come per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions(PACKAGES)]).encode())
+    for path in sources():
+        digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
+    return digest.digest()
+
+
+def sources() -> Iterator[Path]:
+    """Files of the library and of the study that a result may depend on."""
     for folder in (ROOT / "flexlink", ROOT / "validation"):
         for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
-            digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())
-    return digest.digest()
+            if SHOWING.isdisjoint(path.relative_to(ROOT).parts) or path.name in NOTED:
+                yield path
 
 
 def _study_data(folder: Path) -> Iterator[Path]:

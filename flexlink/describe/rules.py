@@ -116,6 +116,14 @@ class LumpingRule(Spec, frozen=True):
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements
 
+    def takes(self, count: int) -> bool:
+        """Whether the rule exists for `count` hinges."""
+        try:
+            self.hinges(count)
+        except ArgumentError:
+            return False
+        return True
+
     def twist_inertias(self, weights: Array, inertias: Array, moments: Array) -> Array:
         """Rotor inertia of the twist hinges [kg m²], shape (N,); zero unless `matched_twist`.
 

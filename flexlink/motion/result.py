@@ -21,6 +21,7 @@ from flexlink.common.output import write_whole
 from flexlink.describe.catalogue import given_path
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics, solver_for
+from flexlink.dynamics.batches import each
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.samples import drive_torques, tips_and_energies
 from flexlink.motion import balance, tables
@@ -148,7 +149,8 @@ class Trajectory:
         hinges = self.chain.hinges.copy()
         hinges["prescribed"] = 0  # the torque that a prescribed motion has taken is in `tau`
         free = dataclasses.replace(self.chain, hinges=hinges)
-        qdd = forward_dynamics(free, self.q, self.qd, self.tau, tip_wrench=self.tip_wrench)
+        # state by state: what takes many at once takes seconds to compile, and the numbers are the same to the bit
+        qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
         return np.asarray(_read_only(qdd))
 
     @functools.cached_property

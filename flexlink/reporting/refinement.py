@@ -18,6 +18,7 @@ from flexlink.advice.bench import Outcome, Stepping
 from flexlink.advice.model import FLEX, Bend, Model, capped, is_scene
 from flexlink.advice.price import bodies_of, price, prices
 from flexlink.describe.methods import method
+from flexlink.describe.rules import lumping_rule
 from flexlink.motion.cost import evaluation_time
 from flexlink.reporting.study import Study
 
@@ -94,8 +95,13 @@ class Refinement:
         return {factor: runs[factor] for factor in sorted(runs) if runs[factor].whole}
 
     def cut(self, factor: float) -> Model:
-        """The scene's cut with so many times the hinges."""
-        return tuple(bend and bend._replace(hinges=max(1, round(factor * bend.hinges))) for bend in self.model)
+        """The scene's cut with so many times the hinges; of fewer, about so many, as rules take them."""
+        return tuple(bend and scaled(bend, factor) for bend in self.model)
+
+    def times_the_hinges(self, factor: float, times: str) -> str:
+        """Words for a cut, by words for the factor."""
+        exact = all(bend is None or scaled(bend, factor).hinges == factor * bend.hinges for bend in self.model)
+        return f"{times} the hinges" if exact else f"about {times} the hinges"
 
     @cached_property
     def limit(self) -> Limit | None:
@@ -177,7 +183,7 @@ class Refinement:
             return found
         if not controlled:
             found.append(self._choice("steps by a tolerance", self.model, self.strict))
-        others = [(f"{_times(factor)} the hinges", self.cut(factor)) for factor in FACTORS]
+        others = [(self.times_the_hinges(factor, _times(factor)), self.cut(factor)) for factor in FACTORS]
         others += [(f"bending about {' and '.join(flex)} only", self.capped(flex)) for flex in FLEX[1:-1]]
         others.append(("rigid links", (None,) * len(self.model)))
         for label, model in others:
@@ -201,6 +207,15 @@ class Refinement:
             return f"{outcome.stepping.method}, {outcome.stepping.step:g} s"
         steps = outcome.run.steps if outcome.run is not None else None
         return f"{steps.method}, {steps.taken} steps" if steps is not None else "by a tolerance"
+
+
+def scaled(bend: Bend, factor: float) -> Bend:
+    """A link with so many times the hinges; where these are fewer, the nearest number that its rule takes."""
+    wanted = round(factor * bend.hinges)
+    if factor < 1:
+        nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))
+        wanted = next(filter(lumping_rule(bend.rule).takes, nearest))
+    return bend._replace(hinges=wanted)
 
 
 def far(difference: Array) -> float:

@@ -140,7 +140,9 @@ def _in_time(about: Refinement) -> Picture | None:
     figure, (axes,) = stacked_axes(1, 3.2)
     columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
     curves = {"this scene": about.run.tip} | {
-        f"{factor:g} × the hinges": outcome.tip for factor, outcome in about.cuts.items() if factor != 1.0
+        about.times_the_hinges(factor, f"{factor:g} ×"): outcome.tip
+        for factor, outcome in about.cuts.items()
+        if factor != 1.0
     }
     for place, (label, tip) in enumerate(curves.items()):
         off = np.linalg.norm(tip - about.limit.tip, axis=1)
