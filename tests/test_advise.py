@@ -18,6 +18,8 @@ from flexlink.advice.rigid import swung
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.motion.cost import evaluation_time
+from validation.benchmarks import advice_truth
+from validation.benchmarks.advice_scenes import robot_scene
 from validation.case import CASES, load_case
 from validation.kinds import advice as kind
 
@@ -273,10 +275,24 @@ def test_the_command_says_cannot(tmp_path: Path, capsys) -> None:
 
 
 @pytest.mark.slow
+def test_advice_on_a_robot_from_a_file_is_true_and_what_cannot_bend_stays_rigid() -> None:
+    scene = robot_scene(1.0)
+    advice = fl.advise(scene, 1e-2)
+    assert advice.met
+    true = advice_truth.truth(scene, 1e-4, budget=6.0)
+    assert true.error < 0.1 * advice.tolerance
+    off = np.linalg.norm(fl.simulate(advice.scene).tip - true.tip, axis=1).max()
+    assert off <= advice.error <= min(advice.tolerance, 3 * off)
+    column, upper, fore = advice.scene.arm.links
+    assert (column.name, column.flex) == ("column", "rigid")
+    assert "rigid" not in {upper.flex, fore.flex}
+
+
+@pytest.mark.slow
 def test_the_case_of_the_study_judges_advice_by_a_truth_of_its_own() -> None:
     case = load_case(CASES / "advice.toml")
     only = replace(
-        decode(case.settings, kind.Settings), first=25, scenes=1, tumbling=(), tolerances=(1e-2,), grid=(25,)
+        decode(case.settings, kind.Settings), first=25, scenes=1, robot=0.0, tumbling=(), tolerances=(1e-2,), grid=(25,)
     )
     rows = {row.quantity: row.value for row in kind.run(replace(case, scenes=()), only)}
     assert rows["cells judged"] == rows["cells met"] == 1

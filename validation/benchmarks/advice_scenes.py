@@ -7,6 +7,7 @@ the tip, or what else is drawn.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -31,6 +32,13 @@ STUFFS = {
     "steel": fl.Material(young=210e9, density=7850.0, poisson=0.3),
     "plastic": fl.Material(young=3e9, density=1200.0, poisson=0.4),
 }
+
+ROBOT = Path(__file__).with_name("three_axis.urdf")
+TUBES = {
+    "upper": fl.Section(shape="tube", outer=0.03, inner=0.026),
+    "fore": fl.Section(shape="tube", outer=0.02, inner=0.017),
+}
+"""Of the robot's links that bend."""
 
 
 def random_scene(seed: int) -> fl.Scene:
@@ -72,6 +80,16 @@ def tumbling_scene(seed: int) -> fl.Scene:
         falling, name=f"tumbling {seed}", arm=arm, gravity=(0.0, -9.81, 0.0), wrench=fl.Wrench(), run=run,
         initial=fl.Initial(joint_deg=angles),
     )  # fmt: skip
+
+
+def robot_scene(duration: float) -> fl.Scene:
+    """A robot of three axes from a URDF file, two of its links tubes that bend; its waist turns while it falls."""
+    flexible = {name: fl.Flexible(section=section, flex="xyz") for name, section in TUBES.items()}
+    posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
+    scene = fl.import_urdf(ROBOT, posture=posture, flexible=flexible).scene
+    every = duration / SAMPLES
+    run = replace(scene.run, duration=duration, sample=every, step=every)
+    return replace(scene, initial=replace(scene.initial, rate_deg=(60.0, 0.0, 0.0)), run=run)
 
 
 def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], planar: bool) -> fl.Link:

@@ -15,7 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.single import simulate
-from validation.benchmarks.advice_scenes import SAMPLES, random_scene, tumbling_scene
+from validation.benchmarks.advice_scenes import SAMPLES, random_scene, robot_scene, tumbling_scene
 from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -27,8 +27,8 @@ TENTH = 0.1
 class Settings(Spec, frozen=True):
     """Seeds of the random scenes, parts of the motion that are allowed, and what the truth may take.
 
-    `durations` are those of the case's own scenes [s]; `grid` are seeds for which every model of a grid is tried,
-    `tumbling` those of scenes whose motion is sensitive.
+    `durations` are those of the case's own scenes, `robot` that of the one from a URDF file [s], 0 for none; `grid` are
+    seeds for which every model of a grid is tried, `tumbling` those of scenes whose motion is sensitive.
     """
 
     first: int
@@ -37,6 +37,7 @@ class Settings(Spec, frozen=True):
     known_to: Positive  # of the smallest tolerance
     budget: Positive
     durations: dict[str, Positive]
+    robot: NonNegative = 0.0
     grid: tuple[int, ...] = ()
     tumbling: tuple[int, ...] = ()
     few: NonNegative = 0.0
@@ -84,6 +85,8 @@ def _scenes(case: Case, settings: Settings) -> Iterator[tuple[Scene, int]]:
         every = duration / SAMPLES
         changes = {"run.step": every, "run.sample": every, "run.duration": duration}
         yield scene.varied(changes), -1
+    if settings.robot:
+        yield robot_scene(settings.robot), -1
     for seed in range(settings.first, settings.first + settings.scenes):
         yield random_scene(seed), seed
     for seed in settings.tumbling:
