@@ -254,6 +254,12 @@ def test_a_tolerance_below_what_rounding_leaves_is_refused() -> None:
         fl.simulate(swinging(), tolerance=1e-14)
 
 
+def test_what_rounding_leaves_grows_with_the_angles_that_are_rounded() -> None:
+    turned = swinging().varied({"initial.joint_deg": (360.0 * 1e7, 0.0)})
+    with pytest.raises(fl.SceneError, match=r"smaller than what rounding .* at angles up to 6.3e\+07 rad"):
+        fl.simulate(turned, tolerance=1e-8)
+
+
 @pytest.mark.parametrize("width", [1e-3, 1e-7])
 def test_dry_friction_that_turns_round_within_a_step_is_seen_by_its_error(width: float) -> None:
     """However narrow the rates in which it does: the slope with which the iteration ends does not hide it."""

@@ -212,6 +212,6 @@ def of_position(chain: Chain) -> float:
     return of_reach(chain.reach)
 
 
-def of_reach(reach: float) -> float:
-    """Of a place at this distance from the origin [m]."""
-    return ROUNDINGS * EPS * reach
+def of_reach(reach: float, angle: float = 1.0) -> float:
+    """Of a place at this distance from the origin [m], where a hinge stands at this angle [rad], rounded itself."""
+    return ROUNDINGS * EPS * reach * max(angle, 1.0)

@@ -173,7 +173,7 @@ class ControlledSteps:
         self.work = workspace(self.method, record, self.slowest)
         self.marks = Marks(self.method, record, self.control is None)
         longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
-        self.settings = settings(run, self.method, record.chain.reach, longest)
+        self.settings = settings(run, self.method, record, longest)
         self.end, self.knots = now, np.array([now])
         self._compile()
 
@@ -256,18 +256,19 @@ def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) 
     return stable_step(record.chain, q, qd, method=name, tip_wrench=wrench, follower=follower, gains=gains)
 
 
-def settings(run: Run, method: Method, reach: float, largest: float) -> tuple[float, ...]:
+def settings(run: Run, method: Method, record: Record, largest: float) -> tuple[float, ...]:
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
+    reach = record.chain.reach
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
-    least = least_tolerance(reach)
+    least = least_tolerance(record)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
         absolute, part = run.tolerance_within(reach), 0.0
         if absolute < least:
             raise SceneError(
-                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m; "
-                f"allowed are {least:.2g} m and more"
+                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m, at "
+                f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
             )
     order = float(method.order if method.explicit else method.stages + 1)
     long = method.stages >= LONG_STAGES

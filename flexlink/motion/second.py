@@ -128,7 +128,7 @@ def _tolerance(watch: Watch) -> float:
 
 
 def _least(watch: Watch) -> float:
-    return least_tolerance(watch.record.chain.reach)
+    return least_tolerance(watch.record)
 
 
 def _moved(watch: Watch) -> float:

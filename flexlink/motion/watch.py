@@ -82,9 +82,9 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     return (f"insisted on {reason}",)
 
 
-def least_tolerance(reach: float) -> float:
-    """The smallest tolerance of an arm of this reach [m]."""
-    return SMALLEST * rounding.of_reach(reach)
+def least_tolerance(record: Record) -> float:
+    """The smallest tolerance [m] of an arm of such reach, that starts at such angles."""
+    return SMALLEST * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
 
 
 def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
