@@ -192,6 +192,16 @@ def test_rounding_of_an_arm_at_rest_is_not_garbage(paper: fl.Scene) -> None:
     assert np.abs(fl.simulate(still, duration=0.5).imbalance).max() < 1e-10
 
 
+def test_steps_that_are_roundings_of_a_large_angle_are_doubted_and_not_those_of_a_few_turns() -> None:
+    swinging = make_scene(flexible("a"), initial=fl.Initial(joint_deg=(20.0,)), gravity=(0.0, 9.81, 0.0))
+    told = []
+    for turns in (0, 20, 10**8):
+        moved = swinging.varied({"initial.joint_deg": (20.0 + 360.0 * turns,)})
+        run = fl.simulate(moved, step=1e-6, sample=1e-4, duration=1e-3)
+        told.append(any("are rounded step by step" in words for words in run.warnings))
+    assert told == [False, False, True]
+
+
 def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
     soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
     scene = make_scene(soft, gravity=(0.0, 0.0, -60.0), run=fl.Run(step=1e-4, sample=1e-2, duration=1.0))

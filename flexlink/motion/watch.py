@@ -261,11 +261,29 @@ class Watch:
                 f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
                 "halve the step and compare"
             )
+        rounded = self._rounded_away()
+        if rounded > DOUBT * TIP_SHARE * moved:
+            yield (
+                f"doubtful: angles up to {np.abs(self.record.q[0]).max():.2g} rad are rounded step by step, which adds up "
+                f"to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
+            )
         if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
             yield (
                 f"doubtful: the energy is out of balance by {self._unbalanced / self._exchanged:.2g} of what was "
                 f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
+
+    def _rounded_away(self) -> float:
+        """What fixed steps may lose of the tip's motion [m] as q + h q̇ is rounded: N h q̇, or N times half an ulp of q.
+
+        Nothing at the angles of a few turns, where that is what rounding leaves anyway.
+        """
+        if self.run.controlled:
+            return 0.0
+        record, run = self.record, self.run
+        q, qd = (np.abs(part[: self.good]).max(axis=0) for part in (record.q, record.qd))
+        step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
+        return step * reach * self.good * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
 
     def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
         if bad.any() and rows.start + int(np.argmax(bad)) <= self.good:
