@@ -264,8 +264,8 @@ class Watch:
         rounded = self._rounded_away()
         if rounded > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: angles up to {np.abs(self.record.q[0]).max():.2g} rad are rounded step by step, which adds up "
-                f"to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
+                f"doubtful: angles up to {np.abs(self.record.q[0]).max():.2g} rad are rounded step by step, that adds "
+                f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
             )
         if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
             yield (
