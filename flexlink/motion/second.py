@@ -79,7 +79,7 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, SURE, strict=False)
-        if _moved(watch) > 0:
+        if watch.moved > 0:
             yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
 
 
@@ -92,7 +92,7 @@ def doubt(watch: Watch, second: Second, tip: Array) -> str:
         return f"{told}: this motion multiplies errors; {advice(watch)} and compare"
     if not watch.run.controlled and error > _tolerance(watch):
         grown = ": this motion multiplies errors" if watch.explicit else ""
-        return f"{told}, which moves {_moved(watch):.3g} m{grown}; {advice(watch)} and compare"
+        return f"{told}, which moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
     return ""
 
 
@@ -109,11 +109,11 @@ def turned(record: Record) -> float:
 
 def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
     """Runs that are to explain a difference by their own errors, down to what is too strict for that."""
-    tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, _least(watch))
+    tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, least_tolerance(watch.record))
     while tolerance > own:
         yield Second(_within(watch.run, AUTO, tolerance), 1, 1.0, strict=False)
         tolerance *= FINER
-    yield Second(_within(watch.run, AUTO, max(own, _least(watch))), 1, 1.0)
+    yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
 
 
 def _within(run: Run, name: str, tolerance: float) -> Run:
@@ -124,12 +124,4 @@ def _tolerance(watch: Watch) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
         return watch.run.tolerance_within(watch.record.chain.reach)
-    return max(DOUBT * TIP_SHARE * _moved(watch), _least(watch) / STRICTER)
-
-
-def _least(watch: Watch) -> float:
-    return least_tolerance(watch.record)
-
-
-def _moved(watch: Watch) -> float:
-    return float(np.linalg.norm(np.ptp(watch.record.tip, axis=0)))
+    return max(DOUBT * TIP_SHARE * watch.moved, least_tolerance(watch.record) / STRICTER)

@@ -157,9 +157,7 @@ class SingleRun:
             if not watch.look(reached.rows, steps.steps) or steps.failure:
                 break
             told(reached.part)
-            if stop.asked:
-                break
-            if steps.steps.evaluations > most:
+            if stop.asked or steps.steps.evaluations > most:
                 break
 
 

@@ -153,6 +153,11 @@ class Watch:
         """The good samples, with the warnings."""
         return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
 
+    @property
+    def moved(self) -> float:
+        """How far the tip moves in the good samples, by the box around them [m]."""
+        return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+
     def diverged(self, failure: str = "") -> DivergenceError:
         """The error of a run with a fault, or else of one whose steps ended early, as they say."""
         record, run = self.record, self.run
@@ -255,7 +260,7 @@ class Watch:
         """What makes a run doubtful that is not garbage."""
         if self.good < 2:
             return
-        moved = float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+        moved = self.moved
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
                 f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
@@ -263,8 +268,9 @@ class Watch:
             )
         rounded = self._rounded_away()
         if rounded > DOUBT * TIP_SHARE * moved:
+            largest = np.abs(self.record.q[: self.good]).max()
             yield (
-                f"doubtful: angles up to {np.abs(self.record.q[0]).max():.2g} rad are rounded step by step, that adds "
+                f"doubtful: angles up to {largest:.2g} rad are rounded step by step, that adds "
                 f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
             )
         if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
