@@ -10,15 +10,14 @@ from flexlink.advice import rigid
 from flexlink.advice.axes import Screening
 from flexlink.advice.bench import Bench, Outcome, Stepping
 from flexlink.advice.candidates import Search
-from flexlink.advice.goal import Goal, Ruler, farthest, goal_of
-from flexlink.advice.ladder import OF_STEPS, Ladder, deflection
+from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, goal_of, least_tolerance
+from flexlink.advice.ladder import Ladder, deflection
 from flexlink.advice.model import Model, judged, most_axes, uniform
 from flexlink.advice.parts import Parts
 from flexlink.advice.verdict import Advice, Limit, length, line, time
 from flexlink.chain.arguments import flag, given, positive
 from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
-from flexlink.dynamics import rounding
 
 Array = NDArray[np.float64]
 
@@ -145,7 +144,7 @@ class Study:
         model = uniform(self.axes, rigid.COARSE)
         motion = farthest(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._reach()
         tolerance = self.goal.tolerance(motion, motion) or self.goal.size * self._reach()
-        least, share = 1e3 * rounding.of_reach(self._reach()), OF_STEPS
+        least, share = least_tolerance(self._reach()), OF_STEPS
         stepping, told = Stepping("auto", tolerance=share * tolerance), tolerance
         for _ in range(PASSES):
             stepping = Stepping("auto", tolerance=max(share * tolerance, least))

@@ -38,6 +38,12 @@ OF_STABLE = 0.9
 MOST_DIVISIONS = 1000
 """Of the time between samples, tried for steps on which every time of a held table falls."""
 
+NUDGE = 10.0
+"""Tolerances of its steps that a twin starts apart from a run, at least: well above what the steps themselves do."""
+
+GROWN = 0.1
+"""Part of the motion up to which two runs part in proportion to what they started with."""
+
 REACH = 2.78
 """|h λ| up to which RK4 is stable, in whatever direction, within some per cent: for what is not run yet."""
 

@@ -12,8 +12,12 @@ from flexlink.chain.arguments import positive
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import short
+from flexlink.dynamics import rounding
 
 Array = NDArray[np.float64]
+
+OF_STEPS = 0.02
+"""Part of what is allowed that the steps of a run keep that others are measured by."""
 
 METRES = {"m": 1.0, "mm": 1e-3, "µm": 1e-6, "um": 1e-6}
 LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*(m|mm|µm|um)\s*")
@@ -103,6 +107,11 @@ def _window(band: float, sample: float) -> Array | None:
     """Hann's window of length 2/band, whose gain is zero from the band on but for side lobes of 3 %."""
     half = round(1.0 / (band * sample)) if np.isfinite(band) else 0
     return np.hanning(2 * half + 1)[1:-1] if half > 1 else None
+
+
+def least_tolerance(reach: float) -> float:
+    """Of the steps of an arm of this reach [m], a thousand roundings of the tip's place: below, they gain nothing."""
+    return 1e3 * rounding.of_reach(reach)
 
 
 def farthest(tip: Array) -> float:

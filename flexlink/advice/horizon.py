@@ -7,17 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench
+from flexlink.advice.bench import GROWN, NUDGE, Bench
 from flexlink.advice.goal import Ruler
 from flexlink.advice.ladder import Ladder
 
 Array = NDArray[np.float64]
-
-NUDGE = 10.0
-"""Tolerances of its steps that a twin starts apart from a run: well above what the steps themselves do."""
-
-GROWN = 0.1
-"""Part of the motion up to which two runs part in proportion to what they started with."""
 
 SENSITIVE = 30.0
 """Growth of an error from which it is what the motion does that makes it large."""
@@ -51,11 +45,8 @@ def growth(bench: Bench, ladder: Ladder, tolerance: float) -> Growth:
     if twin is None or outcome.run is None:
         return Growth(1.0, np.inf)
     apart = np.linalg.norm(twin.tip - outcome.tip, axis=1)
-    apart = (
-        apart[: int(np.argmax(~(apart <= GROWN * ladder.motion)))]
-        if not (apart <= GROWN * ladder.motion).all()
-        else apart
-    )
+    beyond = np.flatnonzero(~(apart <= GROWN * ladder.motion))
+    apart = apart[: beyond[0]] if beyond.size else apart
     grown = np.maximum.accumulate(apart) / (angle * reach)
     factor = float(grown.max(initial=1.0))
     half = len(grown) // 2

@@ -22,9 +22,6 @@ LEVELS = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 ENOUGH = 0.1
 """Part of the tolerance to which the limit is sought."""
 
-OF_STEPS = 0.02
-"""Part of the tolerance that the levels' own steps keep; what they keep is measured, and counts."""
-
 SAFE_LEVEL, SAFE_LIMIT = 1.4, {"gauss": 1.5, "legendre": 1.2}
 """Measured on 22 scenes: the error of a level is at most 1.4 times what its change tells from N = 6 on; that of the
 limit at most 1/1.5, 1/1.2 of its own change."""

@@ -6,7 +6,6 @@ import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.errors import SceneError
@@ -111,8 +110,3 @@ def lesser(flex: str) -> tuple[str, ...]:
 def capped(axes: Sequence[str], top: str) -> Axes:
     """The same with no link bending more than `top`."""
     return tuple(FLEX[min(FLEX.index(flex), FLEX.index(top))] for flex in axes)
-
-
-def degrees_of_freedom(model: Model) -> int:
-    """Hinges times axes."""
-    return int(np.sum([len(bend.flex) * bend.hinges for bend in model if bend]))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.bench import OF_STABLE, Bench
-from flexlink.advice.ladder import OF_STEPS
+from flexlink.advice.goal import OF_STEPS
 from flexlink.advice.model import Axes, Bend, Model, flexes, is_scene
 from flexlink.advice.parts import Parts
 from flexlink.advice.price import bodies_of, prices

@@ -16,12 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench, Outcome, Stepping
-from flexlink.advice.goal import Goal, Ruler, farthest
+from flexlink.advice.bench import GROWN, NUDGE, Bench, Outcome, Stepping
+from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
 from flexlink.advice.model import Axes, Model, is_scene, uniform
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
-from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.motion.result import Trajectory
@@ -34,14 +33,8 @@ SAFE = 2.5
 TAME = 10.0
 """Growth of an error up to which it is contained in `SAFE`."""
 
-NUDGE = 10.0
-"""Tolerances of its steps that a twin starts apart from a run, at least: well above what the steps themselves do."""
-
-GROWN = 0.1
-"""Part of the motion up to which two runs part in proportion to what they started with."""
-
-METHOD, OF_STEPS = "Radau5", 0.02
-"""Of the run that others are measured by, and the part of what is allowed that its steps keep."""
+METHOD = "Radau5"
+"""Of the run that others are measured by."""
 
 LOOSE = (100.0, 10.0)
 """Tolerances of steps over what is allowed: of smooth motion long steps have much smaller errors than they tell."""
@@ -89,7 +82,7 @@ def rigid_run(bench: Bench, goal: Goal, reach: float) -> Outcome | None:
 
 
 def _of_steps(allowed: float, reach: float) -> float:
-    return max(OF_STEPS * allowed, 1e3 * rounding.of_reach(reach))
+    return max(OF_STEPS * allowed, least_tolerance(reach))
 
 
 def loosest(bench: Bench, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
