@@ -21,7 +21,7 @@ from flexlink.describe.methods import check_method
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.rules import hinges_of
 from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
-from flexlink.describe.spec import Spec, Vector3, assembled, decode, fields_of, meant, short
+from flexlink.describe.spec import Spec, Vector3, assembled, check_keys, decode, fields_of, short
 from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
 from flexlink.describe.writing import said, toml_of
 
@@ -344,13 +344,8 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     SceneError
         The message names the key path, the value and what is allowed.
     """
-    for key, value in raw.items():
-        if key not in FIELDS:
-            allowed = ", ".join(FIELDS) + meant(key, FIELDS)
-            raise SceneError(f"{key} = {short(value)}: unknown key; allowed are {allowed}")
-    for key, field in (_OWN | _OF_ARM).items():
-        if field.required and key not in raw and key not in kept:
-            raise SceneError(f"{key}: missing; this key is required")
+    required = (key for key, field in (_OWN | _OF_ARM).items() if field.required and key not in kept)
+    check_keys(raw, FIELDS, required)
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
     own = {key: value for key, value in values.items() if key in _OWN}

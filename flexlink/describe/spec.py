@@ -171,12 +171,37 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     unknown = re.search(r"unknown field `(.*)`", reason)
     if unknown and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         name, allowed = unknown[1], [field.encode_name for field in fields_of(kind)]
-        key = f"{where}.{name}".lstrip(".")
-        return f"{key} = {short(value.get(name))}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
+        return _unknown(name, value.get(name), allowed, where)
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
-        return f"{where}.{missing[1]}".lstrip(".") + ": missing; this key is required"
+        return _missing(f"{where}.{missing[1]}".lstrip("."))
     return f"{where} = {short(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
+
+
+def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
+    """Of a parsed file, whose values are decoded one by one.
+
+    Raises
+    ------
+    SceneError
+        A key that is unknown, with its value and what is allowed, or one that is missing.
+    """
+    allowed = list(allowed)
+    for key, value in raw.items():
+        if key not in allowed:
+            raise SceneError(_unknown(key, value, allowed))
+    for key in required:
+        if key not in raw:
+            raise SceneError(_missing(key))
+
+
+def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> str:
+    key = f"{where}.{name}".lstrip(".")
+    return f"{key} = {short(value)}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
+
+
+def _missing(key: str) -> str:
+    return f"{key}: missing; this key is required"
 
 
 def _fits(value: object, kind: Any) -> bool:

@@ -13,7 +13,7 @@ import msgspec
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe import catalogue
 from flexlink.describe.scene import FIELDS, Scene, load_scene
-from flexlink.describe.spec import Spec, decode, fields_of, meant, short
+from flexlink.describe.spec import Spec, check_keys, decode, fields_of, meant, short
 from flexlink.describe.vary import changed
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import Quantity
@@ -162,14 +162,7 @@ def load_sweep(path: str | Path) -> Sweep:
     raw = catalogue.read_toml(path)
     try:
         fields = {field.encode_name: field for field in fields_of(Sweep)}
-        for key, value in raw.items():
-            if key not in fields:
-                raise SceneError(
-                    f"{key} = {short(value)}: unknown key; allowed are {', '.join(fields)}{meant(key, fields)}"
-                )
-        for key in ("scene", "quantity"):
-            if key not in raw:
-                raise SceneError(f"{key}: missing; this key is required")
+        check_keys(raw, fields, required=("scene", "quantity"))
         if not isinstance(raw["scene"], str):
             raise SceneError(f"scene = {short(raw['scene'])}: expected the path of a scene file")
         folder = path.parent
