@@ -16,7 +16,6 @@ from typing import NamedTuple
 import flexlink as fl
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.interruption import deferred
 from flexlink.describe.scene import Scene
 from flexlink.motion.single import SingleRun
 from flexlink.motion.start import initial_state
@@ -43,14 +42,17 @@ class Timed(NamedTuple):
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
     """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
     run = SingleRun(scene)
-    begun = time.thread_time()
-    for _ in run.steps:
+    watch, rows, begun = run.watch, 1, time.thread_time()
+    for reached in run.steps:
+        rows = reached.rows
+        if run.steps.failure:
+            break
         if time.thread_time() - begun > longest:
             raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
-    with deferred() as stop:
-        whole = SingleRun(scene).finish(stop, compared=False)  # the reference judges
-    return Timed(seen(whole.chain, whole.q), seconds, run.steps.steps.evaluations)
+    if not watch.look(rows, run.steps.steps) or run.steps.failure:  # no second run: the reference judges
+        raise watch.diverged(run.steps.failure)
+    return Timed(seen(watch.record.chain, watch.record.q), seconds, run.steps.steps.evaluations)
 
 
 class TooDearError(FlexlinkError):
