@@ -248,6 +248,20 @@ REFUSED = [
 ]  # fmt: skip
 
 
+OWN = {"run.method": "methods/RK4", "link.upper.lumping": "lumping/paper", "drive.reference.shaper.kind": "shapers/ZV"}
+
+
+@pytest.mark.parametrize(("key", "file"), OWN.items())
+def test_an_own_file_of_a_sweep_is_sought_beside_it(key: str, file: str, tmp_path: Path, monkeypatch) -> None:
+    for source, name in ("models/ptp_move.toml", "scene.toml"), (f"flexlink/describe/data/{file}.toml", "own.toml"):
+        (tmp_path / name).write_bytes((ROOT / source).read_bytes())
+    named = Path(file).name
+    text = f'scene = "scene.toml"\nquantity.x.of = "tip x [m]"\n[grid]\n"{key}" = ["{named}", "own.toml"]\n'
+    (tmp_path / "sweep.toml").write_text(text, encoding="utf-8")
+    monkeypatch.chdir("/")
+    assert fl.load_sweep(tmp_path / "sweep.toml").grid == {key: [named, str(tmp_path / "own.toml")]}
+
+
 @pytest.mark.parametrize(("fields", "words"), REFUSED)
 def test_what_cannot_be_is_refused_before_the_first_run(fields: dict, words: str, paper: fl.Scene) -> None:
     with pytest.raises(fl.SceneError, match=words):

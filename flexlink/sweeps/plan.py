@@ -190,9 +190,9 @@ def _paths(table: Mapping[str, Any], leaf: tuple[str, ...], above: str = "") -> 
 
 
 def _beside(folder: Path, values: dict[str, Any]) -> dict[str, Any]:
-    """Own files of methods and rules are named from the folder of the sweep."""
+    """Own files of methods, rules and shapers are named from the folder of the sweep."""
     return {
-        key: _absolute(value, folder) if key.rpartition(".")[2] in {"method", "lumping"} else value
+        key: _absolute(value, folder) if key.rpartition(".")[2] in {"method", "lumping", "kind"} else value
         for key, value in values.items()
     }
 
