@@ -17,6 +17,7 @@ from validation.store import Series
 
 Array = NDArray[np.float64]
 FEW = 60  # a curve with fewer points shows them
+MOST = 2 * len(CYCLE)  # curves in a panel: each colour drawn through and dashed
 
 
 class Curve(NamedTuple):
@@ -28,15 +29,27 @@ class Curve(NamedTuple):
 
 
 def panels_of(series: Series) -> list[tuple[str, Series]]:
-    """(value of the panel column, the series of that panel), in order of appearance; ("", all) without one."""
+    """(value of the panel column, the series of that panel), in order of appearance.
+
+    Without such a column ("", all), or, of more curves than can be told apart, a panel a quantity.
+    """
     if series.panel is None:
-        return [("", series)]
+        names = quantities(series)
+        if len(names) == 1 or len(names) * len(groups(series)) <= MOST:
+            return [("", series)]
+        rest = {name: values for name, values in series.columns.items() if name not in names}
+        return [(name, dataclasses.replace(series, columns=rest | {name: series.columns[name]})) for name in names]
     column = np.asarray(series.columns[series.panel]).astype(str)
     rest = {name: values for name, values in series.columns.items() if name != series.panel}
     return [
         (value, dataclasses.replace(series, panel=None, columns={n: v[column == value] for n, v in rest.items()}))
         for value in dict.fromkeys(column.tolist())
     ]
+
+
+def quantities(series: Series) -> tuple[str, ...]:
+    """Columns of numbers other than the horizontal one."""
+    return tuple(name for name, values in series.columns.items() if name != series.x and _is_number(values))
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -48,12 +61,16 @@ def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
 
 
 def curves(series: Series, *wanted: str) -> Iterator[Curve]:
-    """The curves of a series: its columns other than the horizontal one, or only the `wanted`, for each group."""
-    names = wanted or tuple(name for name in series.columns if name not in (series.x, series.group))
+    """The curves of a series: its numbers against the horizontal ones, or only the `wanted`, for each group."""
+    names = wanted or quantities(series)
     for group, rows in groups(series):
         for name in names:
             label = group if group and len(names) == 1 else " ".join(part for part in (group, name) if part)
             yield Curve(label, floats(series.columns[series.x][rows]), floats(series.columns[name][rows]))
+
+
+def _is_number(column: NDArray[Any]) -> bool:
+    return np.asarray(column).dtype.kind in "iuf"
 
 
 def floats(column: NDArray[Any]) -> Array:

@@ -5,11 +5,13 @@ Made of the report in reports/latest, without what a repository cannot hold: the
 
 from __future__ import annotations
 
+import gzip
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import jinja2
+from PIL import Image
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
@@ -25,7 +27,9 @@ HERE = Path(__file__).parent
 FOLDER = HERE / "full"
 COMMAND = "python -m validation --full"
 MOST = 10_000_000  # bytes: what a repository may hold of generated files
-WRITTEN = ("README.md", "*.csv", "*.png")
+LARGE = 100_000  # bytes, of a table that is compressed: people look at small ones, programs at large ones
+COLOURS = 64  # of a picture: lines on a ground, and what softens their edges; a third of the bytes
+WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.png")
 WORDS = ("kind", "title", "metric", "reason", "given_up")  # the same in many rows: they have a table of their own
 
 
@@ -53,7 +57,9 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     write_text(folder / "all_checks.csv", rows_csv(study.rows, study.finished, without=WORDS))
     write_text(folder / "quantities.csv", table_csv(("case", *WORDS[2:], "quantities"), _meanings(study)))
     write_text(folder / "machine.csv", table_csv(("what", "value"), _machine(study)))
-    write_text(folder / "README.md", _readme(study, report))
+    for file in list(folder.iterdir()):
+        _shrink(file)
+    write_text(folder / "README.md", _readme(study, report, folder))
     _demand_small(folder)
     return folder / "README.md"
 
@@ -67,6 +73,15 @@ def _files(report: Report) -> Iterator[str]:
         yield from (f"{figure.name}.png", f"{figure.name}.csv")
     for chapter in report.chapters:
         yield from (f"{finding.name}.csv" for finding in chapter.findings)
+
+
+def _shrink(file: Path) -> None:
+    """A picture to few colours, a large table to one that pandas and NumPy still read as it is."""
+    if file.suffix == ".png":
+        Image.open(file).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
+    elif file.suffix == ".csv" and file.stat().st_size > LARGE:
+        file.with_name(f"{file.name}.gz").write_bytes(gzip.compress(file.read_bytes(), mtime=0))
+        file.unlink()
 
 
 def _meanings(study: Results) -> Iterator[tuple[str, ...]]:
@@ -87,7 +102,11 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
         yield missing.case, missing.why
 
 
-def _readme(study: Results, report: Report) -> str:
+def _readme(study: Results, report: Report, folder: Path) -> str:
+    def csv(name: str) -> str:
+        whole = f"{name}.csv"
+        return whole if (folder / whole).exists() else f"{whole}.gz"
+
     loader = jinja2.FileSystemLoader(HERE)
     environment = jinja2.Environment(
         loader=loader,
@@ -98,6 +117,7 @@ def _readme(study: Results, report: Report) -> str:
     )
     return environment.get_template("full.md").render(
         command=COMMAND,
+        csv=csv,
         measured=verdict.measured(study),
         correct=verdict.correct(study),
         fast=verdict.fast(study),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from studies import BUSY, REASON, VERSIONS, row, stored, timed
 
 from flexlink.common.errors import FlexlinkError
@@ -81,6 +83,22 @@ def test_figures_are_pngs_beside_their_data_and_stand_in_the_readme(tmp_path: Pa
     folder = save(stored(tmp_path / "results", row()))
     assert "![A title](drawn.png)" in (folder / "README.md").read_text(encoding="utf-8")
     assert {file.name for file in folder.glob("drawn.*")} == {"drawn.png", "drawn.csv"}
+    with Image.open(folder / "drawn.png") as drawn:
+        assert drawn.mode == "P", "few colours, as a palette"
+
+
+def test_large_tables_are_compressed_to_the_same_bytes_each_time_and_the_readme_leads_to_them(
+    tmp_path: Path, monkeypatch
+):
+    results = stored(tmp_path / "results", row())
+    plain = (save(results) / "all_checks.csv").read_bytes()
+    monkeypatch.setattr(full, "LARGE", len(plain) - 1)
+    folder = save(results)
+    assert not (folder / "all_checks.csv").exists()
+    kept = (folder / "all_checks.csv.gz").read_bytes()
+    assert gzip.decompress(kept) == plain
+    assert "(all_checks.csv.gz)" in (folder / "README.md").read_text(encoding="utf-8")
+    assert (save(results) / "all_checks.csv.gz").read_bytes() == kept
 
 
 def test_an_older_study_stays_where_there_are_no_results(tmp_path: Path):
@@ -109,7 +127,7 @@ def test_the_command_makes_it_from_stored_results(tmp_path: Path, monkeypatch, c
 def test_the_one_that_is_checked_in_is_small_and_says_how_it_was_made():
     files = list(full.FOLDER.iterdir())
     assert sum(file.stat().st_size for file in files) <= full.MOST
-    assert {file.suffix for file in files} <= {".csv", ".png", ".md"}
+    assert {file.suffix for file in files} <= {".csv", ".gz", ".png", ".md"}
     said = machine(full.FOLDER)
     assert said["command"] == full.COMMAND
     assert said["processor"]

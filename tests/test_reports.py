@@ -19,6 +19,7 @@ from flexlink.reporting.numbers import JOIN, number
 from flexlink.reporting.picture import Picture
 from reports.__main__ import main
 from reports.build import build
+from reports.curves import curves, panels_of
 from reports.finding import Finding
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
@@ -135,6 +136,25 @@ def test_a_kind_that_nobody_foresaw_still_gets_table_and_curves(tmp_path: Path) 
     assert "How it grows" in page
     assert (tmp_path / "report" / "odd.unheard.svg").exists()
     assert (tmp_path / "report" / "odd.unheard.png").read_bytes().startswith(b"\x89PNG")
+
+
+def many_curves(methods: int, *words: str) -> Series:
+    """Energy and momentum of so many methods, two points each, and columns of words."""
+    names = np.repeat([f"method {k}" for k in range(methods)], 2)
+    numbers = {name: np.arange(1.0, 2 * methods + 1) for name in ("steps", "energy", "momentum")}
+    columns = {"method": names, **numbers, **dict.fromkeys(words, names)}
+    return Series("drifts", "Drift", columns, "steps", "steps", "drift", group="method")
+
+
+def test_columns_of_words_are_no_curves() -> None:
+    assert [curve.label for curve in curves(many_curves(1, "scene"))] == ["method 0 energy", "method 0 momentum"]
+
+
+@pytest.mark.parametrize(("methods", "panels"), [(6, [""]), (7, ["energy", "momentum"])])
+def test_more_curves_than_can_be_told_apart_take_a_panel_a_quantity(methods: int, panels: list[str]) -> None:
+    found = panels_of(many_curves(methods))
+    assert [name for name, _ in found] == panels
+    assert sum(len(list(curves(part))) for _, part in found) == 2 * methods
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.common.errors import DataFileError, FlexlinkError, OutputError
 from flexlink.describe.spec import decode
 from validation import case as cases
 from validation import facts, runner
@@ -562,6 +562,17 @@ def test_a_study_without_its_checkout_says_that_it_needs_one(study, capsys, monk
     error = capsys.readouterr().err
     assert "models: no such folder; the study runs in a checkout of the project" in error
     assert error.count("\n") == 1
+
+
+def test_a_study_says_its_verdict_even_if_no_report_can_be_written(tmp_path, study, capsys, monkeypatch):
+    def fails(*_):
+        raise OutputError("no space left")
+
+    monkeypatch.setattr("validation.__main__._report", fails)
+    assert main(["--results", str(tmp_path / "results")]) == 2
+    said = capsys.readouterr()
+    assert "correctness: 1 of 1 checks pass" in said.out
+    assert said.err == "validation: no space left\n"
 
 
 @pytest.mark.slow

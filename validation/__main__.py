@@ -55,6 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         store.prepare({case.name for case in load_cases(*ALL)})
         failed = _run(console, cases, store, options)
         rows = [row for row in store.rows() if row.case in {case.name for case in cases}]
+        _print_verdict(console, rows, store)
+        for case, why in failed.items():
+            print(f"validation: {case}: {why}", file=sys.stderr)
         page = None if options.no_report else _report(store.path, options.full)
     except FlexlinkError as error:
         print(f"validation: {error}", file=sys.stderr)
@@ -62,11 +65,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("validation: stopped; what is finished is stored and will be skipped next time", file=sys.stderr)
         return 130
-    _print_verdict(console, rows, store)
     if page is not None:
         console.print(f"report: {page}", soft_wrap=True)
-    for case, why in failed.items():
-        print(f"validation: {case}: {why}", file=sys.stderr)
     return 2 if failed else 1 if correctness(rows).failed else 0
 
 
