@@ -59,6 +59,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """A row a cell, then what all of them say together."""
     cells: list[Cell] = []
     optimum: list[float] = []
+    refused: list[str] = []
     for scene, seed in _scenes(case, settings):
         true = truth(scene, settings.known_to * min(settings.tolerances), settings.budget)
         judged = []
@@ -67,7 +68,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             try:
                 cell = _cell(scene, tolerance, true)
             except FlexlinkError as error:
-                yield Measured("refused", 1.0, scene.name, varied=facts, note=f"{type(error).__name__}: {error}")
+                refused.append(f"{scene.name} {tolerance:g}: {type(error).__name__}: {error}")
                 continue
             yield from _rows(cell, facts)
             judged.append(cell)
@@ -76,6 +77,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             for ratio, tolerance in _beside_the_grid(scene, true, judged):
                 optimum.append(ratio)
                 yield Measured("cost over the grid's cheapest", ratio, scene.name, varied={"tolerance": tolerance})
+    yield Measured("cells refused", len(refused), note="; ".join(refused))
     yield from _summary(cells, optimum)
 
 
@@ -144,8 +146,11 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
     yield Measured("cells", len(cells))
     yield Measured("cells judged", len(known))
     yield Measured("cells met", sum(cell.advice.met for cell in cells))
-    stated = [c.advice.error / c.error for c in known if c.advice.met and c.advice.limit is not None]
-    yield from _spread("stated over true error", stated)
+    stated = [c for c in known if c.advice.met and c.advice.limit is not None]
+    yield from _spread("stated over true error", [c.advice.error / c.error for c in stated])
+    yield Measured("stated too little", sum(c.advice.error < c.error - c.true.error for c in stated))
+    most = max((c.advice.error / (c.error + c.true.error) for c in stated), default=1.0)
+    yield Measured("stated too much", most)
     yield from _spread("advice over naive cost", [cell.advice.effort / cell.naive for cell in cells])
     yield from _spread("advice's time over naive cost", [cell.seconds / cell.naive for cell in cells])
     for tolerance in sorted({cell.tolerance for cell in cells}, reverse=True):
