@@ -48,6 +48,18 @@ def test_without_springs_nothing_swings() -> None:
     assert fastest_frequency(chain, np.zeros(1)) == 0.0
 
 
+@pytest.mark.parametrize("q", [(0.0, 0.0), (0.5, -1.0)], ids=["stretched, so that M is singular", "bent"])
+@pytest.mark.parametrize("steps", [{"tolerance": 1e-4}, {"method": "Radau5", "step": 1e-4}], ids=["tolerance", "step"])
+def test_links_without_mass_under_a_point_mass_run(q: tuple[float, ...], steps: dict[str, object]) -> None:
+    """What rounding leaves of their mass swings faster than anything."""
+    arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.Payload(mass=1.0))
+    light = arm.varied({"material.aluminium.density": 1e-15, "initial.joint_deg": np.degrees(q)})
+    chain = fl.lump(light)
+    assert slowest_frequency(chain, fl.initial_state(light, chain)[0]) > 1e6
+    run = fl.simulate(light.varied({"run": {"duration": 0.01, "sample": 0.005, **steps}}))
+    assert np.isfinite(run.tip).all()
+
+
 def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np.random.Generator) -> None:
     hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
     hinges["damping"] += 1e-3 * hinges["stiffness"]

@@ -27,10 +27,12 @@ def inertia_alone(chain: Chain) -> Chain:
 
 
 def slowest_frequency(chain: Chain, q: Array) -> float:
-    """Lowest angular frequency of the springs [rad/s], joints without one free, without gravity; inf if none bends.
+    """Lowest angular frequency of the springs [rad/s], joints without one free, without gravity.
 
-    K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁻¹ M_ap what is left of M with the free joints a: the
-    power iteration φ ← K⁻¹ S φ.
+    inf if none bends, or if what bends is so light that rounding leaves nothing of its mass.
+
+    K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁺ M_ap what is left of M with the free joints a, whose
+    M_aa is singular where a stretched arm moves nothing but a point mass: the power iteration φ ← K⁻¹ S φ.
     """
     bent = np.flatnonzero((chain.stiffness > 0) & (chain.hinges["prescribed"] == 0))
     free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
@@ -42,18 +44,18 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
         return inverse_dynamics(bare, q, zero, φ)
 
     beside = np.array([times_mass(unit) for unit in np.eye(chain.n)[free]]).reshape(len(free), chain.n)
+    following = -np.linalg.pinv(beside[:, free]) @ beside[:, bent]
     φ = np.zeros(chain.n)
     φ[bent], last = 1.0, 0.0
     for _ in range(PASSES):
-        if len(free):
-            φ[free] = -np.linalg.solve(beside[:, free], beside[:, bent] @ φ[bent])
+        φ[free] = following @ φ[bent]
         after = times_mass(φ)[bent] / chain.stiffness[bent]
         square = float(φ[bent] @ (chain.stiffness[bent] * φ[bent]) / (φ[bent] @ (chain.stiffness[bent] * after)))
         φ[bent] = after / np.abs(after).max()
         if abs(square - last) <= CLOSE * square:
             break
         last = square
-    return float(np.sqrt(square))
+    return float(np.sqrt(square)) if square > 0 else np.inf
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
