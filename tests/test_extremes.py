@@ -60,6 +60,18 @@ def test_links_without_mass_under_a_point_mass_run(q: tuple[float, ...], steps: 
     assert np.isfinite(run.tip).all()
 
 
+def test_of_joints_whose_inertia_is_less_than_rounding_one_is_named() -> None:
+    """Twist of a stretched arm without mass on a tilted base: elements of M's diagonal are below zero, by rounding."""
+    tilted = fl.Mount(rpy_deg=(-70.0, 15.0, 20.0))
+    links = (flexible("a", "xyz", 9, lumping="legendre", mount=tilted), flexible("b", "xyz", 9, lumping="legendre"))
+    light = make_scene(*links, tip=fl.Payload(mass=1.0)).varied({"material.aluminium.density": 1e-300})
+    chain = fl.lump(light)
+    q, zero = np.zeros((2, chain.n))
+    assert fl.mass_matrix(chain, q).diagonal().min() < 0, "what is asked here"
+    with pytest.raises(fl.SingularMassError, match="moves no inertia of its own"):
+        fl.forward_dynamics(chain, q, zero, zero, method="cholesky")
+
+
 def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np.random.Generator) -> None:
     hinges, q = chain.hinges.copy(), rng.uniform(-0.3, 0.3, chain.n)
     hinges["damping"] += 1e-3 * hinges["stiffness"]

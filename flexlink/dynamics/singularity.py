@@ -51,7 +51,7 @@ def idle_joint(chain: Chain, q: Array) -> int:
     mass_composite(chain.arrays, q, M)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     M = M[np.ix_(free, free)]
-    root = np.sqrt(M.diagonal())
+    root = np.sqrt(np.maximum(M.diagonal(), 0.0))  # below it, rounding is all that is left
     if not root.all():
         return int(free[np.flatnonzero(root == 0)[-1]])
     part = np.abs(np.linalg.eigh(M / np.outer(root, root))[1][:, 0])
