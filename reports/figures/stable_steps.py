@@ -16,7 +16,7 @@ SECTION = "extremes"
 TAKES = ("stable steps",)
 CAPTION = (
     "Largest step with which a run about rest does not grow, found by halving, against the one that is predicted from "
-    "the modes: a point a scene and method. The lowest are as close as the halvings tell. The line is the limit, 5 %."
+    "the modes: a point a scene and method. The lowest are as close as the halvings tell. The line is the limit."
 )
 
 
@@ -30,7 +30,8 @@ def draw(results: Results) -> Iterator[Picture]:
                 predicted[rows], np.abs(ratio[rows] - 1.0), MARKERS[place % len(MARKERS)],
                 color=CYCLE[place % len(CYCLE)], markersize=3.5, markeredgewidth=0, label=method,
             )  # fmt: skip
-        axes.axhline(0.05, color=GREY, linewidth=1.0)
+        for limit in {row.tolerance for row in results.cases[case] if row.tolerance and row.varied}:
+            axes.axhline(limit, color=GREY, linewidth=1.0)
         axes.set(xscale="log", yscale="log", xlabel="predicted [s]", ylabel="|observed / predicted − 1| [1]")
         tidy_logs(axes)
         legend_above(figure, axes, 4)
