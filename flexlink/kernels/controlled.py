@@ -4,7 +4,7 @@
 
 and no more than what the last two errors predict (Gustafsson; Hairer & Wanner, Solving Ordinary Differential Equations
 II, IV.8). A step ends where an input has a knot, of which no polynomial knows, and is not soon longer than one that
-failed. Between the ends of a step the motion is the quintic polynomial that has their q, q̇ and q̈.
+failed. Samples between the ends of an implicit step are its dense output; steps of an explicit method end at samples.
 
 With a tolerance of infinity all steps are as long as the largest, and nothing but the state is remembered past a knot:
 who starts from the state there goes on with the same numbers.
@@ -42,7 +42,7 @@ from flexlink.kernels.clock import (
 from flexlink.kernels.compiler import RECURSION, entry, inlined, kernel, recursion
 from flexlink.kernels.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.forward import forward_under
-from flexlink.kernels.implicit import ImplicitWork, implicit_step
+from flexlink.kernels.implicit import ImplicitWork, between_stages, implicit_step
 from flexlink.kernels.inputs import ask, drive_torque, follow
 from flexlink.kernels.shifted import displacement, place_bodies
 
@@ -54,14 +54,26 @@ AT_THE_END = 1e-9  # part of a step that is no time between its ends
 ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
 
 
-def take_step(t, h, inputs, state, accurate, work):
+def take_step(t, h, inputs, state, allowed, work):
     """One step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations."""
-    return ALGORITHMS[type(work)](t, h, inputs, state, accurate, work)
+    return ALGORITHMS[type(work)](t, h, inputs, state, allowed, work)
 
 
 @overload(take_step, jit_options=RECURSION)
-def _take_step(t, h, inputs, state, accurate, work):
+def _take_step(t, h, inputs, state, allowed, work):
     return ALGORITHMS[work.instance_class].py_func  # one function less than one that calls it: a step is long
+
+
+def between(x, h, state, work, angles, rates):
+    """Write q and q̇ at a part x of an implicit step; returns W there."""
+    return between_stages(x, h, state, work, angles, rates)
+
+
+@overload(between, jit_options=RECURSION)
+def _between(x, h, state, work, angles, rates):
+    if work.instance_class is ImplicitWork:
+        return between_stages.py_func
+    return lambda x, h, state, work, angles, rates: math.nan  # no sample of an explicit step is between its ends
 
 
 @kernel
@@ -84,7 +96,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
         h = end - t if ends else clock[STEP]
         tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, max(LEAST, h / long))
         accurate = min(exact, max(left * tolerance, clock[ROUNDING]))
-        error, iterations = take_step(t, h, inputs, state, accurate, work)
+        error, iterations = take_step(t, h, inputs, state, (tolerance, accurate), work)
         count[ITERATIONS] += iterations
         if not error < tolerance:
             refuse(h, error / tolerance, p, clock, count)
@@ -199,35 +211,19 @@ def following(h, error, p, iterations, clock):
 @recursion
 def sample(t, h, inputs, state, work, count, samples, spare):
     """Fill in the samples up to the end of the step, t + h."""
-    q, qd, qdd, done = state
     times, qs, qds, works = samples
-    new, n = work.new, len(q)
     while count[ROW] < len(times) and times[count[ROW]] <= t + (1.0 + AT_THE_END) * h:
         row = count[ROW]
-        x = min(1.0, (times[row] - t) / h)
-        at_end = x > 1.0 - AT_THE_END
-        for k in range(n):
-            start, end = (q[k], qd[k], qdd[k]), (new[0, k], new[1, k], new[2, k])
-            qs[row, k], qds[row, k] = (end[0], end[1]) if at_end else quintic(x, h, start, end)
-        ends = work.clock[WORK], work.clock[POWER]
-        works[row] = ends[0] if at_end else cubic(x, h, (done[0], done[1]), ends)
+        works[row] = place(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
         count[ROW] += 1
 
 
-@inlined
-def quintic(x, h, start, end):
-    """Value and rate at a part x of a step of length h of the polynomial with these values, rates and accelerations."""
-    v, a = h * start[1], h * h * start[2]
-    D, E, F = end[0] - start[0] - v - 0.5 * a, h * end[1] - v - a, h * h * end[2] - a
-    c3, c4, c5 = 10.0 * D - 4.0 * E + 0.5 * F, 7.0 * E - 15.0 * D - F, 6.0 * D - 3.0 * E + 0.5 * F
-    value = start[0] + x * (v + x * (0.5 * a + x * (c3 + x * (c4 + x * c5))))
-    return value, (v + x * (a + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / h
-
-
-@inlined
-def cubic(x, h, start, end):
-    """Value at a part x of a step of length h of the polynomial with these values and rates."""
-    v = h * start[1]
-    D, E = end[0] - start[0] - v, h * end[1] - v
-    return start[0] + x * (v + x * (3.0 * D - E + x * (E - 2.0 * D)))
+@recursion
+def place(x, h, state, work, angles, rates):
+    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    if x < 1.0 - AT_THE_END:
+        return between(x, h, state, work, angles, rates)
+    for k in range(len(angles)):
+        angles[k], rates[k] = work.new[0, k], work.new[1, k]
+    return work.clock[WORK]

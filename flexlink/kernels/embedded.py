@@ -47,10 +47,10 @@ class EmbeddedWork(NamedTuple):
 
 
 @recursion
-def embedded_step(t, h, inputs, state, accurate, work):
+def embedded_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1, as one pass.
 
-    `accurate` has no say.
+    Nothing follows from what is `allowed`.
     """
     q, qd, qdd, done = state
     A, b, c, d = work.method

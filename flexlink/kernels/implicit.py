@@ -13,6 +13,14 @@ each complex pair suffices:
 M with other rotors, which `shifted` solves in O(n). What is left out, stiffness of gravity and of rates, makes the
 iteration contract by 1e-3 to 0.2 at useful steps.
 
+Dense output at t + x h, by the polynomial q̈ through the stages, integrated once and twice:
+
+    q̇(x) = q̇ + h Σ β_i(x) K_i     q(x) = q + x h q̇ + h² Σ α_i(x) K_i     W(x) = W + h Σ β_i(x) P_i
+
+with ℓ_i, 1 at c_i and 0 at the other nodes, β_i = ∫ ℓ_i and α_i = ∫ β_i. At x = 1 it is the end of the step; in between
+its order is that of the error estimate, s + 1, so that the tolerance holds for it, too. The q̈ that the step starts from
+has no part in it: after a jump of torque that is of vibrations that the step does not resolve.
+
 Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
     e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹, weighed as in `thrown`
@@ -21,7 +29,19 @@ Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.clock import ACCEPTED, CONTRACTION, LAST, PASSES, POWER, ROUNDING, SLOWEST, WORK, WORST
+from flexlink.kernels.clock import (
+    ACCEPTED,
+    CONTRACTION,
+    LAST,
+    MOVED,
+    PASSES,
+    POWER,
+    REFUSED,
+    ROUNDING,
+    SLOWEST,
+    WORK,
+    WORST,
+)
 from flexlink.kernels.compiler import inlined, recursion
 from flexlink.kernels.inputs import drive_torque, follow
 from flexlink.kernels.inverse import inverse_dynamics_into
@@ -31,13 +51,17 @@ from flexlink.kernels.thrown import error_of
 from flexlink.kernels.tip_wrench import put_wrench
 
 LIKELY = 0.3  # contraction that is taken for granted in the first iteration, and
-SIMILAR = 1.5  # to how many times the last step's length that one's tells of it
+SIMILAR = 1.5  # to how many times the last step's length that one's tells of it, and
+FARTHER = 10.0  # to how many times what it moved
 UNSETTLED = (
     100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
 )
 ROUNDINGS = 200.0  # of the place of a body, which a step through all joints adds up
 STALLED = 0.5  # contraction from which an iteration that moves no more than rounding does has come to its end
-FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to
+FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to, nor
+NOISE = 10.0  # to q̈ of so many times the last ones
+OLD = 4.0  # times the error of a step by which the last pass may move a body, so that P_i before it tells the work: all
+# steps together put W off by no more than if the forces acted farther by the tolerance
 SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
 
 
@@ -59,6 +83,7 @@ class ImplicitMethod(NamedTuple):
     pairs: Any
     T_pairs: Any
     Tinv_pairs: Any
+    dense: Any  # (2, s, s) of x: coefficients of β_i / x and of α_i / x²
 
 
 class ImplicitWork(NamedTuple):
@@ -80,12 +105,14 @@ class ImplicitWork(NamedTuple):
 
 
 @recursion
-def implicit_step(t, h, inputs, state, accurate, work):
+def implicit_step(t, h, inputs, state, allowed, work):
     """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and iterations.
 
-    The iteration ends where it moves no body by more than `accurate` [m]; the error is nan if it does not get there.
+    `allowed`: error of the step, and how far from its end the iteration may move a body at last [m]. The error is nan
+    if it does not get there.
     """
-    q, qd, qdd = state[0], state[1], state[2]
+    q, qd, qdd, done = state
+    tolerance, accurate = allowed
     angles, rates = work.vectors[MIDDLE], work.vectors[MIDDLE + 1]
     predict(h, work)
     for k in range(len(q)):
@@ -93,35 +120,42 @@ def implicit_step(t, h, inputs, state, accurate, work):
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
-    before, fresh = 0.0, True
-    contraction = likely_contraction(h, work.clock)
+    before, fresh, contraction, iterations = 0.0, True, LIKELY, 0
     for iteration in range(1, int(work.clock[PASSES]) + 1):
+        iterations = iteration
         residuals(t, h, inputs, q, qd, work)
         moved = improve(h, work)
-        if iteration > 1:
-            contraction = moved / before
-        before = moved
+        contraction = likely_contraction(h, moved, work.clock) if iteration == 1 else moved / before
         stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
         settled = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
         if stalled or (settled and unsettled(h, work) <= UNSETTLED * accurate):
-            work.clock[CONTRACTION] = contraction
-            finish(t, h, inputs, state, work)
-            return estimate(h, qd, qdd, work), iteration
+            work.clock[CONTRACTION], work.clock[MOVED] = contraction, moved if iteration == 1 else before
+            finish(t, h, inputs, q, qd, work)
+            error = estimate(h, qd, qdd, tolerance, work)
+            if moved > OLD * tolerance and does_work(inputs, work.chain.hinges):
+                residuals(t, h, inputs, q, qd, work)  # P_i are of the stages before the last pass
+                iterations += 1
+            add_up_work(h, done, work)
+            return error, iterations
         if not moved < math.inf or (iteration > 3 and contraction > 1.0):
             break
+        before = moved
         if fresh and iteration > 1 and contraction > SLOW:
             fresh = False
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
-    return math.nan, iteration
+    return math.nan, iterations
 
 
 @inlined
-def likely_contraction(h, clock):
-    """That of the first iteration, from the last step's (Hairer & Wanner, IV.8): it is about in proportion to h²."""
+def likely_contraction(h, moved, clock):
+    """That of the first iteration, from the last step's (Hairer & Wanner, IV.8): it is about in proportion to h².
+
+    Not where the iteration moves much farther than it did then: curvature contracts in proportion to that.
+    """
     known, last = clock[CONTRACTION], clock[LAST]
     clock[CONTRACTION] = 0.0
-    if known == 0.0 or last == 0.0 or h > SIMILAR * last:
+    if known == 0.0 or last == 0.0 or h > SIMILAR * last or moved > FARTHER * clock[MOVED]:
         return LIKELY
     return min(LIKELY, max(1.0, h / last) ** 2 * known**0.8)
 
@@ -137,7 +171,10 @@ def has_dry_friction(hinges):
 
 @inlined
 def predict(h, work):
-    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
+    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise.
+
+    So it has where the polynomial grows to many times what it was: from 0 then, too.
+    """
     c, qdd, before, last = work.method.weights[C], work.stages[K], work.stages[BEFORE], work.clock[LAST]
     s, n = qdd.shape
     for i in range(s):
@@ -155,6 +192,20 @@ def predict(h, work):
                         weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
                 for k in range(n):
                     qdd[i, k] += weight * before[j, k]
+        if largest(qdd) > NOISE * largest(before):
+            for i in range(s):
+                for k in range(n):
+                    qdd[i, k] = 0.0
+
+
+@inlined
+def largest(qdd):
+    """Largest |q̈| of all stages."""
+    most = 0.0
+    for i in range(len(qdd)):
+        for k in range(qdd.shape[1]):
+            most = max(most, abs(qdd[i, k]))
+    return most
 
 
 @inlined
@@ -305,17 +356,25 @@ def unsettled(h, work):
     return largest
 
 
+@inlined
+def does_work(inputs, hinges):
+    """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
+    works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.table is not None
+    for k in range(3, len(inputs.wrench)):
+        works = works or inputs.wrench[k] != 0.0
+    for k in range(len(hinges)):
+        works = works or hinges[k].damping > 0.0 or hinges[k].coulomb > 0.0
+    return works
+
+
 @recursion
-def finish(t, h, inputs, state, work):
+def finish(t, h, inputs, q, qd, work):
     """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
-    q, qd, done = state[0], state[1], state[3]
     weights, qdd, new = work.method.weights, work.stages[K], work.new
     s = len(qdd)
     for k in range(len(q)):
         new[0, k], new[1, k], new[2, k] = q[k] + h * qd[k], qd[k], qdd[s - 1, k]
-    work.clock[WORK], work.clock[POWER] = done[0], work.power[s - 1]
     for i in range(s):
-        work.clock[WORK] += h * weights[B, i] * work.power[i]
         weight2, weight = h * h * weights[BA, i], h * weights[B, i]
         for k in range(len(q)):
             new[0, k] += weight2 * qdd[i, k]
@@ -323,11 +382,41 @@ def finish(t, h, inputs, state, work):
     follow(inputs.motion, t + h, new[0], new[1], new[2])
 
 
+@inlined
+def add_up_work(h, done, work):
+    """W at the end of the step, and the power there."""
+    work.clock[WORK], work.clock[POWER] = done[0], work.power[len(work.power) - 1]
+    for i in range(len(work.power)):
+        work.clock[WORK] += h * work.method.weights[B, i] * work.power[i]
+
+
 @recursion
-def estimate(h, qd, qdd, work):
+def between_stages(x, h, state, work, angles, rates):
+    """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
+    q, qd, done = state[0], state[1], state[3]
+    dense, qdd, W = work.method.dense, work.stages[K], done[0]
+    s, n = qdd.shape
+    for k in range(n):
+        angles[k], rates[k] = q[k] + x * h * qd[k], qd[k]
+    for i in range(s):
+        β = α = 0.0
+        for m in range(s - 1, -1, -1):
+            β = β * x + dense[0, i, m]
+            α = α * x + dense[1, i, m]
+        weight2, weight = h * h * x * x * α, h * x * β
+        W += weight * work.power[i]
+        for k in range(n):
+            angles[k] += weight2 * qdd[i, k]
+            rates[k] += weight * qdd[i, k]
+    return W
+
+
+@recursion
+def estimate(h, qd, qdd, tolerance, work):
     """Error of the step [m], 0 where none is estimated.
 
-    (1 − hγ₀ J)⁻¹ (e_q, e_v):  (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
+    Of a first step, and of one after a refusal, an error beyond the tolerance is damped once more: one of stiff
+    vibrations, as after a jump, would not become smaller with h (Hairer & Wanner II, equation IV.8.20, J for f).
     Dry friction's slope in D is that at the end of the step: the steepest one, with which the iteration ends, would
     hide what turning round did.
     """
@@ -337,16 +426,30 @@ def estimate(h, qd, qdd, work):
     if has_dry_friction(work.chain.hinges):
         shift_rotors(hγ, work.new[1], work.factors[0], work)
         factor(work.factors[0], work.posture)
-    e_q, e_v, r, y = vectors[MIDDLE], vectors[MIDDLE + 1], vectors[RHS], vectors[SOLUTION]
+    e_q, e_v = vectors[MIDDLE], vectors[MIDDLE + 1]
     for k in range(len(qd)):
         e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]
         for i in range(work.stages.shape[1]):
             e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
             e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
+    error = damped_error(h, hγ, e_q, e_v, work)
+    if error >= tolerance and (work.clock[REFUSED] > 0.0 or work.clock[LAST] == 0.0):
+        return damped_error(h, hγ, e_q, e_v, work)
+    return error
+
+
+@recursion
+def damped_error(h, hγ, e_q, e_v, work):
+    """Damp errors of angles and rates (n,) in place by (1 − hγ₀ J)⁻¹; returns how far they move a body [m].
+
+    (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
+    """
+    r, y, factors = work.vectors[RHS], work.vectors[SOLUTION], work.factors[0]
+    for k in range(len(r)):
         hinge = work.chain.hinges[k]
-        r[k] = -(work.factors[0, k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
-    solve(work.factors[0], r, y, work.posture)
-    for k in range(len(qd)):
+        r[k] = -(factors[k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
+    solve(factors, r, y, work.posture)
+    for k in range(len(r)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
         else:

@@ -311,5 +311,12 @@ def coefficients_of(method: Method) -> ImplicitMethod:
     γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
     return ImplicitMethod(
         np.array([A, modes.A2]), np.array([b, modes.bA, c, d]), γ, modes.real, modes.T_real, modes.Tinv_real,
-        modes.complex, modes.T_complex, modes.Tinv_complex,
+        modes.complex, modes.T_complex, modes.Tinv_complex, dense_weights(c),
     )  # fmt: skip
+
+
+def dense_weights(c: Array) -> Array:
+    """Coefficients (2, s, s) of β_i(x) / x and α_i(x) / x²: Lagrange polynomials of c, integrated once and twice."""
+    m = np.arange(len(c))
+    once = np.linalg.inv(c[:, None] ** m).T / (m + 1)
+    return np.array([once, once / (m + 2)])
