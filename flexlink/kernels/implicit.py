@@ -120,7 +120,8 @@ def implicit_step(t, h, inputs, state, allowed, work):
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
-    before, fresh, contraction, iterations = 0.0, True, LIKELY, 0
+    earlier = before = math.inf  # what the last two passes moved
+    fresh, contraction, iterations = True, LIKELY, 0
     for iteration in range(1, int(work.clock[PASSES]) + 1):
         iterations = iteration
         residuals(t, h, inputs, q, qd, work)
@@ -137,9 +138,9 @@ def implicit_step(t, h, inputs, state, allowed, work):
                 iterations += 1
             add_up_work(h, done, work)
             return error, iterations
-        if not moved < math.inf or (iteration > 3 and contraction > 1.0):
+        if not moved < math.inf or (iteration > 3 and moved > earlier):  # one pass of two may gain nothing
             break
-        before = moved
+        earlier, before = before, moved
         if fresh and iteration > 1 and contraction > SLOW:
             fresh = False
             slowest_rates(qd, rates, work)

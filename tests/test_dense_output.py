@@ -1,0 +1,98 @@
+"""What is handed out between the ends of implicit steps: samples and work, after jumps, too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import compiled, make_scene
+from random_jumps import WRONG, outcome
+
+import flexlink as fl
+from flexlink.describe.methods import method
+from flexlink.motion.controlled_steps import dense_weights
+
+pytestmark = compiled
+IMPLICIT = ("Radau5", "Radau9")
+
+
+def struck(tolerance: float, torque: float = 1.5) -> fl.Scene:
+    """A beam of 1 m with 2 kg at its tip, that falls from level, and a torque that sets in at 0.5 s."""
+    beam = fl.Link(name="beam", length=1.0, flex="z", segments=5, material="aluminium", section="bar",
+                   mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)))  # fmt: skip
+    return fl.Scene(
+        name="struck",
+        arm=fl.Arm(
+            links=(beam,), materials={"aluminium": fl.Material(young=70e9, density=2700.0)},
+            sections={"bar": fl.Section(shape="rectangle", height=0.03, width=0.03)}, tip=fl.Payload(mass=2.0),
+        ),
+        gravity=(0.0, 0.0, -9.81),
+        initial=fl.Initial(joint_deg=(0.0,)),
+        drive=fl.Drive(kind="table", times=(0.0, 0.5), torques=((0.0,), (torque,)), hold=True),
+        run=fl.Run(method="auto", tolerance=tolerance, duration=2.0, sample=0.05),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", IMPLICIT)
+def test_the_polynomial_through_the_stages_ends_where_the_step_does(name: str) -> None:
+    """β(1) = b, α(1) = b A, and β(c) = A, the method's own coefficients (collocation)."""
+    (A, b, c), s = method(name).arrays, method(name).stages
+    once, twice = dense_weights(c)
+    powers = c[:, None] ** np.arange(s)
+    assert np.abs(once.sum(axis=1) - b).max() < 1e-12
+    assert np.abs(twice.sum(axis=1) - b @ A).max() < 1e-12
+    assert np.abs((powers * c[:, None]) @ once.T - A).max() < 1e-12
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IMPLICIT)
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
+def test_every_sample_after_a_jump_of_torque_is_within_the_tolerance(name: str, tolerance: float) -> None:
+    """Samples were off by 1.1 m, and the energy by all that was exchanged: q̈ at the jump is of unresolved vibrations."""
+    scene = struck(tolerance)
+    run, exact = fl.simulate(scene, method=name), fl.simulate(scene, method="DOP853", tolerance=1e-9)
+    assert np.linalg.norm(run.tip - exact.tip, axis=1).max() < tolerance
+    assert np.abs(run.imbalance).max() < 0.01 * run.exchanged.max()
+    assert not run.warnings
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [2e-3, 2e-4, 2e-6])
+def test_a_heavy_rotor_that_is_sent_a_degree_on_is_no_alarm(tolerance: float) -> None:
+    """100 kg m² with a target 0.9° away: the work of the drive was that of stages before the last pass."""
+    wheel = fl.Link(name="wheel", length=0.2, flex="rigid", joint=fl.Joint(armature=100.0))
+    scene = make_scene(wheel, tip=fl.Payload(mass=1.0)).varied({
+        "drive": fl.Drive(kind="pd", kp=(4e4,), kd=(2.8e3,), reference=fl.Reference(
+            profile="hold", times=(0.0, 0.7), angle_deg=((0.0,), (0.9,)))),
+        "initial.joint_deg": (0.0,), "run": fl.Run(method="Radau5", tolerance=tolerance, duration=2.0, sample=0.05),
+    })  # fmt: skip
+    run, exact = fl.simulate(scene), fl.simulate(scene, method="DOP853", tolerance=1e-10)
+    assert np.linalg.norm(run.tip - exact.tip, axis=1).max() < tolerance
+    assert not run.warnings
+
+
+@pytest.mark.slow
+def test_a_loose_tolerance_is_not_dearer_than_a_tight_one() -> None:
+    """Stiff noise extrapolated into the stages of the next step made 1,659 steps at 1e-2 m of 28 at 3e-3 m."""
+    loose, tight = (fl.simulate(struck(tolerance), method="Radau9").steps for tolerance in (1e-2, 3e-3))
+    assert loose.evaluations <= tight.evaluations
+
+
+@pytest.mark.slow
+def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
+    """s + 1 of the rates: samples inside steps of twice the length are off by 2^(s + 1) times as much."""
+    scene = struck(1e-3, torque=0.0).varied({"material.aluminium.young": 70e12, "material.aluminium.loss_time": 1e-5})
+    exact = fl.simulate(scene, method="DOP853", tolerance=1e-10, sample=0.01)
+    errors = []
+    for tolerance in (1e-3, 1e-5):
+        run = fl.simulate(scene, method="Radau5", tolerance=tolerance, sample=0.01)
+        errors.append((run.steps.taken, np.abs(run.qd[:, 0] - exact.qd[:, 0]).max()))
+    (few, large), (many, small) = errors
+    assert np.log(large / small) / np.log(many / few) > 3.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4, 12))
+def test_random_jumps_leave_every_sample_right(seed: int) -> None:
+    found = outcome(seed)
+    assert found.word == "right", found
+    assert max(found.tip, found.rates, found.work) < WRONG
