@@ -6,7 +6,7 @@ import warnings
 from typing import NamedTuple
 
 LOOKS = 100
-"""How often in its budget a run looks whether it gets on: where it hangs is told a hundredth of the way to its end."""
+"""How often in its budget a run looks whether it gets on: two looks, a fiftieth of it, and where it hangs is told."""
 
 FEWEST = 100
 """Steps from one look to the next, at least: after a jump a few are tiny, each up to five times the last."""

@@ -98,7 +98,7 @@ def simulate(
         the error's `trajectory` holds the good samples.
     EvaluationLimitError
         A DivergenceError, too: steps with a tolerance would take more than `max_evaluations`. Where such a run hangs is
-        told, as a RuntimeWarning, a hundredth of the way to there.
+        told, as a RuntimeWarning, a fiftieth of the way to there.
     ControlError
         The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
     InterruptedRunError
