@@ -61,7 +61,7 @@ from flexlink.dynamics.terms import (
 )
 from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.motion.batch import simulate_many
-from flexlink.motion.endings import ControlError, DivergenceError, InterruptedRunError
+from flexlink.motion.endings import ControlError, DivergenceError, EvaluationLimitError, InterruptedRunError
 from flexlink.motion.result import State, Trajectory
 from flexlink.motion.sensitivity import Sensitivities, sensitivities
 from flexlink.motion.settling import overshoot, residual_vibration, settling_time
@@ -104,6 +104,7 @@ __all__ = [
     "Energy",
     "EngineError",
     "Equilibrium",
+    "EvaluationLimitError",
     "Flexible",
     "FlexlinkError",
     "ForwardDerivatives",

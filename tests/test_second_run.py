@@ -7,7 +7,8 @@ import pytest
 from conftest import ROOT, compiled, flexible, make_scene
 
 import flexlink as fl
-from flexlink.motion import single
+from flexlink.motion import balance, single
+from flexlink.motion.watch import Watch
 
 pytestmark = compiled
 WRONG = 0.05  # of the tip's motion
@@ -108,14 +109,35 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 
 
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[object] = []
+    runs: list[Watch] = []
     begin = single.steps_of
     monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
         assert len(runs) == wanted
+    bends = spinning(36000.0).varied({"link.*.flex": "z", "link.*.segments": 3})
+    runs.clear()
+    fl.simulate(bends, relative_tolerance=1e-1, accuracy="deflection")
+    assert [watch.run.relative_tolerance for watch in runs] == pytest.approx([1e-1, 1e-2])
     for duration, wanted in ((0.5, 1), (5.0, 2)):
         runs.clear()
         fl.simulate(tumbling(1e-3), duration=duration)
         assert len(runs) == wanted
+
+
+def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_confirms_or_doubts(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
+    runs: list[Watch] = []
+    begin = single.steps_of
+    monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
+    zigzag = fl.Initial(q=(0.0, 0.03, -0.03, 0.03, -0.03))
+    scene = make_scene(flexible("a", segments=5), initial=zigzag)
+    scene = scene.varied({"run": fl.Run(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
+    run = fl.simulate(scene)
+    assert np.abs(run.imbalance[-1]) > balance.SHARE * run.exchanged[-1]
+    assert len(runs) == 2
+    assert runs[0].confirmed
+    assert run.warnings == ()

@@ -52,7 +52,7 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
     ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(clock.CLOCK_SIZE)
     ω[:2], numbers[clock.SLOWEST] = 0.0, 1.0 / ω[2]
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    springs = Springs(*np.zeros((2, n)), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    springs = Springs(*np.zeros((3, n)), np.zeros((n, FACTORS)), *np.zeros((2, n)))
     return q, Work(chain.arrays, posture, numbers, springs), ω, shapes
 
 
@@ -72,6 +72,18 @@ def test_what_turns_freely_goes_on_for_the_time_of_the_slowest_swing(name: str) 
     for k in range(2):
         counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), shapes[:, k], work)
         assert counted * ω[2] == pytest.approx(moved(shapes[:, k], work.posture), rel=1e-6)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_a_sampled_law_makes_of_an_error_of_the_rates_counts_by_where_it_throws_the_bodies(name: str) -> None:
+    """An impulse p turns what swings with ω by τ / (1 + τ² ω²) of what it is of p."""
+    q, work, ω, shapes = prepared(name)
+    τ, inverse = 1.0 / ω[2], shapes @ shapes.T
+    work.springs.kick[:] = 1e3 / inverse[0, 0]
+    e = shapes[:, -1]
+    impulse = shapes.T @ (work.springs.kick * e) / (1.0 + (τ * ω) ** 2)
+    counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), e, work)
+    assert counted == pytest.approx(moved(τ * (shapes @ impulse), work.posture), rel=1e-6)
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -18,7 +18,7 @@ from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion import balance
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.result import Record
-from flexlink.motion.watch import Watch
+from flexlink.motion.watch import Watch, allowed_imbalance
 
 
 @pytest.fixture
@@ -266,6 +266,17 @@ def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> N
     few = told_errors(swung(0.17))
     monkeypatch.setattr(sys.modules["flexlink.motion.watch"], "APART", 1)  # every step
     assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
+
+
+def test_a_tolerance_explains_no_more_of_an_explicit_runs_imbalance_than_its_part_of_the_motion() -> None:
+    scene = swung(0.005).scene.varied({"run.tolerance": 0.05})
+    run, chain, kinetic, X = scene.run, fl.lump(scene), np.array([1e4]), np.array([10.0])
+    for r in (-X, X):
+        capped = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, True)
+        assert capped.of(r, X) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
+        free = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, False)
+        assert free.of(r, X) == pytest.approx(np.where(r < 0, np.inf, free.energy))
+        assert balance.NOTHING.of(r, X) == 0.0
 
 
 # -- what the balance is made of ---------------------------------------------------------------------------------------

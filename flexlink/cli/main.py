@@ -202,6 +202,7 @@ def _of_simulate(run: argparse.ArgumentParser) -> None:
         "--relative-tolerance", type=float, help="the same as a part of the arm's reach, or of its deflection"
     )
     run.add_argument("--accuracy", help="what a relative tolerance is a part of: tip or deflection; default: tip")
+    run.add_argument("--max-evaluations", type=float, help=f"evaluations that a tolerance may take; default: {own}")
     run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
     run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
     run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")

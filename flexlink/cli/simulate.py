@@ -42,7 +42,7 @@ def simulate_scene(options: argparse.Namespace) -> int:
         started = time.perf_counter()
         try:
             with about(options.scene):
-                run = ready.finish(stop, bar)
+                run = ready.finish(stop, bar, warn=lambda text: _warn(bar, text))
             seconds = time.perf_counter() - started
         except (DivergenceError, InterruptedRunError) as error:
             bar.clear()
@@ -55,6 +55,12 @@ def simulate_scene(options: argparse.Namespace) -> int:
         if stop.signal is not None:
             raise InterruptedRunError(run, stop.signal, _place(options))
     return 0
+
+
+def _warn(bar: Progress, text: str) -> None:
+    """What cannot wait for the end of the run."""
+    bar.clear()
+    print(f"warning: {text}", file=sys.stderr, flush=True)
 
 
 def _deliver(run: Trajectory, options: argparse.Namespace) -> None:

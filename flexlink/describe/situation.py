@@ -178,6 +178,9 @@ class Run(Spec, frozen=True):
     deflection so far (accuracy = "deflection"); `step` then has no effect. method = "auto", the default then, takes the
     cheapest method. Vibrations too small to matter for the tip's path may be damped away by accuracy = "tip".
 
+    Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
+    stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
+
     `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
     """
 
@@ -190,6 +193,7 @@ class Run(Spec, frozen=True):
     tolerance: Positive | None = None  # m
     relative_tolerance: Positive | None = None
     accuracy: Accuracy = "tip"
+    max_evaluations: Positive = 1e7
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -215,9 +219,9 @@ class Run(Spec, frozen=True):
         """Whether steps follow from a tolerance."""
         return self.tolerance is not None or self.relative_tolerance is not None
 
-    def tolerance_within(self, reach: float) -> float:
-        """The tolerance of an arm of this reach [m]."""
-        return self.tolerance or (self.relative_tolerance or 0.0) * reach
+    def tolerance_within(self, length: float) -> float:
+        """The tolerance [m], a relative one of this length."""
+        return self.tolerance or (self.relative_tolerance or 0.0) * length
 
     @property
     def steps_per_sample(self) -> int:

@@ -45,6 +45,7 @@ from flexlink.kernels.forward import forward_under
 from flexlink.kernels.implicit import ImplicitWork, between_stages, implicit_step
 from flexlink.kernels.inputs import ask, drive_torque, follow
 from flexlink.kernels.shifted import displacement, place_bodies
+from flexlink.kernels.thrown import bending
 
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
 SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
@@ -128,12 +129,12 @@ def first_step(work, state, settings, duration):
     """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
     absolute, part, largest = settings[0], settings[1], settings[7]
     q, qd, qdd = state[0], state[1], state[2]
-    bent, clock, slowest = np.zeros(len(q)), work.clock, work.clock[SLOWEST]
+    bent, clock, τ = np.zeros(len(q)), work.clock, min(work.clock[SLOWEST], duration)
     place_bodies(q, work.posture)
     clock[DEFLECTION] = deflection(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
-        bent[k] = slowest * (qd[k] + slowest * qdd[k]) if work.chain.hinges[k].stiffness > 0.0 else 0.0
-    clock[DEFLECTION] = max(clock[DEFLECTION], displacement(bent, work.posture))
+        bent[k] = qd[k] + τ * qdd[k]
+    clock[DEFLECTION] = max(clock[DEFLECTION], bending(τ, bent, work))
     moves = displacement(qdd, work.posture)
     clock[STEP] = min(largest, 0.01 * duration)
     if moves > 0.0:

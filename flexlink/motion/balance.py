@@ -33,13 +33,29 @@ def turned_over(energy: Array, work: Array, start: Array) -> Array:
     return np.asarray(energy[0] + np.abs(energy[1:] - start[1:, None]).sum(axis=0) + np.abs(work))
 
 
+class Allowance(NamedTuple):
+    """What a tolerance explains of an imbalance."""
+
+    energy: Array | float = 0.0  # at each sample [J]
+    share: float = np.inf  # of the energy exchanged, at most
+    damps: bool = False  # any loss may be that of vibrations
+
+    def of(self, imbalance: Array, exchanged: Array) -> Array:
+        """Of such imbalances where so much was exchanged [J]."""
+        return np.where(self.damps & (imbalance < 0), np.inf, np.minimum(self.energy, self.share * exchanged))
+
+
 class Judgement(NamedTuple):
     """Of some samples, each array of shape (samples,)."""
 
     imbalance: Array  # [J]
     exchanged: Array  # up to each sample [J]
-    rounded: Array  # what rounding explains of the imbalance [J]
+    explained: Array  # by rounding, and by the tolerance [J]
+    rounded: Array  # by rounding alone [J]
     garbage: NDArray[np.bool_]
+
+
+NOTHING = Allowance()
 
 
 class Balance:
@@ -50,7 +66,7 @@ class Balance:
         self._exchanged = self._rounded = 0.0  # largest so far [J]
 
     def judge(
-        self, energy: Array, work: Array, q: Array, steps: Array | int, allowed: Array | float = 0.0
+        self, energy: Array, work: Array, q: Array, steps: Array | int, allowance: Allowance = NOTHING
     ) -> Judgement:
         """Energies (3, samples), work and angles (samples, n) of the next samples, after so many steps each."""
         r = imbalance(energy, work, self.start)
@@ -58,7 +74,8 @@ class Balance:
         one = _running_largest(self._rounded, rounding.of_energy_balance(self.chain, energy, work, q))
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         ε = one * (1 + steps)
-        return Judgement(r, X, ε, np.abs(r) > SHARE * X + ε + allowed)
+        explained = ε + allowance.of(r, X)
+        return Judgement(r, X, explained, ε, np.abs(r) > SHARE * X + explained)
 
 
 def _running_largest(so_far: float, values: Array) -> Array:

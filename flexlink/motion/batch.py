@@ -18,6 +18,7 @@ from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.lanes import LANES
+from flexlink.motion.budget import warn
 from flexlink.motion.drives import same_law
 from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.fixed_steps import pieces, steps_up_to, tip_errors_of_eight
@@ -106,7 +107,7 @@ class Member(NamedTuple):
     def run(self, stop: Stop) -> Ended:
         """Alone."""
         try:
-            return SingleRun(self.scene, self.watch).finish(stop)
+            return SingleRun(self.scene, self.watch).finish(stop, warn=warn)
         except (DivergenceError, InterruptedRunError) as error:
             return error
 

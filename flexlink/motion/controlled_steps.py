@@ -18,6 +18,7 @@ from flexlink.dynamics import rounding
 from flexlink.kernels import clock, controlled, implicit
 from flexlink.kernels.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.inputs import SampledLaw
 from flexlink.kernels.machine_code import direct
 from flexlink.kernels.planar import planar_workspace
 from flexlink.kernels.rne import rne_workspace
@@ -26,10 +27,12 @@ from flexlink.kernels.shifted_plane import plane_posture
 from flexlink.kernels.shifted_space import space_posture
 from flexlink.kernels.thrown import Springs
 from flexlink.motion.actuation import Inputs
+from flexlink.motion.budget import Budget, Spent, warn
 from flexlink.motion.choice import Choice, cheapest
 from flexlink.motion.control import Control
 from flexlink.motion.drives import gains_of
-from flexlink.motion.endings import LawFailure
+from flexlink.motion.endings import EvaluationLimitError, Failure, LawFailure
+from flexlink.motion.hindrance import hindrance
 from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Record, Steps
@@ -74,7 +77,9 @@ class ControlledSteps:
 
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
-        self.failure, self.record, self.run, self.control, self.inputs = "", record, run, watch.control, record.inputs
+        self.failure: Failure | None = None
+        self.record, self.run, self.control, self.inputs = record, run, watch.control, record.inputs
+        self.budget = Budget(run.max_evaluations, run.duration)
         start, self.ends = pieces(record, watch.control)
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
@@ -86,17 +91,20 @@ class ControlledSteps:
         self._aim(start, start)
         if run.controlled:
             controlled.first_step(self.work, self.state, self.settings, run.duration)
+            self.work.clock[clock.DEFLECTION] = min(self.work.clock[clock.DEFLECTION], record.chain.reach)
         else:
             self.work.clock[clock.STEP] = run.step
 
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
+        self.budget.begin(self._spent(), float(self.record.t[-1]))
         pace, start = Pace(), float(self.work.clock[clock.TIME])
         for k, end in enumerate(self.ends, 1):
             self._aim(start, end)
             start, how = end, controlled.GOES_ON
             while how == controlled.GOES_ON:
-                how = self._advance(pace.size)
+                pace.size = self._affordable(pace.size)
+                how = self._advance(pace.size) if pace.size else controlled.STUCK
                 if how == controlled.GOES_ON:
                     pace.end()
                     yield self._reached()
@@ -109,16 +117,23 @@ class ControlledSteps:
                 yield self._reached()
                 pace.start()
 
-    def go(self, inputs: Inputs, start: float, end: float) -> str:
+    def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
         if inputs is not self.inputs:
             self.inputs = inputs
-            self.work.springs.kp[:], self.work.springs.kd[:] = held_by(self.record.chain, inputs)
+            for array, value in zip(self.work.springs, held_by(self.record.chain, inputs), strict=False):
+                array[:] = value
             self._compile()
         self._aim(start, end)
-        most = NEVER if end > start else 0
-        while self._advance(most) == controlled.GOES_ON and most:
-            pass
+        self.budget.begin(self._spent(), end)
+        if end == start:
+            self._advance(0)
+            return None
+        told = False
+        while (most := self._affordable(NEVER)) and self._advance(most) == controlled.GOES_ON:
+            if self.budget.slow and not told:
+                warn(f"{self.record.chain.name}: {self.slow}")
+                told = True
         return self.failure
 
     def saved(self) -> Any:
@@ -134,7 +149,7 @@ class ControlledSteps:
 
     def _changing(self) -> tuple[Any, ...]:
         stages = (self.work.stages,) if isinstance(self.work, ImplicitWork) else ()
-        return *self.state, self.count, self.work.clock, self.work.springs.kp, self.work.springs.kd, *stages
+        return *self.state, self.count, self.work.clock, *self.work.springs[:3], *stages
 
     def _aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
@@ -186,6 +201,38 @@ class ControlledSteps:
             self.failure = self._stuck()
         return how
 
+    def _affordable(self, most: int) -> int:
+        """As many of so many steps as the budget allows; 0, and the run has failed: none."""
+        if self.run.controlled:
+            dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES)
+            most = min(most, self.budget.affordable(self._spent(), dearest))
+            if not most:
+                self.failure = Failure(*self._hanging(self.budget.over), EvaluationLimitError)
+        return most
+
+    def _spent(self) -> Spent:
+        return Spent(float(self.work.clock[clock.TIME]), int(self.count[clock.TAKEN]), self._evaluations())
+
+    def _hanging(self, how: str) -> tuple[str, str]:
+        """Where and how the run hangs, and what may help."""
+        text = f"t = {self.work.clock[clock.TIME]:.6g} s: {how}"
+        if known := hindrance(self.record, self.state[0]):
+            return f"{text}; {known.cause}", known.advice
+        q, _, qdd, _ = self.state
+        k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
+        worst = f"joint {self.record.chain.joint_name(k)!r} at {np.degrees(q[k]):.1f}° is accelerated most"
+        return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
+
+    @property
+    def slow(self) -> str:
+        """What is to be told while the run goes on: that it will not end within its budget."""
+        return "; ".join(self._hanging(self.budget.slow)) if self.budget.slow else ""
+
+    @property
+    def deflection(self) -> float:
+        """The largest so far [m]."""
+        return float(self.work.clock[clock.DEFLECTION])
+
     def _compile(self) -> None:
         self._begin = direct(controlled.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
         self._take_steps = direct(controlled.advance, *self._arguments(0))
@@ -222,14 +269,15 @@ class ControlledSteps:
         now[clock.DEFLECTION], now[clock.STEP] = before[clock.DEFLECTION], min(before[clock.STEP], self.settings[-1])
         return int(controlled.GOES_ON)
 
-    def _stuck(self) -> str:
+    def _stuck(self) -> Failure:
         now, h = self.work.clock[clock.TIME], self.work.clock[clock.STEP]
-        joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
-        return (
-            f"no step is found at t = {now:.6g} s, down to {h:.3g} s: Newton's iteration does not end (joint {joint!r})"
-            if self.work.clock[clock.REFUSED] == clock.NOT_SOLVED
-            else f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s (joint {joint!r})"
-        )
+        text = f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s"
+        if self.work.clock[clock.REFUSED] == clock.NOT_SOLVED:
+            joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
+            unsolved = f"Newton's iteration does not end (joint {joint!r})"
+            text = f"no step is found at t = {now:.6g} s, down to {h:.3g} s: {unsolved}"
+        known = hindrance(self.record, self.state[0])
+        return Failure(f"{text}; {known.cause}", known.advice) if known else Failure(text)
 
 
 def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]:
@@ -261,6 +309,11 @@ def settings(run: Run, method: Method, record: Record, largest: float) -> tuple[
     reach = record.chain.reach
     if not run.controlled:
         return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
+    if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
+        raise SceneError(
+            f"run.accuracy = 'deflection': nothing of {record.chain.name!r} bends, and a part of no deflection is no "
+            "tolerance; take accuracy = 'tip'"
+        )
     least = least_tolerance(record)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
     if run.accuracy == "tip":
@@ -277,10 +330,16 @@ def settings(run: Run, method: Method, record: Record, largest: float) -> tuple[
     return *errors, order, SHORTEST * run.duration, largest
 
 
-def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array]:
-    """Gains (n,) of the drive, for Newton's matrix: at one state whatever the run's, which so goes on to the bit."""
-    zero = np.zeros(chain.n)
-    return gains_of(chain, inputs.drive, 0.0, zero, zero).diagonals()
+def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
+    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one.
+
+    At one state whatever the run's, which so goes on to the bit.
+    """
+    drive, zero = inputs.drive, np.zeros(chain.n)
+    kick = zero
+    if isinstance(drive, SampledLaw):
+        kick = gains_of(chain, drive.law, 0.0, zero, zero).diagonals()[1] / drive.rate
+    return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
 
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import signal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import word
@@ -26,7 +26,19 @@ class DivergenceError(FlexlinkError, ArithmeticError):
 
     def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory, Sequence[Trajectory]]]:
         """With all it holds through a process pool, which otherwise breaks on an error of two arguments."""
-        return DivergenceError, (str(self), self.trajectory, self.runs)
+        return type(self), (str(self), self.trajectory, self.runs)
+
+
+class EvaluationLimitError(DivergenceError):
+    """A run with a tolerance does not get on: it has taken all that `run.max_evaluations` allows, or would."""
+
+
+class Failure(NamedTuple):
+    """Why steps ended early."""
+
+    text: str
+    advice: str = ""  # of what is known of the cause; empty: as of any run
+    kind: type[DivergenceError] = DivergenceError
 
 
 class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error below with the samples

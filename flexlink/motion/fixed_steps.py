@@ -15,6 +15,7 @@ from flexlink.kernels.kinematics import tip_points
 from flexlink.kernels.machine_code import direct
 from flexlink.kernels.runge_kutta import NEVER, integrate
 from flexlink.motion.actuation import Inputs
+from flexlink.motion.endings import Failure
 from flexlink.motion.pace import Pace, Reached
 from flexlink.motion.result import Steps
 from flexlink.motion.watch import Watch
@@ -28,9 +29,12 @@ Arrays = tuple[Array, Array, Array]
 class FixedSteps:
     """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
 
+    slow, deflection = "", 0.0  # of steps with a tolerance
+
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run
-        self.run, self.failure = run, ""
+        self.run = run
+        self.failure: Failure | None = None
         self.scratch, self.tableau = record.scratch, method(run.method).arrays
         self.no_samples = *np.empty((2, 0, record.chain.n)), np.empty(0)
         self._inputs: Inputs | None = None  # that `_integrate` is compiled for
@@ -52,7 +56,7 @@ class FixedSteps:
                 self.failure = self._not_finite()
             yield Reached(self._done // run.steps_per_sample + 1, self._done / last)
 
-    def go(self, inputs: Inputs, start: float, end: float) -> str:
+    def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not."""
         h, origin = self.run.step, self.origin
         first, last = round(start / h) - origin, round(end / h) - origin
@@ -60,7 +64,7 @@ class FixedSteps:
         if inputs is not self._inputs:
             self._inputs, self._integrate = inputs, direct(integrate, *arguments)
         self._done = self._integrate(*arguments)
-        return "" if self._done == last else self._not_finite()
+        return None if self._done == last else self._not_finite()
 
     def saved(self) -> Any:
         """All that `go` changes, for `restore`."""
@@ -78,10 +82,11 @@ class FixedSteps:
         """What was done so far."""
         return steps_up_to(self.run, self._done)
 
-    def _not_finite(self) -> str:
+    def _not_finite(self) -> Failure:
         (q, qd, _), step = self.state, self._done + 1
         joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))
-        return f"no longer finite at t = {(self.origin + step) * self.run.step:.6g} s (step {step}, joint {joint!r})"
+        time = (self.origin + step) * self.run.step
+        return Failure(f"no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
 
 
 def steps_up_to(run: Run, number: int) -> Steps:

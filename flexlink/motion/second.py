@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from flexlink.describe.situation import AUTO, Run
 from flexlink.motion.result import Record
-from flexlink.motion.watch import DOUBT, TIP_SHARE, Watch, least_tolerance
+from flexlink.motion.watch import DOUBT, TIP_SHARE, TOLERABLE, Watch, least_tolerance
 
 Array = NDArray[np.float64]
 
@@ -28,9 +28,6 @@ STRICTER = 0.1
 
 FINER = 1e-2
 """Tolerance of a run that is to explain why two differ, over that of the one before."""
-
-TOLERABLE = 3.0
-"""Tolerances that two runs may be apart: ten are the limit for an error at the end, one is what it should be."""
 
 SURE = 2**2 - 1.0
 """How much larger the error of a run of twice the step is at least, beyond that of the first: that of order two. Steps
@@ -69,8 +66,8 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
     if watch.control is not None:
         return
     if run.controlled:
-        if run.accuracy == "tip" and turned(watch.record) > FAR:
-            yield Second(_within(run, name, STRICTER * _tolerance(watch)), 1, 1.0)
+        if watch.suspicious or turned(watch.record) > FAR:
+            yield Second(_stricter(watch, name), 1, 1.0)
     elif watch.explicit:
         if watch.tip_error <= _tolerance(watch) and turned(watch.record) > FAR:
             yield from _stricter_and_stricter(watch)
@@ -86,7 +83,8 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
 def doubt(watch: Watch, second: Second, tip: Array) -> str:
     """Why a run is doubtful whose second run has these tips; empty if it is not."""
     error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
-    steps = f"a tolerance of {second.run.tolerance:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
+    of = second.run.tolerance or STRICTER * _tolerance(watch)
+    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
     told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
     if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
         return f"{told}: this motion multiplies errors; {advice(watch)} and compare"
@@ -116,6 +114,14 @@ def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
     yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
 
 
+def _stricter(watch: Watch, name: str) -> Run:
+    """A run with a tolerance that is a part of this one's, of the same kind."""
+    run = watch.run
+    if run.accuracy == "tip":
+        return _within(run, name, STRICTER * _tolerance(watch))
+    return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
+
+
 def _within(run: Run, name: str, tolerance: float) -> Run:
     return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=Run().dynamics)
 
@@ -123,5 +129,5 @@ def _within(run: Run, name: str, tolerance: float) -> Run:
 def _tolerance(watch: Watch) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
-        return watch.run.tolerance_within(watch.record.chain.reach)
+        return watch.tolerance
     return max(DOUBT * TIP_SHARE * watch.moved, least_tolerance(watch.record) / STRICTER)

@@ -11,15 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, positive, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import parts, whole
 from flexlink.kernels.samples import tips_and_energies
 from flexlink.motion import balance
 from flexlink.motion.drives import effort_of, held, remembered
-from flexlink.motion.endings import DivergenceError
+from flexlink.motion.endings import DivergenceError, Failure
 from flexlink.motion.result import State, Trajectory
 from flexlink.motion.single import prepare, starting_from, steps_of
-from flexlink.motion.watch import allowed_imbalance
+from flexlink.motion.watch import allowed_imbalance, tolerance_of
 
 Array = NDArray[np.float64]
 
@@ -160,27 +161,30 @@ class Simulator:
             raise ArgumentError(f"duration = {duration!r}: nothing beside t = {now!r} s")
         return end
 
-    def _unbalanced(self) -> str:
+    def _unbalanced(self) -> Failure | None:
         """What is wrong with the energy, if anything is."""
         (q, qd, *_, done), record, run = self._steps.state, self._record, self._run
         tip, energy = np.empty((1, 3)), np.empty((3, 1))
         tips_and_energies(self.chain.arrays, q[None], qd[None], tip, energy)
         work = done[:1] + (tip - record.tip[0]) @ record.inputs.potential_force
-        allowed, after = allowed_imbalance(run, self.chain, energy[0]), copy.copy(self._balance)
+        after = copy.copy(self._balance)
+        δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))
+        explicit = method(self._steps.steps.method).explicit
+        allowed = allowed_imbalance(run, self.chain, energy[0], δ, moved, explicit)
         judged = after.judge(energy, work, q[None], self._steps.steps.taken, allowed)
         if np.isfinite(judged.imbalance).all() and not judged.garbage.any():
             self._balance = after
-            return ""
-        return (
+            return None
+        return Failure(
             f"the energy does not balance, E − E(0) − W = {judged.imbalance[0]:.3g} J with {judged.exchanged[0]:.3g} J "
             "exchanged"
         )
 
-    def _diverged(self, fault: str) -> DivergenceError:
+    def _diverged(self, fault: Failure) -> DivergenceError:
         (t, q, qd), run = self.state, self._run
         fixed = f"a smaller step than {run.step:g} s"
-        advice = "another tolerance, or fixed steps" if run.controlled else fixed
-        return DivergenceError(
-            f"{self.chain.name}: after t = {t:.6g} s: {fault}; try {advice}",
+        advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
+        return fault.kind(
+            f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
             Trajectory.from_states(self._scene, self.chain, np.array([t]), q[None], qd[None]),
         )

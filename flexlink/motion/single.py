@@ -19,6 +19,7 @@ from flexlink.describe.methods import check_method
 from flexlink.describe.scene import Scene
 from flexlink.describe.situation import Accuracy, Dynamics, Unstable, multiples
 from flexlink.motion.actuation import input_arrays
+from flexlink.motion.budget import warn
 from flexlink.motion.control import Law, control_of
 from flexlink.motion.controlled_steps import ControlledSteps
 from flexlink.motion.endings import ControlError, InterruptedRunError, LawFailure
@@ -44,6 +45,7 @@ def simulate(
     tolerance: float | None = None,
     relative_tolerance: float | None = None,
     accuracy: Accuracy | None = None,
+    max_evaluations: float | None = None,
     q0: ArrayLike | None = None,
     qd0: ArrayLike | None = None,
     t0: float | None = None,
@@ -62,7 +64,7 @@ def simulate(
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
         Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
-    method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy
+    method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
         In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
         place of a fixed step, and a step that of a tolerance.
     q0, qd0, t0
@@ -94,6 +96,9 @@ def simulate(
     DivergenceError
         The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged;
         the error's `trajectory` holds the good samples.
+    EvaluationLimitError
+        A DivergenceError, too: steps with a tolerance would take more than `max_evaluations`. Where such a run hangs is
+        told, as a RuntimeWarning, a fiftieth of the way to there.
     ControlError
         The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
     InterruptedRunError
@@ -104,13 +109,14 @@ def simulate(
         "method": method, "step": step, "duration": duration, "sample": sample,
         "dynamics": dynamics, "unstable": unstable,
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
+        "max_evaluations": max_evaluations,
     }  # fmt: skip
     said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
     said |= starting_from(q0, qd0, t0)
     scene = given("scene", scene, Scene).varied(said) if said else given("scene", scene, Scene)
     run = SingleRun(scene, prepare(scene, lump(scene), control, rate))
     with deferred() as stop:
-        return run.finish(stop, progress)
+        return run.finish(stop, progress, warn=warn)
 
 
 def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> dict[str, object]:
@@ -132,12 +138,20 @@ class SingleRun:
         self.steps = steps_of(self.watch)
 
     def finish(
-        self, stop: Stop, progress: Callable[[float], None] | None = None, *, compared: bool = True
+        self,
+        stop: Stop,
+        progress: Callable[[float], None] | None = None,
+        *,
+        compared: bool = True,
+        warn: Callable[[str], None] | None = None,
     ) -> Trajectory:
-        """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one."""
+        """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one.
+
+        `warn` is told, once, and while the run goes on, where it hangs.
+        """
         watch, steps = self.watch, self.steps
         try:
-            self.advance(stop, progress or (lambda _: None))
+            self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (watch.fault or steps.failure or stop.asked):
                 watch.warnings += second_opinion(self.scene, watch, steps.steps.method, stop)
         except LawFailure as failure:
@@ -150,13 +164,22 @@ class SingleRun:
             raise InterruptedRunError(watch.trajectory(), stop.signal)
         return watch.trajectory()
 
-    def advance(self, stop: Stop, told: Callable[[float], None], most: float = math.inf) -> None:
+    def advance(
+        self,
+        stop: Stop,
+        told: Callable[[float], None],
+        most: float = math.inf,
+        warn: Callable[[str], None] | None = None,
+    ) -> None:
         """As far as the steps go, the samples are good, nobody stops it, and no more than `most` evaluations."""
         watch, steps = self.watch, self.steps
         for reached in steps:
-            if not watch.look(reached.rows, steps.steps) or steps.failure:
+            if not watch.look(reached.rows, steps.steps, deflection=steps.deflection) or steps.failure:
                 break
             told(reached.part)
+            if warn and steps.slow:
+                warn(f"{watch.record.chain.name}: {steps.slow}")
+                warn = None
             if stop.asked or steps.steps.evaluations > most:
                 break
 
@@ -177,6 +200,7 @@ def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterato
             break
         if not (other.watch.fault or other.steps.failure):
             text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
+            watch.confirmed = not text
             if not text or second.strict or evaluations > own:
                 break
     if text:

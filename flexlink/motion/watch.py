@@ -14,7 +14,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
 from flexlink.describe.methods import method, steps_explicitly
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
+from flexlink.describe.situation import AUTO, Run
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.kernels.samples import tip_errors as write_tip_errors
@@ -22,7 +22,7 @@ from flexlink.motion import balance
 from flexlink.motion.actuation import Inputs
 from flexlink.motion.control import Control
 from flexlink.motion.drives import gains_of
-from flexlink.motion.endings import DivergenceError
+from flexlink.motion.endings import DivergenceError, Failure
 from flexlink.motion.result import Record, Steps, Trajectory
 
 Array = NDArray[np.float64]
@@ -47,6 +47,9 @@ LONG = 100
 
 SMALLEST = 200.0
 """Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
+
+TOLERABLE = 3.0
+"""Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
 
 FEWEST, APART = 64, 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
@@ -87,16 +90,26 @@ def least_tolerance(record: Record) -> float:
     return SMALLEST * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
 
 
-def allowed_imbalance(run: Run, chain: Chain, kinetic: Array) -> Array | float:
-    """Energy that an error δ of any body's place as large as the tolerance makes up for [J], as m g δ and m v δ/τ.
+def tolerance_of(run: Run, chain: Chain, deflection: float) -> float:
+    """The tolerance of a run [m]: a relative one is a part of what it says, the reach or the deflection so far [m]."""
+    return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
 
-    τ, in which a body gets δ off its way, is a long step.
+
+def allowed_imbalance(
+    run: Run, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool
+) -> balance.Allowance:
+    """Energy that an error δ of any body's place as large as the tolerance makes up for, as m g δ and m v δ/τ.
+
+    τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
+    that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
+    that stay below δ, however fast they are, and all energy may have been theirs: what it loses a second run judges.
     """
     if not run.controlled:
-        return 0.0
-    δ, mass = run.tolerance_within(chain.reach), float(chain.bodies["mass"].sum())
+        return balance.NOTHING
+    mass = float(chain.bodies["mass"].sum())
     weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
-    return np.asarray(δ * (weight + momentum * LONG / run.duration))
+    share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
+    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, damps=not explicit)
 
 
 class Watch:
@@ -110,6 +123,8 @@ class Watch:
         What is wrong with the next one; empty if nothing is.
     warnings
         What is worth knowing of the good ones.
+    confirmed
+        Whether a second run agrees.
     tip_error
         Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
@@ -125,17 +140,22 @@ class Watch:
         self.good, self.fault = 0, ""
         self.warnings = list(warnings)
         self._exchanged = 0.0  # up to now [J]
-        self._unbalanced = self.tip_error = 0.0  # largest imbalance so far [J]
+        self._unbalanced = self._excused = 0.0  # largest imbalance so far, apart from what is allowed, and with it [J]
+        self.tip_error = 0.0
+        self.confirmed = False
         self.explicit = steps_explicitly(run)
-        self.steps = Steps(run.method, 0, 0)
+        self.steps, self.deflection = Steps(run.method, 0, 0), 0.0
         self._told: set[str] = set()
 
-    def look(self, stop: int, steps: Steps | None = None, errors: Array | None = None) -> bool:
+    def look(
+        self, stop: int, steps: Steps | None = None, errors: Array | None = None, *, deflection: float = 0.0
+    ) -> bool:
         """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
 
-        `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`.
+        `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`. `deflection`: the
+        largest so far [m], of steps with a tolerance.
         """
-        first, self.steps = self.good, steps or self.steps
+        first, self.steps, self.deflection = self.good, steps or self.steps, deflection
         if stop == first or self.fault:
             return not self.fault
         with np.errstate(all="ignore"):
@@ -154,19 +174,26 @@ class Watch:
         return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
 
     @property
+    def tolerance(self) -> float:
+        """Of its steps, up to now [m]; of no deflection what rounding leaves."""
+        return max(tolerance_of(self.run, self.record.chain, self.deflection), least_tolerance(self.record))
+
+    @property
     def moved(self) -> float:
         """How far the tip moves in the good samples, by the box around them [m]."""
         return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
 
-    def diverged(self, failure: str = "") -> DivergenceError:
+    def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error of a run with a fault, or else of one whose steps ended early, as they say."""
         record, run = self.record, self.run
-        told = f"t = {record.t[self.good]:.6g} s: {self.fault}" if self.fault else failure
         advice = f"try a smaller step than {run.step:g} s"
         if run.controlled:
             smaller = "smaller" if self.fault else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
-        return DivergenceError(f"{record.chain.name}: {told}; {advice}; {self.good} samples kept", self.trajectory())
+        if self.fault or failure is None:
+            failure = Failure(f"t = {record.t[self.good]:.6g} s: {self.fault}")
+        told = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.good} samples kept"
+        return failure.kind(told, self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:
         """Samples are finite, their kinetic energy is positive, and their energy balances."""
@@ -174,12 +201,14 @@ class Watch:
         energy, work = record.energy[:, rows], record.work(rows)
         if rows.start == 0:
             self._balance = balance.Balance(record.chain, record.energy[:, 0])
-        allowed = allowed_imbalance(self.run, record.chain, energy[0])
-        r, X, ε, garbage = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowed)
+        allowance = self._allowance(energy[0])
+        judged = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowance)
+        r, X, explained, ε, garbage = judged
         finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
         self._exchanged = float(X[-1])
-        over = (np.abs(r) - ε - allowed)[finite & ~garbage]
-        self._unbalanced = max(self._unbalanced, float(over.max(initial=0.0)))
+        sound = finite & ~garbage
+        self._unbalanced = max(self._unbalanced, float((np.abs(r) - explained)[sound].max(initial=0.0)))
+        self._excused = max(self._excused, float((np.abs(r) - ε)[sound].max(initial=0.0)))
         if garbage.any():
             k = int(np.argmax(garbage))
             unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
@@ -189,6 +218,14 @@ class Watch:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _allowance(self, kinetic: Array) -> balance.Allowance:
+        """What the tolerance explains of the imbalance at the next samples, of these kinetic energies [J]."""
+        if not self.run.controlled:
+            return balance.NOTHING
+        name = self.steps.method  # before the first step it may not be picked yet
+        explicit = name != AUTO and method(name).explicit
+        return allowed_imbalance(self.run, self.record.chain, kinetic, self.tolerance, self.moved, explicit)
 
     def _steps_up_to(self, rows: slice) -> Array | int:
         """Number of steps up to each of these samples; where steps differ, up to now."""
@@ -273,11 +310,17 @@ class Watch:
                 f"doubtful: angles up to {largest:.2g} rad are rounded step by step, that adds "
                 f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
             )
-        if self._unbalanced > DOUBT * balance.SHARE * self._exchanged:
+        if self.suspicious and not self.confirmed:
             yield (
-                f"doubtful: the energy is out of balance by {self._unbalanced / self._exchanged:.2g} of what was "
+                f"doubtful: the energy is out of balance by {self._excused / self._exchanged:.2g} of what was "
                 f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
             )
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether the energy is out of balance, by a little, or by so much that only the tolerance excuses it."""
+        least = DOUBT * balance.SHARE * self._exchanged
+        return self._unbalanced > least or self._excused > least / DOUBT
 
     def _rounded_away(self) -> float:
         """What fixed steps may lose of the tip's motion [m] as q + h q̇ is rounded: N h q̇, or N times half an ulp of q.

@@ -1,0 +1,89 @@
+"""What keeps the steps of a run short, or its iteration from ending: what is known of the causes, and what helps."""
+
+from __future__ import annotations
+
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from flexlink.analysis.linear import linearize
+from flexlink.analysis.tangent import load_torque
+from flexlink.common.errors import FlexlinkError
+from flexlink.dynamics.terms import elastic_torque
+from flexlink.kernels.inputs import SampledLaw
+from flexlink.motion.drives import gains_of
+from flexlink.motion.result import Record
+
+Array = NDArray[np.float64]
+
+NEAR = 0.1
+"""Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's."""
+
+MORE = 1e-3
+"""By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too."""
+
+
+class Hindrance(NamedTuple):
+    """What it is, and what to change."""
+
+    cause: str
+    advice: str
+
+
+def hindrance(record: Record, q: Array) -> Hindrance | None:
+    """What is known to hinder a run of a record's scene in a state with these angles (n,); None: nothing is."""
+    growth, without = sampled_growth(record)
+    if growth > max(1.0, without) * (1.0 + MORE):
+        return Hindrance(
+            f"the loop of drive.rate = {record.scene.drive.rate:g} Hz is unstable by itself: near the start motion "
+            f"grows by a factor of {growth:.3g} from instant to instant",
+            "take a higher rate or smaller gains, or leave rate away",
+        )
+    return _locked_gimbal(record, q)
+
+
+def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
+    """The hinge of three axes, if there is one, of which the outer two nearly coincide."""
+    chain, places = record.chain, [(c.link, c.segment) for c in record.chain.coordinates]
+    for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
+        axes = [k for k in group if place[1] and chain.coordinates[k].axis]
+        if len(axes) == 3 and abs(np.cos(q[axes[1]])) < NEAR:
+            name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
+            return Hindrance(
+                f"hinge {name!r} is bent by {angle:.1f}°, where the outer two of its three axes coincide",
+                "take more segments, or end the run before",
+            )
+    return None
+
+
+def sampled_growth(record: Record) -> tuple[float, float]:
+    """By how much the fastest growing motion grows from instant to instant of a sampled drive, and without the drive.
+
+    The largest |λ| of Φ − Γ K, Φ = exp(A T) and Γ = ∫ exp(A t) B dt those of the linear arm about its start, held there
+    at rest, K the gains of the law; 0 where nothing is sampled.
+    """
+    chain, drive, q = record.chain, record.inputs.drive, record.q[0]
+    if not isinstance(drive, SampledLaw):
+        return 0.0, 0.0
+    n, zero, start = chain.n, np.zeros(chain.n), float(record.t[0])
+    moving = chain.active[chain.hinges["prescribed"][chain.active] == 0]
+    K = np.hstack([gain[moving] for gain in gains_of(chain, drive.law, start, q, zero).matrices()])
+    wrench, follower = record.inputs.given_wrench(start)
+    try:
+        held = load_torque(chain, q, zero, wrench) + elastic_torque(chain, q)
+        model = linearize(chain, q, tau=held, tip_wrench=wrench, follower=follower)
+    except FlexlinkError:
+        return 0.0, 0.0
+    ω = np.sqrt(np.abs(np.diag(model.A[n:, :n])))
+    unit = np.concatenate([np.where(ω > 0, ω, 1.0), np.ones(n)])  # angles in units of 1/ω, which balances A
+    B = (model.B * unit[:, None])[:, np.isin(chain.active, moving)]
+    size = 2 * n + B.shape[1]
+    both = np.zeros((size, size))
+    both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :] = model.A * unit[:, None] / unit, B
+    both = linalg.expm(both / drive.rate)
+    Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
+    closed, without = (float(np.abs(np.linalg.eigvals(X)).max()) for X in (Φ - Γ @ (K / unit), Φ))
+    return closed, without

@@ -1,0 +1,159 @@
+"""Runs with a tolerance that do not get on: they stop, keep their samples, and say where and why they hang."""
+
+from __future__ import annotations
+
+import pickle
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import compiled, flexible, make_scene
+
+import flexlink as fl
+from flexlink.cli.main import main
+from flexlink.common.interruption import Stop
+from flexlink.motion.batch import outcomes
+from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
+from flexlink.motion.hindrance import hindrance, sampled_growth
+from flexlink.motion.single import prepare
+
+
+def swinging(**changes: Any) -> fl.Scene:
+    """Two links that bend in a plane, released at an angle, with a tolerance."""
+    links = flexible("a", segments=3), flexible("b", segments=3)
+    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
+    run = fl.Run(method="Radau5", tolerance=1e-7, duration=0.3, sample=0.02)
+    return scene.varied({"run": run, **changes})
+
+
+def held_too_seldom(**changes: Any) -> fl.Scene:
+    """A loop that needs a rate of some hundred Hz, sampled at 20 Hz."""
+    drive = fl.Drive(kind="pd", kp=(2e3,), kd=(200.0,), target_deg=(30.0,), rate=20.0)
+    scene = make_scene(flexible("a", segments=3), gravity=(9.81, 0.0, 0.0), drive=drive)
+    run = fl.Run(method="Radau5", tolerance=1e-4, duration=1.0, sample=0.05)
+    return scene.varied({"run": run, **changes})
+
+
+def test_a_budget_is_never_passed_and_spent_to_within_one_step() -> None:
+    budget, now, dearest = Budget(1e4, 1.0), Spent(0.0, 0, 0), 36
+    budget.begin(now, 1.0)
+    while steps := budget.affordable(now, dearest):
+        now = Spent(now.time + 1e-6 * steps, now.steps + steps, now.evaluations + 30 * steps)
+        assert now.evaluations <= 1e4
+    assert now.evaluations > 1e4 - dearest
+    assert "max_evaluations = 10000" in budget.over
+
+
+@pytest.mark.parametrize(("step", "over", "slow"), [(1e-3, False, False), (1e-6, False, True), (1e-11, True, False)])
+def test_what_hangs_is_told_after_two_looks_and_steps_of_next_to_nothing_end_a_run(
+    step: float, over: bool, slow: bool
+) -> None:
+    budget, now, dearest, most = Budget(1e6, 1.0), Spent(0.0, 0, 0), 10, 1e6
+    budget.begin(now, 1.0)
+    assert (step < SHORTEST) is over
+    told = []
+    while (steps := budget.affordable(now, dearest)) and now.evaluations < 3.5 * most / LOOKS:
+        now = Spent(now.time + step * steps, now.steps + steps, now.evaluations + dearest * steps)
+        told.append((now.evaluations, bool(budget.slow)))
+    assert (bool(budget.over), bool(budget.slow)) == (over, slow)
+    assert FEWEST * dearest < most / LOOKS
+    assert [evaluations for evaluations, there in told if there][:1] <= [3 * most / LOOKS]
+
+
+@compiled
+def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_ones_each_time() -> None:
+    scene = swinging(**{"run.max_evaluations": 2000})
+    with pytest.raises(fl.EvaluationLimitError, match=r"max_evaluations = 2000.* try .*raise max_evaluations") as first:
+        fl.simulate(scene)
+    with pytest.raises(fl.EvaluationLimitError) as second:
+        fl.simulate(scene)
+    kept = first.value.trajectory
+    assert 1 < len(kept.t) < scene.run.samples
+    assert kept.steps is not None
+    assert 2000 - 36 < kept.steps.evaluations <= 2000
+    whole = fl.simulate(scene, max_evaluations=1e7)
+    np.testing.assert_array_equal(kept.q, whole.q[: len(kept.t)])
+    np.testing.assert_array_equal(kept.q, second.value.trajectory.q)
+    again = pickle.loads(pickle.dumps(first.value))
+    assert type(again) is fl.EvaluationLimitError
+    assert isinstance(again, fl.DivergenceError)
+
+
+@compiled
+def test_a_hinge_of_three_axes_at_90_degrees_is_named() -> None:
+    scene = make_scene(flexible("a", segments=3, flex="xyz"))
+    record = prepare(scene, fl.lump(scene)).record
+    q = np.zeros(record.chain.n)
+    assert hindrance(record, q) is None
+    q[2] = np.radians(-89.9)
+    found = hindrance(record, q)
+    assert found is not None
+    assert "hinge 'a.1.y' is bent by -89.9°" in found.cause
+
+
+@compiled
+def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_not() -> None:
+    for scene, unstable in ((held_too_seldom(), True), (held_too_seldom(**{"drive.rate": 1000.0}), False)):
+        growth, without = sampled_growth(prepare(scene, fl.lump(scene)).record)
+        assert without == pytest.approx(1.0, abs=1e-3)
+        assert (growth > 1.0 + 1e-3) is unstable
+    scene = held_too_seldom(**{"run.max_evaluations": 4000, "run.duration": 20.0})
+    with pytest.raises(fl.EvaluationLimitError, match=r"drive.rate = 20 Hz is unstable by itself.*a higher rate"):
+        fl.simulate(scene)
+
+
+@compiled
+def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
+    """ω ← (1 − k_d T / I) ω."""
+    link = fl.Link(name="wheel", length=0.0, flex="rigid", joint=fl.Joint(armature=0.5))
+    drive = fl.Drive(kind="pd", kp=(0.0,), kd=(30.0,), target_deg=(0.0,), rate=20.0)
+    scene = make_scene(link, drive=drive, gravity=(0.0, 0.0, 0.0))
+    growth, without = sampled_growth(prepare(scene, fl.lump(scene)).record)
+    assert growth == pytest.approx(abs(1 - 30.0 / 20.0 / 0.5))
+    assert without == pytest.approx(1.0)
+
+
+@compiled
+def test_members_of_a_batch_and_rows_of_a_sweep_say_why_they_stopped() -> None:
+    good, bad = swinging(**{"run.tolerance": 1e-3}), swinging(**{"run.max_evaluations": 1000})
+    with pytest.raises(fl.EvaluationLimitError) as error:
+        fl.simulate_many([good, bad])
+    assert len(error.value.runs[0].t) == good.run.samples
+    assert 1 < len(error.value.runs[1].t) < bad.run.samples
+    ended = outcomes([bad, good], Stop())
+    assert isinstance(ended[0], fl.EvaluationLimitError)
+    assert isinstance(ended[1], fl.Trajectory)
+
+
+@compiled
+def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> None:
+    arm = fl.Simulator(swinging(**{"run.max_evaluations": 1000}))
+    for _ in range(3):
+        arm.step(duration=0.01)
+    before = arm.state
+    with pytest.raises(fl.EvaluationLimitError, match="max_evaluations = 1000"):
+        arm.step(duration=0.3)
+    np.testing.assert_array_equal(arm.state.q, before.q)
+    assert arm.step(duration=0.01).t == pytest.approx(0.04)
+
+
+@compiled
+def test_where_it_hangs_is_told_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
+    scene = swinging(**{"run.max_evaluations": 2500})
+    with warnings.catch_warnings(record=True) as told, pytest.raises(fl.EvaluationLimitError):
+        warnings.simplefilter("always")
+        fl.simulate(scene)
+    assert len(told) == 1
+    assert "the rest would take" in str(told[0].message)
+
+
+@compiled
+def test_the_command_line_keeps_the_samples_and_ends_in_one_line(tmp_path: Path, capsys: Any) -> None:
+    scene, out = tmp_path / "scene.toml", tmp_path / "run.csv"
+    scene.write_text(swinging().to_toml())
+    assert main(["simulate", str(scene), "--max-evaluations", "2000", "--out", str(out)]) == 2
+    assert "max_evaluations = 2000" in capsys.readouterr().err
+    assert 2 < len(out.read_text().splitlines()) < 16
