@@ -1,8 +1,9 @@
-"""Joint axes that lie elsewhere: frames that are turned or displaced, with all that hangs on them."""
+"""Joint axes that lie elsewhere: by themselves, or in frames turned or displaced with all that hangs on them."""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,13 +17,19 @@ FITS = 1e-9
 """How well one rigid motion must put back all that follows a joint, relative to the arm's size."""
 
 
+NEARLY = 1e-3
+"""How well a unit of length must explain a displacement, relative: numbers may have been rounded by hand."""
+
+
 class Place(NamedTuple):
-    """A frame placed elsewhere."""
+    """A frame placed elsewhere, or the line of a joint alone."""
 
     joint: int
     angle: float  # [rad]
     offset: float  # [m]
-    alone: bool  # whether all behind it follows it rigidly; if not, that stands elsewhere by itself, too
+    alone: bool = True  # whether all behind it follows it rigidly; if not, that stands elsewhere by itself, too
+    axes: tuple[Array, Array] | None = None  # of a line by itself, in a frame that is right: theirs and ours, in that
+    times: float | None = None  # how many times the right distance from the joint before, if that is a unit of length
 
 
 class Placed(NamedTuple):
@@ -33,24 +40,67 @@ class Placed(NamedTuple):
     ours: ReadBack
 
 
-def put_back(ours: ReadBack, theirs: ReadBack, within: float) -> Placed:
+def put_back(ours: ReadBack, theirs: ReadBack, within: float, units: Iterable[float] = ()) -> Placed:
     """Put their joints back, from the base on: each time the first that is off, with all that follows it, rigidly.
 
-    Where no rigid motion does it, frames beyond are wrong, too: it ends there, and they are taken as ours.
+    A line alone is put back alone. `units` are factors that a distance between joints may be too large by. Where
+    nothing of this does it, frames beyond are wrong, too: it ends there, and they are taken as ours.
     """
     places, like_theirs = list[Place](), ours
     while (k := _first_off(ours, theirs, within)) is not None:
         again = bool(places) and k <= places[-1].joint  # what fits within `FITS` may still be off
+        sin, off = (float(part[k]) for part in deviations(ours, theirs))
+        turned = float(np.arcsin(min(1.0, sin)))
         fitted = None if again else _motion(ours, theirs, k)
+        if not again and _line_alone(ours, theirs, k, within, every=fitted is None):
+            R = theirs.frames[k]
+            places.append(Place(k, turned, off, axes=(theirs.axes[k] @ R, ours.axes[k] @ R)))
+            theirs, like_theirs = _line_of(theirs, ours, k), _line_of(like_theirs, theirs, k)
+            continue
+        times = None if again else _times(ours, theirs, k, units)
+        if fitted is None and times is not None:
+            fitted = np.eye(3), theirs.points[k] - (1 - 1 / times) * _offset(theirs, k), theirs.points[k]
         if fitted is None:
-            sin, off = (float(part[k]) for part in deviations(ours, theirs))
-            places.append(Place(k, float(np.arcsin(min(1.0, sin))), off, alone=False))
+            places.append(Place(k, turned, off, alone=False))
             return Placed(_tail(theirs, ours, k), places, _tail(like_theirs, theirs, k))
         R, point, moved = fitted
-        places.append(Place(k, _angle(R), float(np.linalg.norm(moved - point)), alone=True))
+        places.append(Place(k, _angle(R), float(np.linalg.norm(moved - point)), times=times))
         theirs = _displaced(theirs, k, R.T, moved, point)
         like_theirs = _displaced(like_theirs, k, R, point, moved)
     return Placed(theirs, places, like_theirs)
+
+
+def _line_alone(ours: ReadBack, theirs: ReadBack, k: int, within: float, *, every: bool) -> bool:
+    """Whether what joint k carries is where it should be: the next line and centre, or `every` centre from k on."""
+    behind = np.flatnonzero(ours.masses[k:] > 0) + k
+    moved = np.linalg.norm(theirs.centers - ours.centers, axis=1) > within * size(ours)
+    if not len(behind) or moved[behind if every else behind[:1]].any():
+        return False
+    sin, off = (part[k + 1 : k + 2] for part in deviations(ours, theirs))
+    return every or bool(((sin <= within) & (off <= within * size(ours))).all())
+
+
+def _line_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
+    """The record with the line of joint k as in the other one."""
+    axes, points = read.axes.copy(), read.points.copy()
+    axes[k], points[k] = other.axes[k], other.points[k]
+    return dataclasses.replace(read, axes=axes, points=points)
+
+
+def _offset(read: ReadBack, k: int) -> Array:
+    """From the point on the joint before, or the origin of frame 0, to that on joint k."""
+    return np.asarray(read.points[k] - (read.points[k - 1] if k else 0.0))
+
+
+def _times(ours: ReadBack, theirs: ReadBack, k: int, units: Iterable[float]) -> float | None:
+    """The unit by which their distance is too large: divided by it, the joint lies on our line."""
+    offset = _offset(theirs, k)
+    far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
+    for times in units if right > FITS * size(ours) else ():
+        missed = np.cross(ours.axes[k], theirs.points[k] - (1 - 1 / times) * offset - ours.points[k])
+        if abs(far / times - right) <= NEARLY * right and float(np.linalg.norm(missed)) <= NEARLY * right:
+            return times
+    return None
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
@@ -96,12 +146,14 @@ def _marks(read: ReadBack, k: int) -> Array:
 
 def _displaced(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
     """All from joint k on turned by R and moved so that the point comes to its image."""
-    axes, points, centers, inertias = (x.copy() for x in (read.axes, read.points, read.centers, read.inertias))
-    axes[k:] = axes[k:] @ R.T
+    places = (read.axes, read.frames, read.points, read.centers, read.inertias)
+    axes, frames, points, centers, inertias = (x.copy() for x in places)
+    axes[k:], frames[k:] = axes[k:] @ R.T, R @ frames[k:]
     points[k:], centers[k:] = (image + (x[k:] - point) @ R.T for x in (points, centers))
     inertias[k:] = R @ inertias[k:] @ R.T
     tip = None if read.tip is None else image + R @ (read.tip - point)
-    return dataclasses.replace(read, axes=axes, points=points, centers=centers, inertias=inertias, tip=tip)
+    moved: dict[str, Any] = {"axes": axes, "frames": frames, "points": points, "centers": centers, "inertias": inertias}
+    return dataclasses.replace(read, **moved, tip=tip)
 
 
 def _tail(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
