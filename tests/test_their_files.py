@@ -211,7 +211,10 @@ def test_exit_codes_and_words_of_the_command_line(tmp_path: Path, capsys) -> Non
     assert code == 0 and "  1. a run that diverges restarts silently" in told
     code, told = compared(planted.scaled(".//joint", "stiffness", np.pi / 180))
     assert code == 1
-    assert "factor 0.0174533: degrees taken for radians; by itself it changes T_FL, q̈; give stiffness of these joints in N m/rad" in told
+    assert (
+        "factor 0.0174533: degrees taken for radians; by itself it changes T_FL, q̈; give stiffness of these joints in N m/rad"
+        in told
+    )
     code, told = compared(planted.first_joint_gone)
     assert code == 1 and "9 joints instead of 10, without 'upper'" in told
 

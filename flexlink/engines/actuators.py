@@ -71,7 +71,8 @@ def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
     if "control" not in ours.unsaid:
         return ""
     control, effort, told = read.control[order], read.effort[order], []
-    geared = np.flatnonzero((control != 0) & (control != ours.control))
+    everywhere = bool((control == 1).all())  # motors that a format gives to every joint say nothing
+    geared = np.flatnonzero((control != 0) & (control != ours.control) & (not everywhere))
     if len(geared):
         told.append("motors at " + _listed([f"{ours.names[k]!r} (gear {control[k]:g})" for k in geared]))
     limited = np.flatnonzero(np.isfinite(effort).any(axis=1))

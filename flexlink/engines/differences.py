@@ -93,7 +93,7 @@ def _order(match: Match) -> Iterator[Finding]:
 
 
 def _numbers(ours: ReadBack, theirs: ReadBack, form: str) -> list[Finding]:
-    placed = put_back(ours, theirs, PLACED, LENGTHS)
+    placed = put_back(ours, theirs, PLACED, tuple(LENGTHS))
     fields = _differing(ours, placed.theirs)
     everything = _differing(ours, theirs)
     if len(placed.places) + len(fields) > 1 and all(fewer_digits(seen) for seen in everything.values()):
@@ -122,7 +122,7 @@ def _placements(placed: Placed, theirs: ReadBack, form: str) -> Iterator[Finding
             continue
         told = [f"joint {theirs.names[place.joint]!r} {_displaced(place, size(placed.ours))}" for place in places]
         what = f"{', '.join(told[:SHOWN])}{' …' * (len(told) > SHOWN)}"
-        what += ", which is not with what it carries" if kind == "position" else ""
+        what += ", but not what it carries" if kind == "position" else ""
         what += ", with all behind it" if places[-1].axes is None else ""
         what += "" if places[-1].alone else ", where more is displaced, and not compared further"
         likely = ZERO_SHIFTED if "ref" in theirs.settings else mistake

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines.read_back import Indices, ReadBack
 
 Array = NDArray[np.float64]
 
@@ -40,34 +40,53 @@ class Placed(NamedTuple):
     ours: ReadBack
 
 
-def put_back(ours: ReadBack, theirs: ReadBack, within: float, units: Iterable[float] = ()) -> Placed:
+def put_back(ours: ReadBack, theirs: ReadBack, within: float, units: Sequence[float] = ()) -> Placed:
     """Put their joints back, from the base on: each time the first that is off, with all that follows it, rigidly.
 
     A line alone is put back alone. `units` are factors that a distance between joints may be too large by. Where
     nothing of this does it, frames beyond are wrong, too: it ends there, and they are taken as ours.
     """
+    if (times := _all_times(ours, theirs, within, units)) is not None:
+        away = np.linalg.norm(theirs.points - ours.points, axis=1)
+        everywhere = [Place(int(k), 0.0, float(away[k]), times=times) for k in _off(ours, theirs, within)]
+        return Placed(_stretched(theirs, 1 / times), everywhere, _stretched(ours, times))
     places, like_theirs = list[Place](), ours
-    while (k := _first_off(ours, theirs, within)) is not None:
-        again = bool(places) and k <= places[-1].joint  # what fits within `FITS` may still be off
-        sin, off = (float(part[k]) for part in deviations(ours, theirs))
-        turned = float(np.arcsin(min(1.0, sin)))
-        fitted = None if again else _motion(ours, theirs, k)
-        if not again and _line_alone(ours, theirs, k, within, every=fitted is None):
-            R = theirs.frames[k]
-            places.append(Place(k, turned, off, axes=(theirs.axes[k] @ R, ours.axes[k] @ R)))
-            theirs, like_theirs = _line_of(theirs, ours, k), _line_of(like_theirs, theirs, k)
-            continue
-        times = None if again else _times(ours, theirs, k, units)
-        if fitted is None and times is not None:
-            fitted = np.eye(3), theirs.points[k] - (1 - 1 / times) * _offset(theirs, k), theirs.points[k]
-        if fitted is None:
-            places.append(Place(k, turned, off, alone=False))
-            return Placed(_tail(theirs, ours, k), places, _tail(like_theirs, theirs, k))
-        R, point, moved = fitted
-        places.append(Place(k, _angle(R), float(np.linalg.norm(moved - point)), times=times))
-        theirs = _displaced(theirs, k, R.T, moved, point)
-        like_theirs = _displaced(like_theirs, k, R, point, moved)
+    while len(off := _off(ours, theirs, within)):
+        place, theirs, like_theirs = _one_back(ours, theirs, like_theirs, int(off[0]), within, units)
+        if places and place.joint <= places[-1].joint:  # what fits within `FITS` may still be off
+            place = place._replace(alone=False)
+        places.append(place)
+        if not place.alone:
+            return Placed(_tail(theirs, ours, place.joint), places, _tail(like_theirs, theirs, place.joint))
     return Placed(theirs, places, like_theirs)
+
+
+def _one_back(
+    ours: ReadBack, theirs: ReadBack, like_theirs: ReadBack, k: int, within: float, units: Sequence[float]
+) -> tuple[Place, ReadBack, ReadBack]:
+    """The joint that is first off put back in theirs, and ours placed like theirs."""
+    sin, off = (float(part[k]) for part in deviations(ours, theirs))
+    turned = float(np.arcsin(min(1.0, sin)))
+    fitted = None if (before := _along_its_axis(ours, theirs, k, within)) is None else _motion(ours, theirs, before)
+    k, fitted = (k, _motion(ours, theirs, k)) if before is None or fitted is None else (before, fitted)
+    if _line_alone(ours, theirs, k, within, every=fitted is None):
+        R = theirs.frames[k]
+        axes = theirs.axes[k] @ R, ours.axes[k] @ R
+        return Place(k, turned, off, axes=axes), _line_of(theirs, ours, k), _line_of(like_theirs, theirs, k)
+    unit = _unit(ours, theirs, k, units)
+    if fitted is None and unit is not None:
+        fitted = np.eye(3), unit[1], theirs.points[k]
+    if fitted is None:
+        return Place(k, turned, off, alone=False), theirs, like_theirs
+    R, point, moved = fitted
+    place = Place(k, _angle(R), float(np.linalg.norm(moved - point)), times=None if unit is None else unit[0])
+    return place, _displaced(theirs, k, R.T, moved, point), _displaced(like_theirs, k, R, point, moved)
+
+
+def _along_its_axis(ours: ReadBack, theirs: ReadBack, k: int, within: float) -> int | None:
+    """The joint before, if what it carries lies elsewhere, though its line does not: along it, or turned about it."""
+    moved = np.linalg.norm(theirs.centers[k - 1] - ours.centers[k - 1]) > within * size(ours)
+    return k - 1 if k > 0 and ours.masses[k - 1] > 0 and moved else None
 
 
 def _line_alone(ours: ReadBack, theirs: ReadBack, k: int, within: float, *, every: bool) -> bool:
@@ -92,14 +111,21 @@ def _offset(read: ReadBack, k: int) -> Array:
     return np.asarray(read.points[k] - (read.points[k - 1] if k else 0.0))
 
 
-def _times(ours: ReadBack, theirs: ReadBack, k: int, units: Iterable[float]) -> float | None:
-    """The unit by which their distance is too large: divided by it, the joint lies on our line."""
+def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
+    """The unit by which the distance from the joint before is too large, and where joint k lies without it: on our line.
+
+    Their point on the joint before may lie elsewhere along its line.
+    """
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
+    along = theirs.axes[k - 1] if k else np.zeros(3)
+    v = np.cross(ours.axes[k], along)
     for times in units if right > FITS * size(ours) else ():
-        missed = np.cross(ours.axes[k], theirs.points[k] - (1 - 1 / times) * offset - ours.points[k])
-        if abs(far / times - right) <= NEARLY * right and float(np.linalg.norm(missed)) <= NEARLY * right:
-            return times
+        point = theirs.points[k] - (1 - 1 / times) * offset
+        missed = np.cross(ours.axes[k], point - ours.points[k])
+        slide = -float(missed @ v) / float(v @ v) if v @ v > FITS else 0.0
+        if 0.5 < far / times / right < 2 and float(np.linalg.norm(missed + slide * v)) <= NEARLY * right:
+            return times, point + slide * along
     return None
 
 
@@ -114,10 +140,24 @@ def size(read: ReadBack) -> float:
     return float(max(np.abs(read.points).max(), np.abs(read.centers).max(), np.finfo(float).tiny))
 
 
-def _first_off(ours: ReadBack, theirs: ReadBack, within: float) -> int | None:
+def _off(ours: ReadBack, theirs: ReadBack, within: float) -> Indices:
+    """Joints whose lines lie elsewhere."""
     sin, off = deviations(ours, theirs)
-    bad = np.flatnonzero((sin > within) | (off > within * size(ours)))
-    return int(bad[0]) if len(bad) else None
+    return np.flatnonzero((sin > within) | (off > within * size(ours)))
+
+
+def _all_times(ours: ReadBack, theirs: ReadBack, within: float, units: Sequence[float]) -> float | None:
+    """The unit in which all places of joints are too large, if there is one."""
+    if not len(_off(ours, theirs, within)):
+        return None
+    return next((times for times in units if not len(_off(ours, _stretched(theirs, 1 / times), within))), None)
+
+
+def _stretched(read: ReadBack, times: float) -> ReadBack:
+    """Joints, and what they carry with them, so many times as far from the origin of frame 0."""
+    points = times * read.points
+    tip = None if read.tip is None else times * read.tip
+    return dataclasses.replace(read, points=points, centers=points + read.centers - read.points, tip=tip)
 
 
 def _motion(ours: ReadBack, theirs: ReadBack, k: int) -> tuple[Array, Array, Array] | None:

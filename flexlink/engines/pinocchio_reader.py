@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, ReadBack, merged, no_actuators, no_hinge
+from flexlink.engines.read_back import Array, Parts, ReadBack, merged, no_actuators, no_hinge
 from flexlink.formats.urdf import LIMIT
 
 
@@ -65,7 +65,7 @@ def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack
         np.array([getattr(link, part) for link in links]) for part in ("mass", "lever", "inertia")
     )
     centers = points + np.einsum("bij,bj->bi", R, levers)
-    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points)
+    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points) | {"parts": _parts(model, R)}
     most = np.array(model.upperEffortLimit)
     most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # URDF must have a number: 0 and huge ones are none
     return ReadBack(
@@ -74,6 +74,19 @@ def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unsaid=unsaid,
     )  # fmt: skip
+
+
+def _parts(model: Any, R: Array) -> Parts:
+    """Links that are welded to a joint's, of which fixed frames keep the inertias, and what these leave of the joint's."""
+    found, left = list[tuple[int, Any]](), list(model.inertias)
+    for frame in model.frames:
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:
+            part = frame.placement.act(frame.inertia)
+            left[frame.parentJoint] = left[frame.parentJoint] - part
+            found.append((frame.parentJoint - 1, part))
+    found += [(k - 1, part) for k, part in enumerate(left) if k]
+    owner = np.array([k for k, _ in found], dtype=np.intp)
+    return Parts(owner, R[owner] @ np.array([part.inertia for _, part in found]) @ R[owner].mT)
 
 
 def _tip(model: Any, data: Any) -> Array | None:

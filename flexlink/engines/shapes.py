@@ -101,8 +101,8 @@ def lever_times(factor: float) -> Shape:
     """Centres so many times as far from the joint's point."""
 
     def shape(seen: Seen) -> bool:
-        k = seen.where
-        return _each_close(seen.theirs - seen.them.points[k], factor * (seen.ours - seen.us.points[k]))
+        origins = seen.them.points[seen.where]
+        return _each_close(seen.theirs - origins, factor * (seen.ours - origins))
 
     return shape
 
