@@ -1,4 +1,4 @@
-"""Files of one arm as other people write them: from its numbers alone, with frames, names, units and habits of their own.
+"""Files of one arm as other people write them: from its numbers, with frames, names, units and habits of their own.
 
 The numbers are those of `of_chain`: lines of joints, masses, centres, inertias in frame 0. Every link gets a frame
 whose Z need not be the axis, at a point of the joint's line that need not be ours; nothing is taken from our writers.

@@ -1,4 +1,4 @@
-"""Mistakes planted into the files that others wrote by hand (`handwritten`): whose, what is edited, what must be said."""
+"""Mistakes planted into files that others wrote by hand (`handwritten`): whose, what is edited, what must be said."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def products_negated(path: str, only: int | None = None) -> Edit:
         for element in found if only is None else [found[only]]:
             if "fullinertia" in element.attrib:
                 element.set("fullinertia", numbers(vector(element, "fullinertia") * [1, 1, 1, -1, -1, -1]))
-            for name in {"ixy", "ixz", "iyz"} & element.attrib.keys():
+            for name in set(OFF) & element.attrib.keys():
                 element.set(name, numbers(-vector(element, name)))
 
     return edit
@@ -93,6 +93,7 @@ def transmission_at_a_spring(root: ET.Element) -> None:
     root.findall("transmission/joint")[1].set("name", min(names - driven))
 
 
+OFF = ("ixy", "ixz", "iyz")
 HINGE, MOTOR, SERVO, LINKS = ".//worldbody//joint", "actuator/motor", "actuator/position", "joint/origin"
 MJCF, ALL_MJCF, FULL = ("degrees", "welded"), ("degrees", "welded", "servos"), ("degrees", "servos")
 URDF, LIMITED, TURNED = ("turned", "aligned", "parts"), ("aligned", "shuffled"), ("turned", "parts")
@@ -103,7 +104,7 @@ PRODUCTS = "the products of inertia have the opposite sign"
 ELSEWHERE = "the frame is placed elsewhere"
 
 ABROAD = (
-    Abroad(MJCF, "gear 50", each(MOTOR, gear="50"), "gear of the motor of 3 joints ('slew', 'boom', 'jib'): 50 instead"),
+    Abroad(MJCF, "gear 50", each(MOTOR, gear="50"), "motor of 3 joints ('slew', 'boom', 'jib'): 50 instead of 1"),
     Abroad(MJCF, "gear -1", one(MOTOR, 1, gear="-1"), "it pushes the other way; change the sign of actuator gear"),
     Abroad(MJCF, "motor at the wrong joint", motor_at_a_spring, "the motor is at another joint"),
     Abroad(MJCF, "motor left out", motor_gone, "the scene's drive has no motor here; add a motor at joint 'boom'"),
@@ -120,6 +121,7 @@ ABROAD = (
     Abroad(("servos",), "geared servos", each(SERVO, gear="2"), "gear of the motor of 3 joints"),
     Abroad(("servos",), "servos of 1 N m", each(SERVO, forcerange="-1 1", forcelimited="true"), NONE),
     Abroad(ALL_MJCF, "one pos in mm", scaled(BODY, "pos", MM, only=2), FAR),
+    Abroad(("welded",), "the base's pos in mm", scaled(BODY, "pos", MM, only=0), "far beyond the arm: millimetres"),
     Abroad(ALL_MJCF, "all pos in mm", scaled(BODY, "pos", MM), "written in millimetres, read in metres; "),
     Abroad(ALL_MJCF, "two pos in mm", both(*(scaled(BODY, "pos", MM, only=k) for k in (2, 4))), FAR),
     Abroad(ALL_MJCF, "pos in cm", scaled(BODY, "pos", 100, only=1), "written in centimetres"),
@@ -136,21 +138,21 @@ ABROAD = (
     Abroad(ALL_MJCF, "frame displaced", frame_moved(BODY, "pos", 2, (0.0, 0.07, 0.02)), ELSEWHERE),
     Abroad(("degrees",), "euler in another order", each(COMPILER, eulerseq="zyx"), ELSEWHERE),
     Abroad(("degrees",), "euler in radians", each(COMPILER, angle="radian"), ELSEWHERE),
-    Abroad(ALL_MJCF, "springdamper", one(HINGE, 2, springdamper="0.05 1"), "springdamper overwrites stiffness and damping"),
+    Abroad(ALL_MJCF, "springdamper", one(HINGE, 2, springdamper="0.05 1"), "springdamper overwrites stiffness"),
     Abroad(FULL, "sign of the products", products_negated(INERTIAL, only=0), PRODUCTS),
     Abroad(("servos",), "signs of all products", products_negated(INERTIAL), PRODUCTS),
     Abroad(FULL, "inertia times 4", scaled(INERTIAL, "fullinertia", 4, only=2), "factor 4"),
     Abroad(("welded",), "inertia times 4", scaled(INERTIAL, "diaginertia", 4, only=2), "of a part of it the factor 4"),
     Abroad(FULL, "inertias in kg mm²", scaled(INERTIAL, "fullinertia", 1e6), "given in kg mm²"),
-    Abroad(("welded",), "order of the inertial quaternion", one(INERTIAL, 2, quat="0.1 0.7 0.2 0.6"), "inertia of joint"),
-    Abroad(ALL_MJCF, "springref of one joint", one(HINGE, 2, springref="0.1"), "remove springref from joint 'boom.1.z'"),
+    Abroad(("welded",), "order of the inertial quaternion", one(INERTIAL, 2, quat="0 1 0 0"), "inertia of joint"),
+    Abroad(ALL_MJCF, "springref of one joint", one(HINGE, 2, springref="0.1"), "remove springref from joint 'boom"),
     Abroad(ALL_MJCF, "stiffness per degree", scaled(HINGE, "stiffness", PER_DEGREE), "degrees taken for radians"),
     Abroad(ALL_MJCF, "one spring doubled", scaled(HINGE, "stiffness", 2, only=0), "doubled or halved"),
     Abroad(ALL_MJCF, "rotors left out", each(HINGE, armature=None), "armature of 3 joints ('slew', 'boom', 'jib')"),
     Abroad(ALL_MJCF, "rotors everywhere", each(HINGE, armature="0.01"), "armature of 10 joints"),
     Abroad(ALL_MJCF, "damping left out", each("default/default/joint", damping=None), "damping of "),
     Abroad(ALL_MJCF, "payload forgotten", one(INERTIAL, -1, mass="0.5"), "a part is left out"),
-    Abroad(ALL_MJCF, "gravity compensated", one(BODY, 2, gravcomp="1"), "gravcomp cancels gravity on 1 body; remove it"),
+    Abroad(ALL_MJCF, "gravity compensated", one(BODY, 2, gravcomp="1"), "gravcomp cancels gravity on 1 body; "),
     Abroad(ALL_MJCF, "gravity the other way", each(OPTION, gravity="0 0 -9.81"), "gravity has the wrong sign"),
     Abroad(ALL_MJCF, "limits active", each(HINGE, limited="true", range="-1 1"), "limits are active: 10 joints"),
     Abroad(ALL_MJCF, "step of 2 ms", each(OPTION, timestep="0.002"), "0.002 s, of Implicitfast 0.00"),
@@ -165,16 +167,15 @@ ABROAD = (
     Abroad(("parts",), "inertia of a part times 4", inertia_times(4, only=2), "of a part of it the factor 4"),
     Abroad(("turned", "aligned"), "inertias in g mm²", inertia_times(1e9), "given in g mm²"),
     Abroad(("principal",), "rotation of inertials left out", each(".//inertial/origin", rpy=None), "principal axes"),
-    Abroad(("turned", "aligned"), "centre in mm", scaled(".//inertial/origin", "xyz", MM, only=2), "given in millimetres"),
+    Abroad(("turned", "aligned"), "centre in mm", scaled(".//inertial/origin", "xyz", MM, only=2), "in millimetres"),
     Abroad(URDF, "pounds", scaled(".//mass", "value", 1 / 0.45359237), "another density"),
     Abroad(URDF, "damping left out", each("joint/dynamics", damping="0"), "damping of "),
-    Abroad(URDF, "effort of 1 N m", each("joint/limit", effort="1"), f"torque limit of 3 joints ('slew', 'boom', 'jib'): {NONE}"),
+    Abroad(URDF, "effort of 1 N m", each("joint/limit", effort="1"), f"3 joints ('slew', 'boom', 'jib'): {NONE}"),
     Abroad(LIMITED, "transmission at the wrong joint", transmission_at_a_spring, "the motor is at another joint"),
     Abroad(LIMITED, "reduction 50", said(".//mechanicalReduction", "50"), "50 instead of 1, factor 50"),
     Abroad(("relative",), "effort of 1 N m", said(".//limit/effort", "1"), NONE),
     Abroad(("relative", "model"), "wrong axis", axis_said_otherwise, "joint 'boom' turns about ("),
     Abroad(("relative",), "one pose in mm", said_times(".//link/pose", MM, MM, MM, 1, 1, 1, only=4), FAR),
-    Abroad(("relative",), "sign of the products", both(*(said_times(f".//{n}", -1, only=0) for n in ("ixy", "ixz", "iyz"))),
-           PRODUCTS),
+    Abroad(("relative",), "sign of the products", both(*(said_times(f".//{i}", -1, only=0) for i in OFF)), PRODUCTS),
     Abroad(("relative", "model"), "stiffness per degree", said_times(SPRING, PER_DEGREE), "degrees taken for radians"),
 )  # fmt: skip

@@ -151,11 +151,11 @@ def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
     """Integrator and step of the file as settings: another one than RK4, and a step beyond its largest stable one."""
     settings = dict(read.settings)
     if read.integrator not in {"", "RK4"}:
-        settings["integrator"] = read.integrator
+        settings["integrator"] = read.integrator + ("" if read.integrator in LARGEST else " (not judged)")
     if read.step is not None and read.integrator in LARGEST:
         largest = LARGEST[read.integrator](chain)
         if read.step > largest:
-            settings["step"] = f"{read.step:g} s, of {read.integrator.partition(',')[0]} {largest:.3g} s"
+            settings["step"] = f"{read.step:g} s, of {read.integrator} {largest:.3g} s"
     return dataclasses.replace(read, settings=settings)
 
 

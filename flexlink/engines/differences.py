@@ -34,8 +34,8 @@ EXACT, PLACED = 1e-12, 1e-11
 """Relative: of numbers that are copied, and of those that are turned into frame 0 joint by joint."""
 COPIED = ("gravity", *OF_JOINTS, *ACTUATORS[:-1])
 SHOWN = 3  # names of joints
-REACHES = 20.0
-"""Times the arm's reach that no frame is displaced by but in another unit of length; an inch makes 39 of a metre."""
+REACHES = 3.0
+"""Times the arm's reach beyond which only another unit of length displaces a frame; a wrong sign or turn does by 2."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -112,9 +112,9 @@ def _offset(read: ReadBack, k: int) -> Array:
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
-    """The unit by which the distance from the joint before is too large, and where joint k lies without it: on our line.
+    """The unit by which the distance from the joint before is too large, and where joint k lies without it.
 
-    Their point on the joint before may lie elsewhere along its line.
+    That is on our line, wherever along its line their point on the joint before lies.
     """
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))

@@ -95,8 +95,8 @@ class MujocoEngine:
         if file.form == "urdf":
             record = dataclasses.replace(record, unsaid=NOT_IN_URDF, integrator="", step=None)
         engine._take(model, record)
-        # torques are given: what the file's actuators do is in the record, and compared there
-        model.opt.disableflags |= ACTUATION
+        # compared are torques and accelerations at instants; what actuators and steps do is in the record
+        model.opt.disableflags, model.opt.integrator = model.opt.disableflags | ACTUATION, RK4
         return engine
 
     def _take(self, model: Any, record: ReadBack) -> None:
@@ -119,8 +119,8 @@ class MujocoEngine:
             places[field][:] = values
 
     def put_right(self) -> None:
-        """Leave nothing that acts beside gravity, springs and dampers; steps by RK4."""
-        self.model.opt.integrator, self.model.opt.disableflags = RK4, self.model.opt.disableflags | CONSTRAINT
+        """Leave nothing that acts beside gravity, springs and dampers."""
+        self.model.opt.disableflags |= CONSTRAINT
         self.model.opt.density = self.model.opt.viscosity = 0
         for values in (self.model.body_gravcomp, self.model.tendon_stiffness, self.model.tendon_damping):
             values[:] = 0

@@ -53,7 +53,7 @@ def added(model: Any, name: str) -> Array:
     """Armature or damping that actuators add to their joints, r² times their own; none before MuJoCo 3.5."""
     total, own = np.zeros(model.nv), getattr(model, f"actuator_{name}", ())
     for number in range(len(own)):
-        if model.actuator_trntype[number] in AT_JOINTS:
+        if mujoco.mjtTrn(model.actuator_trntype[number]) in AT_JOINTS:
             joint = model.actuator_trnid[number, 0]
             total[model.jnt_dofadr[joint]] += model.actuator_gear[number, 0] ** 2 * np.ravel(own[number])[0]
     return total

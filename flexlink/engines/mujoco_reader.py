@@ -118,9 +118,8 @@ def _integrator(model: Any) -> str:
     kind = INTEGRATOR(model.opt.integrator)
     if kind == INTEGRATOR.mjINT_RK4:
         return "RK4"
-    name = kind.name.removeprefix("mjINT_").capitalize()
-    damps = kind == INTEGRATOR.mjINT_EULER and _on(model, "EULERDAMP") and model.dof_damping.any()
-    return f"{name}, which damps implicitly" if damps else name
+    explicit = kind == INTEGRATOR.mjINT_EULER and not _on(model, "EULERDAMP")
+    return kind.name.removeprefix("mjINT_").capitalize() + " without eulerdamp" * explicit
 
 
 def _constraints(model: Any) -> Iterator[tuple[str, str]]:

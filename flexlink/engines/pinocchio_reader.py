@@ -77,7 +77,7 @@ def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack
 
 
 def _parts(model: Any, R: Array) -> Parts:
-    """Links that are welded to a joint's, of which fixed frames keep the inertias, and what these leave of the joint's."""
+    """Links welded to a joint's, of which fixed frames keep the inertias, and what these leave of the joint's."""
     found, left = list[tuple[int, Any]](), list(model.inertias)
     for frame in model.frames:
         if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:

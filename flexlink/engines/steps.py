@@ -47,8 +47,8 @@ def _damped_implicitly(chain: Chain) -> float:
 
 LARGEST: dict[str, Callable[[Chain], float]] = {
     "RK4": lambda chain: stable_step(chain, _bent(chain), method="RK4"),
-    "Euler": _euler,
-    "Euler, which damps implicitly": _damped_implicitly,
+    "Euler": _damped_implicitly,
+    "Euler without eulerdamp": _euler,
     "Implicit": _damped_implicitly,
     "Implicitfast": _damped_implicitly,
 }
