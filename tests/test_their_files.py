@@ -225,6 +225,28 @@ def without_drive(cranes: dict[bool, fl.Scene]) -> fl.Scene:
     return cranes[False].varied({"drive.kind": "none", "drive.torque": None})
 
 
+def test_eleven_mistakes_at_once_are_named_one_by_one(cranes, tmp_path: Path) -> None:
+    hinge, body, option = planted_abroad.HINGE, planted.BODY, planted.OPTION
+    edits = {
+        "joint 'jib' turns about (": planted_abroad.axis_exchanged(hinge, 4, "axis"),
+        "joint 'jib.2.z' is 1000 times as far": planted.scaled(body, "pos", 1e3, only=5),
+        "joint 'boom' displaced by 0.07 m, with all behind it": planted.frame_moved(body, "pos", 1, (0, 0.07, 0)),
+        "a part is left out (payload": planted_abroad.one(planted.INERTIAL, -1, mass="2"),
+        "inertia of joint 'slew': ": planted.scaled(planted.INERTIAL, "fullinertia", 4, only=0),
+        "doubled or halved": planted.scaled(hinge, "stiffness", 2),
+        "remove springref from joint 'boom.2.z'": planted_abroad.one(hinge, 3, springref="0.1"),
+        "add damping to these joints": planted.each("default/default/joint", damping=None),
+        "armature of 3 joints": planted.each(hinge, armature=None),
+        "gravcomp cancels gravity on 1 body; remove it": planted_abroad.one(body, 2, gravcomp="1"),
+        "0.002 s, of Implicitfast": planted.each(option, timestep="0.002"),
+    }  # fmt: skip
+    found = by_hand("degrees", cranes, tmp_path, planted.both(*edits.values()))
+    counting = [str(finding) for finding in found.findings if finding.counts]
+    for named in edits:
+        assert [named in told for told in counting].count(True) == 1, named
+    assert len(counting) == len(edits) and found.explained, str(found)
+
+
 def test_beside_a_scene_without_a_drive_actuators_are_told_and_not_compared(cranes, tmp_path: Path) -> None:
     geared = planted.each(planted_abroad.MOTOR, gear="50", forcerange="-1 1")
     found = by_hand("degrees", cranes, tmp_path, geared, without_drive(cranes))

@@ -69,13 +69,14 @@ def _one_back(
     turned = float(np.arcsin(min(1.0, sin)))
     fitted = None if (before := _along_its_axis(ours, theirs, k, within)) is None else _motion(ours, theirs, before)
     k, fitted = (k, _motion(ours, theirs, k)) if before is None or fitted is None else (before, fitted)
-    if _line_alone(ours, theirs, k, within, every=fitted is None):
+    if _line_alone(ours, theirs, k, within, rigid=fitted is not None):
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
         return Place(k, turned, off, axes=axes), _line_of(theirs, ours, k), _line_of(like_theirs, theirs, k)
     unit = _unit(ours, theirs, k, units)
     if fitted is None and unit is not None:
         fitted = np.eye(3), unit[1], theirs.points[k]
+    fitted = fitted or _motion(ours, theirs, k, _next_massive(ours, k) + 1)  # more is wrong further out
     if fitted is None:
         return Place(k, turned, off, alone=False), theirs, like_theirs
     R, point, moved = fitted
@@ -89,14 +90,21 @@ def _along_its_axis(ours: ReadBack, theirs: ReadBack, k: int, within: float) -> 
     return k - 1 if k > 0 and ours.masses[k - 1] > 0 and moved else None
 
 
-def _line_alone(ours: ReadBack, theirs: ReadBack, k: int, within: float, *, every: bool) -> bool:
-    """Whether what joint k carries is where it should be: the next line and centre, or `every` centre from k on."""
+def _line_alone(ours: ReadBack, theirs: ReadBack, k: int, within: float, *, rigid: bool) -> bool:
+    """Whether what joint k carries is where it should be: the next body and line, or, unless `rigid`, all bodies."""
     behind = np.flatnonzero(ours.masses[k:] > 0) + k
-    moved = np.linalg.norm(theirs.centers - ours.centers, axis=1) > within * size(ours)
-    if not len(behind) or moved[behind if every else behind[:1]].any():
-        return False
-    sin, off = (part[k + 1 : k + 2] for part in deviations(ours, theirs))
-    return every or bool(((sin <= within) & (off <= within * size(ours))).all())
+    here = ~_moved(ours, theirs, within)[behind]
+    following = np.isin(k + 1, _off(ours, theirs, within), invert=True)
+    return bool(len(here) and ((here[0] and following) or (here.all() and not rigid)))
+
+
+def _moved(ours: ReadBack, theirs: ReadBack, within: float) -> NDArray[np.bool_]:
+    """Bodies whose centres lie elsewhere, or whose principal axes are turned: then inertias do not commute."""
+    one, other = ours.inertias, theirs.inertias
+    turned = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
+    square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
+    away = np.linalg.norm(theirs.centers - ours.centers, axis=1)
+    return np.asarray((away > within * size(ours)) | (turned > within * square))
 
 
 def _line_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
@@ -160,28 +168,34 @@ def _stretched(read: ReadBack, times: float) -> ReadBack:
     return dataclasses.replace(read, points=points, centers=points + read.centers - read.points, tip=tip)
 
 
-def _motion(ours: ReadBack, theirs: ReadBack, k: int) -> tuple[Array, Array, Array] | None:
-    """R and a point with its image, which move our joints and bodies from k on to theirs; None if nothing rigid does.
+def _motion(ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None) -> tuple[Array, Array, Array] | None:
+    """R and a point with its image, which move our joints and bodies from k on, up to `stop`, to theirs; None: no such.
 
     R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, from the point on joint k, all points.
     """
-    one, other = _marks(ours, k), _marks(theirs, k)
+    one, other = _marks(ours, k, stop), _marks(theirs, k, stop)
     L = size(ours)
     p, moved = one[0], other[0]
-    a, b = (np.concatenate([read.axes[k:], (marks - marks[0]) / L]) for read, marks in ((ours, one), (theirs, other)))
+    a, b = (
+        np.concatenate([read.axes[k:stop], (marks - marks[0]) / L]) for read, marks in ((ours, one), (theirs, other))
+    )
     U, _, V = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
     return (R, p, moved) if np.abs(a @ R.T - b).max() <= FITS else None
 
 
-def _marks(read: ReadBack, k: int) -> Array:
+def _marks(read: ReadBack, k: int, stop: int | None) -> Array:
     """Points that move with joints and bodies from k on: feet, on the axes, of the next centre of mass; centres."""
-    massive = read.masses > 0
-    following = [int(np.argmax(massive[j:])) + j for j in range(k, read.n)]
-    lever = read.centers[following] - read.points[k:]
-    axes = read.axes[k:]
-    feet = read.points[k:] + axes * np.einsum("ji,ji->j", axes, lever)[:, None]
-    return np.concatenate([feet, read.centers[k:][massive[k:]]])
+    following = [_next_massive(read, j) for j in range(read.n)[k:stop]]
+    axes = read.axes[k:stop]
+    lever = read.centers[following] - read.points[k:stop]
+    feet = read.points[k:stop] + axes * np.einsum("ji,ji->j", axes, lever)[:, None]
+    return np.concatenate([feet, read.centers[k:stop][read.masses[k:stop] > 0]])
+
+
+def _next_massive(read: ReadBack, k: int) -> int:
+    """The first body from joint k on that has mass; k itself if none has."""
+    return int(np.argmax(read.masses[k:] > 0)) + k
 
 
 def _displaced(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:

@@ -119,7 +119,7 @@ def _integrator(model: Any) -> str:
     if kind == INTEGRATOR.mjINT_RK4:
         return "RK4"
     explicit = kind == INTEGRATOR.mjINT_EULER and not _on(model, "EULERDAMP")
-    return kind.name.removeprefix("mjINT_").capitalize() + " without eulerdamp" * explicit
+    return f"{kind.name.removeprefix('mjINT_').capitalize()}{' without eulerdamp' * explicit}"
 
 
 def _constraints(model: Any) -> Iterator[tuple[str, str]]:
