@@ -27,8 +27,6 @@ from flexlink.engines.theirs import Loaded
 FORMS = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
 """What engines read of our own."""
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
-DEFINED = tuple(name for name in WITHOUT_WRENCH if name != "q̈")
-"""What there is at any M."""
 SINGULAR = ("M, which is singular",)
 NO_DRIVE = "not compared, for the scene has no drive: "
 LOOKED_AT = 20  # states at which causes are tried
@@ -191,7 +189,8 @@ def _looked_into(
         try:
             compared = compare_engines(exact, native, [other], some, quantities=names)
         except SingularMassError:
-            compared, beside = compare_engines(exact, native, [other], some, quantities=DEFINED), SINGULAR
+            defined = [name for name in names if name != "q̈"]
+            compared, beside = compare_engines(exact, native, [other], some, quantities=defined), SINGULAR
         return (*(row.quantity for row in compared if not row.error <= AGAIN), *beside)
 
     right = NativeEngine(to_chain(of_chain(chain), chain))

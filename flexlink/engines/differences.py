@@ -116,11 +116,12 @@ def _joined(ours: ReadBack, same: list[Finding]) -> Finding:
 
 def _placements(placed: Placed, theirs: ReadBack, form: str) -> Iterator[Finding]:
     """One finding for each way in which lines lie elsewhere."""
+    L = size(placed.theirs)
     for kind, mistake in PLACES.items():
-        places = [place for place in placed.places if _kind(place, placed) == kind]
+        places = [place for place in placed.places if _kind(place, L) == kind]
         if not places:
             continue
-        told = [f"joint {theirs.names[place.joint]!r} {_displaced(place, size(placed.ours))}" for place in places]
+        told = [f"joint {theirs.names[place.joint]!r} {_displaced(place, L)}" for place in places]
         what = f"{', '.join(told[:SHOWN])}{' …' * (len(told) > SHOWN)}"
         what += ", but not what it carries" if kind == "position" else ""
         what += ", with all behind it" if places[-1].axes is None else ""
@@ -129,9 +130,8 @@ def _placements(placed: Placed, theirs: ReadBack, form: str) -> Iterator[Finding
         yield _worded(likely, what, _names([theirs.names[place.joint] for place in places]), form, placed.ours)
 
 
-def _kind(place: Place, placed: Placed) -> str:
+def _kind(place: Place, L: float) -> str:
     """Which of `PLACES` it is."""
-    L = size(placed.theirs)
     if place.axes is not None:
         return "position" if place.offset > PLACED * L else "axis"
     if place.times is not None:

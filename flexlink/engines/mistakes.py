@@ -164,7 +164,7 @@ MISTAKES: tuple[Mistake, ...] = (
     Mistake("inertias", ball_of_water, "no body can have what the file says, and Drake takes a ball of water", RULE),
     Mistake("inertias", products_negated, PRODUCTS, "change the signs of ixy, ixz and iyz of {where}"),
     Mistake("inertias", turned, TURNED, "check {tag}: " + QUATERNION),
-    Mistake("inertias", about_the_joint, "taken about the joint, not the centre of mass", "take {tag} about it"),
+    Mistake("inertias", about_the_joint, "taken about the joint, not the centre", "give {tag} about the centre"),
     *(Mistake("inertias", times(f), f"given in {unit}", IN_UNITS) for f, unit in INERTIAS.items()),
     Mistake("inertias", proportional, "another unit or density", IN_UNITS),
     Mistake("inertias", part_times, "all moments of one part by one factor", CORRECT),

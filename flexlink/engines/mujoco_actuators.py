@@ -106,4 +106,5 @@ def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
 
 
 def _both(one: Array, other: Array) -> Array:
-    return np.array([max(one[0], other[0]), min(one[1], other[1])])
+    """The narrower limits; what is no number stays none."""
+    return np.array([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])

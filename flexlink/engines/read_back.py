@@ -123,6 +123,9 @@ class ReadBack:
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
                 raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: read as {rows[bad[0]]}; must be finite")
+        if np.isnan(self.effort).any():
+            k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
+            raise ArgumentError(f"torque limit of joint {self.names[k]!r}: read as {self.effort[k]}; must be numbers")
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
             raise ArgumentError(f"gravity: read as {self.gravity}; must be three finite numbers")
         lengths = np.linalg.norm(self.axes, axis=1)
