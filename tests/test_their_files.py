@@ -12,9 +12,12 @@ from xml.etree import ElementTree as ET
 import mujoco
 import numpy as np
 import planted
+import planted_abroad
 import pytest
 from conftest import MODELS, ROOT
+from handwritten import CRANE, HANDS, SERVED
 from planted import PLANTED, Planted
+from planted_abroad import ABROAD, Abroad
 from scipy.spatial.transform import Rotation
 
 import flexlink as fl
@@ -23,6 +26,7 @@ from flexlink.engines import lines
 from flexlink.engines.diagnosis import Diagnosis, diagnose_file
 from flexlink.engines.read_back import of_chain, to_chain
 from flexlink.engines.states import mixed_states
+from flexlink.engines.steps import LARGEST
 from flexlink.engines.theirs import READERS, load_file
 from flexlink.formats import FORMATS
 from flexlink.robots.collection import known_arm
@@ -54,9 +58,11 @@ def written(folder: Path, form: str, edit: planted.Edit | None = None, chain: fl
     return path
 
 
-def diagnosed(path: Path, chain: fl.Chain = CHAIN, engine: str | None = None) -> Diagnosis:
+def diagnosed(
+    path: Path, chain: fl.Chain = CHAIN, engine: str | None = None, scene: fl.Scene | None = None
+) -> Diagnosis:
     states = [state._replace(wrench=np.zeros(6)) for state in mixed_states(chain, 8)]
-    return diagnose_file(chain, load_file(path, chain.n, engine, here=True), states)
+    return diagnose_file(chain, load_file(path, chain.n, engine, here=True), states, scene=scene)
 
 
 @pytest.mark.parametrize(
@@ -77,9 +83,70 @@ def test_a_planted_mistake_is_the_only_one_named_and_explains_all_that_differs(c
 @pytest.mark.parametrize("form", MADE)
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_in_our_own_file_nothing_is_named(path: Path, form: str, tmp_path: Path) -> None:
-    chain = fl.lump(fl.load_scene(path).varied({"motion": ()}))
-    found = diagnosed(written(tmp_path, form, chain=chain), chain)
-    assert found.passed and not found.findings and not found.notes, str(found)
+    scene = fl.load_scene(path).varied({"motion": ()})
+    chain = fl.lump(scene)
+    found = diagnosed(written(tmp_path, form, chain=chain), chain, scene=scene)
+    assert found.passed and not found.findings and not found.left_out, str(found)
+    law = {"pd": ["servo stiffness, servo damping"]}.get(scene.drive.kind, [])
+    law += ["torque limit"] * (scene.drive.effort is not None)
+    told = [f"not in the file, and taken from the scene: {', '.join(law)}"] if law else []
+    assert list(found.notes) == told
+
+
+@pytest.fixture(scope="module")
+def cranes(tmp_path_factory: pytest.TempPathFactory) -> dict[bool, fl.Scene]:
+    """The crane that others have written, with torques, and with servos."""
+    path = tmp_path_factory.mktemp("crane") / "crane.toml"
+    path.write_text(CRANE, encoding="utf-8")
+    scene = fl.load_scene(path)
+    return {False: scene, True: scene.varied(SERVED)}
+
+
+def by_hand(
+    name: str,
+    cranes: dict[bool, fl.Scene],
+    folder: Path,
+    edit: planted.Edit | None = None,
+    beside: fl.Scene | None = None,
+) -> Diagnosis:
+    """Of the crane in somebody's own words, edited, beside its scene or another one."""
+    hand = HANDS[name]
+    scene = cranes[hand.habit.servos]
+    chain = fl.lump(scene)
+    root = ET.fromstring(ET.tostring(hand.write(chain, hand.habit, scene)))  # with namespaces as a reader has them
+    if edit is not None:
+        edit(root)
+    path = folder / "by_hand.xml"
+    path.write_text(ET.tostring(root, encoding="unicode"), encoding="utf-8")
+    return diagnosed(path, chain, scene=beside or scene)
+
+
+def needs_drake(name: str) -> tuple[pytest.MarkDecorator, ...]:
+    return (drake,) if HANDS[name].form == "sdf" else ()
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=needs_drake(name)) for name in HANDS])
+def test_a_right_file_in_somebody_s_own_words_raises_no_alarm(name: str, cranes, tmp_path: Path) -> None:
+    found = by_hand(name, cranes, tmp_path)
+    assert found.passed and not found.left_out and str(found).splitlines()[0].endswith(": all 6 quantities agree")
+    assert {finding.change.partition(" ")[0] for finding in found.findings} <= {"set"}  # integrator, autoreset
+    assert not any(finding.counts or finding.made is not None for finding in found.findings)
+
+
+@pytest.mark.parametrize(
+    ("case", "name"),
+    [
+        pytest.param(case, name, marks=needs_drake(name), id=f"{name}, {case.mistake}")
+        for case in ABROAD
+        for name in case.hands
+    ],
+)
+def test_a_mistake_in_somebody_s_own_words_is_named_first(case: Abroad, name: str, cranes, tmp_path: Path) -> None:
+    found = by_hand(name, cranes, tmp_path, case.edit)
+    assert case.named in str(found.findings[0]), str(found)
+    assert not found.passed and found.explained is not False
+    assert "differ" in str(found).splitlines()[0] and "does not explain" not in str(found)
+    assert "not compared further" not in str(found) or case.named == planted_abroad.ELSEWHERE
 
 
 def along_axes(root: ET.Element) -> None:
@@ -155,6 +222,148 @@ def test_a_robot_s_own_urdf_agrees_with_its_scene_whatever_it_calls_its_joints(n
     assert found.passed and not found.findings, str(found)
 
 
+def without_drive(cranes: dict[bool, fl.Scene]) -> fl.Scene:
+    return cranes[False].varied({"drive.kind": "none", "drive.torque": None})
+
+
+def test_eleven_mistakes_at_once_are_named_one_by_one(cranes, tmp_path: Path) -> None:
+    hinge, body, option = planted_abroad.HINGE, planted.BODY, planted.OPTION
+    edits = {
+        "joint 'jib' turns about (": planted_abroad.axis_exchanged(hinge, 4, "axis"),
+        "joint 'jib.2.z' is 1000 times as far": planted.scaled(body, "pos", 1e3, only=5),
+        "joint 'boom' displaced by 0.07 m, with all behind it": planted.frame_moved(body, "pos", 1, (0, 0.07, 0)),
+        "a part is left out (payload": planted_abroad.one(planted.INERTIAL, -1, mass="2"),
+        "inertia of joint 'slew': ": planted.scaled(planted.INERTIAL, "fullinertia", 4, only=0),
+        "doubled or halved": planted.scaled(hinge, "stiffness", 2),
+        "remove springref from joint 'boom.2.z'": planted_abroad.one(hinge, 3, springref="0.1"),
+        "add damping to these joints": planted.each("default/default/joint", damping=None),
+        "armature of 3 joints": planted.each(hinge, armature=None),
+        "gravcomp cancels gravity on 1 body; remove it": planted_abroad.one(body, 2, gravcomp="1"),
+        "0.002 s, of Implicitfast": planted.each(option, timestep="0.002"),
+    }  # fmt: skip
+    found = by_hand("degrees", cranes, tmp_path, planted.both(*edits.values()))
+    counting = [str(finding) for finding in found.findings if finding.counts]
+    for named in edits:
+        assert [named in told for told in counting].count(True) == 1, named
+    assert len(counting) == len(edits) and found.explained, str(found)
+
+
+def test_beside_a_scene_without_a_drive_actuators_are_told_and_not_compared(cranes, tmp_path: Path) -> None:
+    geared = planted.each(planted_abroad.MOTOR, gear="50", forcerange="-1 1")
+    found = by_hand("degrees", cranes, tmp_path, geared, without_drive(cranes))
+    first, *_, last = str(found).splitlines()
+    assert found.passed and first == "mujoco: all 6 quantities agree; not compared: actuators"
+    motors = "motors at 'slew' (gear 50), 'boom' (gear 50), 'jib' (gear 50)"
+    limits = "torque limits at 'slew' (±50 N m), 'boom' (±50 N m), 'jib' (±50 N m)"
+    assert last.strip() == f"not compared, for the scene has no drive: {motors}; {limits}"
+    plain = by_hand("welded", cranes, tmp_path, beside=without_drive(cranes))
+    assert plain.passed and not plain.left_out
+
+
+def test_servos_push_a_scene_without_a_drive(cranes, tmp_path: Path) -> None:
+    found = by_hand("servos", cranes, tmp_path, beside=without_drive(cranes))
+    assert not found.passed and "actuators push without a command" in str(found.findings[0])
+
+
+def through_a_tendon(root: ET.Element) -> None:
+    motor = root.findall(planted_abroad.MOTOR)[-1]
+    rope = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", name="rope")
+    ET.SubElement(rope, "joint", joint=motor.attrib["joint"], coef="1")
+    motor.attrib = {"name": "winch", "tendon": "rope"}
+
+
+def test_an_actuator_that_cannot_be_compared_is_named_as_such(cranes, tmp_path: Path) -> None:
+    found = by_hand("degrees", cranes, tmp_path, through_a_tendon)
+    assert "the scene's drive has no motor here; add a motor at joint 'jib'" in str(found)
+    assert "which are not compared: 'winch' (trntype tendon)" in str(found)
+    assert found.left_out == ("actuators",)
+
+
+def test_limits_beyond_what_the_drive_asks_for_change_nothing_and_below_they_do(cranes, tmp_path: Path) -> None:
+    for limit, told in ((150.0, False), (149.0, True)):  # N m; the boom's drive asks for 150
+        edit = planted.each(planted_abroad.MOTOR, forcerange=f"{-limit} {limit}", forcelimited="true")
+        found = by_hand("degrees", cranes, tmp_path, edit)
+        assert found.passed is not told
+        assert ("torque limit of joint 'boom': ±149 N m instead of none" in str(found)) is told
+
+
+def test_a_table_asks_for_its_largest_torques(cranes, tmp_path: Path) -> None:
+    torques = ((20.0, -150.0, -60.0), (-30.0, 10.0, 5.0))
+    scene = cranes[False].varied(
+        {"drive.kind": "table", "drive.torque": None, "drive.times": (0.0, 1.0), "drive.torques": torques}
+    )
+    for limits, told in (("-150 30", False), ("-149 30", True), ("-150 29", False), ("-150 19", True)):
+        edit = planted.each(planted_abroad.MOTOR, forcerange=limits, forcelimited="true")
+        assert by_hand("degrees", cranes, tmp_path, edit, scene).passed is not told
+
+
+def test_limits_of_the_scene_are_those_of_the_file_or_taken_from_it(cranes, tmp_path: Path) -> None:
+    limited = {False: cranes[False].varied({"drive.effort": (10.0, 100.0, 30.0)}), True: cranes[True]}
+    found = by_hand("degrees", limited, tmp_path)
+    assert "torque limit of 3 joints ('slew', 'boom', 'jib'): ±500 N m instead of ±10 N m: another limit" in str(found)
+    found = by_hand("welded", limited, tmp_path)
+    assert (
+        found.passed
+        and "not in the file, and taken from the scene: width of the Coulomb torque, torque limit" in str(found)
+    )
+
+
+def test_actuators_that_are_switched_off_are_none(cranes, tmp_path: Path) -> None:
+    motors = planted_abroad.MOTOR
+    for off in (
+        planted.each("option/flag", actuation="disable"),
+        planted.both(planted.each(motors, group="2"), planted.each("option", actuatorgroupdisable="2")),
+    ):
+        found = by_hand("degrees", cranes, tmp_path, planted.both(off, planted.each(motors, gear="50")))
+        assert found.passed and "taken from the scene: width of the Coulomb torque, gear of the motor" in str(found)
+
+
+def test_rotor_and_damper_of_an_actuator_are_its_joint_s(cranes, tmp_path: Path) -> None:
+    if not hasattr(mujoco.MjModel.from_xml_string("<mujoco/>"), "actuator_armature"):
+        pytest.skip("this MuJoCo has no armature of actuators")
+
+    def from_joint_to_motor(root: ET.Element) -> None:
+        joint, motor = root.find(planted_abroad.HINGE), root.find(planted_abroad.MOTOR)
+        for name in ("armature", "damping"):
+            motor.set(name, joint.attrib[name])
+            joint.set(name, "0")
+
+    assert by_hand("degrees", cranes, tmp_path, from_joint_to_motor).passed
+    geared = planted.both(from_joint_to_motor, lambda root: root.find(planted_abroad.MOTOR).set("gear", "2"))
+    found = by_hand("degrees", cranes, tmp_path, geared)
+    assert found.explained and "armature of joint 'slew': 1.2 instead of 0.3 kg m², factor 4" in str(found)
+
+
+def grows(xml: str, integrator: str, step: float) -> bool:
+    """Whether a small motion about the bent arm grows without bound in MuJoCo."""
+    root = ET.fromstring(xml)
+    name, _, explicit = integrator.partition(" without ")
+    planted.each("option", integrator=name if name == "Euler" else name.lower(), timestep=repr(step))(root)
+    planted.each("option/flag", eulerdamp="disable" if explicit else "enable")(root)
+    model = mujoco.MjModel.from_xml_string(ET.tostring(root, encoding="unicode"))
+    data = mujoco.MjData(model)
+    model.qpos_spring[:] = data.qpos[:] = np.linspace(0.1, 0.4, model.nv)
+    data.qvel[:] = 1e-9
+    for _ in range(2000):
+        mujoco.mj_step(model, data)
+        if np.abs(data.qvel).max() > 1e-3:
+            return True
+    return False
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("integrator", [name for name in LARGEST if name != "RK4"])
+def test_steps_of_mujoco_s_integrators_are_judged_as_its_runs_are(integrator: str, cranes) -> None:
+    chain = fl.lump(cranes[False].varied({"gravity": (0.0, 0.0, 0.0)}))
+    xml, largest = fl.to_mjcf(chain, shapes=False), LARGEST[integrator](chain)
+    assert not grows(xml, integrator, 0.98 * largest) and grows(xml, integrator, 1.02 * largest)
+
+
+def test_an_integrator_that_is_not_judged_says_nothing_of_its_step(cranes, tmp_path: Path) -> None:
+    found = by_hand("degrees", cranes, tmp_path, planted.each("option", integrator="discrete", timestep="1"))
+    assert found.passed and not any("stable" in str(finding) for finding in found.findings)
+
+
 def test_two_mistakes_are_both_named_each_with_what_it_changes(tmp_path: Path) -> None:
     edit = planted.both(
         planted.each("option", gravity="0 0 -9.81"), planted.each(".//joint", armature=None), planted.flag("autoreset")
@@ -211,7 +420,7 @@ def test_exit_codes_and_words_of_the_command_line(tmp_path: Path, capsys) -> Non
     assert code == 0 and "  1. a run that diverges restarts silently" in told
     code, told = compared(planted.scaled(".//joint", "stiffness", np.pi / 180))
     assert code == 1
-    assert "factor 0.0174533: degrees taken for radians; by itself it changes T_FL, q̈; look at joint stiffness" in told
+    assert "factor 0.0174533: degrees taken for radians; by itself it changes T_FL, q̈; give stiffness of" in told
     code, told = compared(planted.first_joint_gone)
     assert code == 1 and "9 joints instead of 10, without 'upper'" in told
 
@@ -236,6 +445,9 @@ HOSTILE: dict[str, tuple[str, Callable[[str], str], str]] = {
     "no number": ("urdf", lambda text: re.sub('stiffness="[^"]*"', 'stiffness="nan"', text), "stiffness of joint"),
     "words for a number": ("urdf", lambda text: re.sub('stiffness="[^"]*"', 'stiffness="soft"', text), "soft"),
     "two numbers of three": ("urdf", lambda text: re.sub('gravity="[^"]*"', 'gravity="0 9.81"', text), "gravity"),
+    "a limit that is none": (
+        "mjcf", lambda text: text.replace("<motor ", '<motor forcelimited="true" forcerange="-1 nan" '), "limit of"),
+    "a reduction in words": ("urdf", lambda text: text.replace("Reduction>1<", "Reduction>fifty<"), "'fifty' is no "),
     "axes of length 0": ("urdf", lambda text: re.sub('axis xyz="[^"]*"', 'axis xyz="0 0 0"', text), "axis of joint"),
     "a name given twice": ("urdf", lambda text: text.replace('"upper.1.x"', '"upper"'), "cannot load"),
     "a free base": ("sdf", lambda _: '<sdf version="1.10"><model name="m"><link name="l"/></model></sdf>', "floating"),

@@ -79,7 +79,7 @@ def compare(
     Parameters
     ----------
     scene
-        The scene; its chain and gravity are used, its initial state, drive and motions are not.
+        The scene; its chain and gravity are used, of a file also its drive; its initial state and motions are not.
     engines
         Names that `flexlink.engines.load` knows; by default Pinocchio and MuJoCo, of a file the one for its format.
     file
@@ -112,7 +112,7 @@ def compare(
     names = None if engines is None else all_given("engines", engines, str)
     chain = lump(scene.varied({"motion": ()}))  # prescribed joints are free in the exported files
     if file is not None:
-        return _compare_file(scene.name, chain, given_path("file", file), names, samples, seed, progress)
+        return _compare_file(scene, chain, given_path("file", file), names, samples, seed, progress)
     loaded = [load(name, chain) for name in (DEFAULT if names is None else names)]
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)
@@ -123,7 +123,7 @@ def compare(
 
 
 def _compare_file(
-    name: str,
+    scene: Scene,
     chain: Chain,
     file: Path,
     engines: Sequence[str] | None,
@@ -135,5 +135,5 @@ def _compare_file(
         raise ArgumentError(f"engines = {engines}: a file is read by one of them")
     loaded = load_file(file, chain.n, engines[0] if engines else None)
     states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
-    diagnosis = diagnose_file(chain, loaded, states, progress)
-    return Comparison(f"{name} and {file}", samples, (diagnosis,))
+    diagnosis = diagnose_file(chain, loaded, states, progress, scene=scene)
+    return Comparison(f"{scene.name} and {file}", samples, (diagnosis,))

@@ -8,23 +8,27 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import EngineError, SingularMassError
+from flexlink.describe.scene import Scene
+from flexlink.engines.actuators import not_compared, said, taken_from_scene, with_drive
 from flexlink.engines.base import Array, Engine, Reader
 from flexlink.engines.differences import Finding, differences
 from flexlink.engines.matching import Match
 from flexlink.engines.mistakes import FIELDS
 from flexlink.engines.native import NativeEngine
 from flexlink.engines.quantities import QUANTITIES, Difference, compare_engines
-from flexlink.engines.read_back import ReadBack, of_chain, to_chain
+from flexlink.engines.read_back import ACTUATORS, ReadBack, of_chain, to_chain
 from flexlink.engines.reordered import Reordered
 from flexlink.engines.states import State
+from flexlink.engines.steps import LARGEST
 from flexlink.engines.theirs import Loaded
 
 FORMS = {"pinocchio": "urdf", "exudyn": "urdf", "mujoco": "mjcf", "drake": "sdf"}
 """What engines read of our own."""
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
+SINGULAR = ("M, which is singular",)
+NO_DRIVE = "not compared, for the scene has no drive: "
 LOOKED_AT = 20  # states at which causes are tried
 AGAIN = 10.0
 """Units of rounding that a chain may differ by after its record was turned into frame 0 and back."""
@@ -46,6 +50,8 @@ class Diagnosis:
         Whether the native dynamics of what was read are those of the engine; None if that was not asked.
     notes
         What else is to be known.
+    left_out
+        What there is in the file and is not compared.
     """
 
     engine: str
@@ -53,6 +59,7 @@ class Diagnosis:
     findings: tuple[Finding, ...] = ()
     explained: bool | None = None
     notes: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -63,8 +70,10 @@ class Diagnosis:
         bad, good = ([row.quantity for row in self.rows if row.passed is passed] for passed in (False, True))
         if not bad:
             agree = f"all {len(good)} quantities agree" if good else "nothing can be compared"
+            agree += ", but runs of the file differ" if good and not self.passed else ""
         else:
             agree = f"{_verb(good or ['nothing'], 'agree')}, {_verb(bad, 'differ')}"
+        agree += f"; not compared: {', '.join(self.left_out)}" if self.left_out else ""
         numbered = (f"  {k}. {finding}" for k, finding in enumerate(self.findings, 1))
         return "\n".join([f"{self.engine}: {agree}", *numbered, *(f"  {line}" for line in (*self._why(), *self.notes))])
 
@@ -76,7 +85,8 @@ class Diagnosis:
         if not bad or self.explained is None:
             return []
         if self.explained:
-            return ["with that put right, they agree: what was read explains all that differs"]
+            these = "this" if sum(finding.counts for finding in self.findings) == 1 else "these"
+            return [f"With {these} fixed the models agree; there is no other difference."]
         worst = max(bad, key=lambda row: row.error)
         cause = (
             "something acts beside it" if self.findings else "the engine computes it otherwise, or something else acts"
@@ -98,15 +108,23 @@ def diagnose(chain: Chain, engine: Engine, rows: Sequence[Difference], states: S
 
 
 def diagnose_file(
-    chain: Chain, loaded: Loaded, states: Sequence[State], progress: Callable[[float], None] | None = None
+    chain: Chain,
+    loaded: Loaded,
+    states: Sequence[State],
+    progress: Callable[[float], None] | None = None,
+    *,
+    scene: Scene | None = None,
 ) -> Diagnosis:
-    """Of an engine with a file of somebody else's: its quantities, and what it has read, all agreeing or not."""
+    """Of an engine with a file of somebody else's: its quantities, and what it has read, all agreeing or not.
+
+    The file's actuators are compared with the drive of the `scene`; without one, as with a scene without a drive.
+    """
     form, engine, complaints = loaded
-    ours, read = of_chain(chain), _with_step(chain, engine.read_back())
-    said = tuple(f"{engine.name} complains: {text}" for text in complaints)
+    ours, read = with_drive(of_chain(chain), scene, chain), said(_with_step(chain, engine.read_back()))
+    told = tuple(f"{engine.name} complains: {text}" for text in complaints)
     match, findings = differences(ours, read, form)
     if match is None:
-        return Diagnosis(engine.name, (), tuple(findings), notes=said)
+        return Diagnosis(engine.name, (), tuple(findings), notes=told)
     engine.adopt(_missing(ours, read, match))
     matched = Reordered(engine, match.order)
     native, rows = NativeEngine(chain), tuple[Difference, ...]()
@@ -119,29 +137,36 @@ def diagnose_file(
     ) as error:  # a mistake may leave nothing to evaluate, such as a joint's rotor
         if not findings:
             raise
-        said += (f"it cannot be evaluated: {error}",)
+        told += (f"it cannot be evaluated: {error}",)
     found = _looked_into(chain, matched, rows, findings, match, states)
-    return dataclasses.replace(found, notes=(*_notes(match, read), *said))
+    beside = not_compared(ours, read, match.order)
+    left_out = ("actuators",) if beside or "other actuators" in read.settings else ()
+    notes = (*_notes(ours, match, read), *([NO_DRIVE + beside] if beside else []), *told)
+    return dataclasses.replace(found, notes=notes, left_out=left_out)
 
 
 def _with_step(chain: Chain, read: ReadBack) -> ReadBack:
-    """Whether the file's step is beyond the largest stable one, about a slightly bent arm, as a setting."""
-    if read.step is None:
-        return read
-    largest = stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4")
-    told = {"step": f"{read.step:g} s, of RK4 {largest:.3g} s"} if read.step > largest else {}
-    return dataclasses.replace(read, settings=dict(read.settings) | told)
+    """Integrator and step of the file as settings: another one than RK4, and a step beyond its largest stable one."""
+    settings = dict(read.settings)
+    if read.integrator not in {"", "RK4"}:
+        settings["integrator"] = read.integrator + ("" if read.integrator in LARGEST else " (not judged)")
+    if read.step is not None and read.integrator in LARGEST:
+        largest = LARGEST[read.integrator](chain)
+        if read.step > largest:
+            settings["step"] = f"{read.step:g} s, of {read.integrator} {largest:.3g} s"
+    return dataclasses.replace(read, settings=settings)
 
 
 def _missing(ours: ReadBack, read: ReadBack, match: Match) -> dict[str, Array]:
     """What the file does not say, from ours, in the engine's order."""
-    fields = {field: getattr(ours, field) for field in FIELDS if field in read.unsaid}
+    fields = {field: getattr(ours, field) for field in FIELDS if field in read.unsaid and field not in ACTUATORS}
     return {f: values if f == "gravity" else values[np.argsort(match.order)] for f, values in fields.items()}
 
 
-def _notes(match: Match, read: ReadBack) -> list[str]:
+def _notes(ours: ReadBack, match: Match, read: ReadBack) -> list[str]:
     notes = [] if match.by_name else ["joints are matched by their order: their names differ"]
-    unsaid = [FIELDS[field].label for field in FIELDS if field in read.unsaid]
+    taken = (read.unsaid - set(ACTUATORS)) | taken_from_scene(ours, read)
+    unsaid = [FIELDS[field].label for field in FIELDS if field in taken]
     if unsaid:
         notes.append(f"not in the file, and taken from the scene: {', '.join(unsaid)}")
     return notes
@@ -158,17 +183,20 @@ def _looked_into(
     names, some = [row.quantity for row in rows] or WITHOUT_WRENCH, states[:LOOKED_AT]
 
     def differ(one: ReadBack, other: Engine) -> tuple[str, ...]:
+        """Quantities that differ; where M is singular, q̈ is not defined, and that is told by itself."""
         exact = to_chain(one, chain)
+        native, beside = NativeEngine(exact), tuple[str, ...]()
         try:
-            compared = compare_engines(exact, NativeEngine(exact), [other], some, quantities=names)
+            compared = compare_engines(exact, native, [other], some, quantities=names)
         except SingularMassError:
-            return ("M, which is singular",)
-        return tuple(row.quantity for row in compared if not row.error <= AGAIN)
+            defined = [name for name in names if name != "q̈"]
+            compared, beside = compare_engines(exact, native, [other], some, quantities=defined), SINGULAR
+        return (*(row.quantity for row in compared if not row.error <= AGAIN), *beside)
 
     right = NativeEngine(to_chain(of_chain(chain), chain))
     each = [f if f.made is None else dataclasses.replace(f, alone=differ(f.made, right)) for f in findings]
     explained, serial = None, match.serial if match is not None else None
     if serial is not None and not all(row.passed for row in rows):
         theirs, joints = serial
-        explained = not differ(theirs, Reordered(engine, joints))
+        explained = set(differ(theirs, Reordered(engine, joints))) <= set(SINGULAR)
     return Diagnosis(engine.name, tuple(rows), tuple(each), explained)

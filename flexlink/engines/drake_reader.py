@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_hinge
+from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_actuators, no_hinge
 
 
 def hinges(plant: Any) -> list[Any]:
@@ -37,9 +37,13 @@ def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[s
     plant.SetPositions(context, np.zeros(n))
     frames = [joint.frame_on_child().CalcPoseInWorld(context) for joint in joints]
     points = np.array([frame.translation() for frame in frames])
-    axes = np.array([X.rotation().matrix() @ joint.revolute_axis() for X, joint in zip(frames, joints, strict=True)])
+    R = np.array([frame.rotation().matrix() for frame in frames])
+    axes = np.array([turned @ joint.revolute_axis() for turned, joint in zip(R, joints, strict=True)])
     behind = _behind(plant, joints)
     springs = {spring.joint().name(): spring for spring in _springs(plant)}
+    limits = {actuator.joint().name(): actuator.effort_limit() for actuator in _actuators(plant)}
+    most = np.array([limits.get(joint.name(), np.inf) for joint in joints])
+    driven = np.array([float(joint.name() in limits) for joint in joints])  # whose input is the joint's torque
     rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
     values: dict[str, Any] = {
         "stiffness": [springs[j.name()].default_stiffness() if j.name() in springs else 0.0 for j in joints],
@@ -51,7 +55,8 @@ def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[s
     before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     fields |= _bodies(plant, context, behind, points)
     return ReadBack(
-        tuple(joint.name() for joint in joints), before, axes, points, **fields,
+        tuple(joint.name() for joint in joints), before, axes, points, R,
+        **no_actuators(n) | {"control": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
         gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unsaid=unsaid,
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.chain.arguments import Array
-from flexlink.engines.read_back import OF_BODIES, OF_JOINTS, OF_LINES, Indices, ReadBack
+from flexlink.engines.read_back import ACTUATORS, OF_BODIES, OF_JOINTS, OF_LINES, Indices, ReadBack
 
 PARALLEL = 1e-6
 
@@ -65,9 +65,11 @@ def matched(ours: ReadBack, theirs: ReadBack) -> Match | str:
     else:
         order = sequence[_turned_groups(ours, theirs.axes[sequence])]
     bodies = order if sequence is None else sequence
-    taken: dict[str, Any] = {field: getattr(theirs, field)[order] for field in (*OF_LINES, *OF_JOINTS)}
+    of_joints = (*OF_LINES, "frames", *OF_JOINTS, *ACTUATORS)
+    taken: dict[str, Any] = {field: getattr(theirs, field)[order] for field in of_joints}
     taken |= {field: getattr(theirs, field)[bodies] for field in OF_BODIES}
-    taken |= {field: getattr(ours, field) for field in theirs.unsaid if hasattr(ours, field)}
+    taken["parts"] = theirs.parts._replace(owner=np.argsort(bodies)[theirs.parts.owner])
+    taken |= {field: getattr(ours, field) for field in theirs.unsaid | ours.unsaid if hasattr(ours, field)}
     record = dataclasses.replace(theirs, names=ours.names, before=ours.before, **taken)
     return Match(order, None if sequence is None else np.argsort(sequence)[order], record, by_name)
 

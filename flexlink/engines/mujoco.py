@@ -42,10 +42,8 @@ from flexlink.formats import to_mjcf
 Callback = Callable[[Any, Any], None] | None
 NO_WRENCH = np.zeros(6)
 RK4 = mujoco.mjtIntegrator.mjINT_RK4
-BESIDE = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT | mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-NOT_IN_URDF = frozenset(
-    {"gravity", "stiffness", "rest", "armature", "coulomb_width", "integrator", "autoreset", "step"}
-)
+CONSTRAINT, ACTUATION = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT), int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+NOT_IN_URDF = frozenset({"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset"})
 PROCESS = threading.Lock()  # MuJoCo's callbacks belong to the process
 
 
@@ -93,8 +91,12 @@ class MujocoEngine:
             raise ArgumentError(f"MuJoCo cannot load it: {error}") from error
         mujoco_reader.require_hinges(model)
         engine = cls.__new__(cls)
-        record = mujoco_reader.read(model, spec.compiler)
-        engine._take(model, dataclasses.replace(record, unsaid=NOT_IN_URDF) if file.form == "urdf" else record)
+        record = mujoco_reader.read(model, spec)
+        if file.form == "urdf":
+            record = dataclasses.replace(record, unsaid=NOT_IN_URDF, integrator="", step=None)
+        engine._take(model, record)
+        # compared are torques and accelerations at instants; what actuators and steps do is in the record
+        model.opt.disableflags, model.opt.integrator = model.opt.disableflags | ACTUATION, RK4
         return engine
 
     def _take(self, model: Any, record: ReadBack) -> None:
@@ -117,8 +119,8 @@ class MujocoEngine:
             places[field][:] = values
 
     def put_right(self) -> None:
-        """Leave nothing that acts beside gravity, springs and dampers; steps by RK4."""
-        self.model.opt.integrator, self.model.opt.disableflags = RK4, self.model.opt.disableflags | BESIDE
+        """Leave nothing that acts beside gravity, springs and dampers."""
+        self.model.opt.disableflags |= CONSTRAINT
         self.model.opt.density = self.model.opt.viscosity = 0
         for values in (self.model.body_gravcomp, self.model.tendon_stiffness, self.model.tendon_damping):
             values[:] = 0

@@ -9,12 +9,12 @@ import mujoco
 import numpy as np
 
 from flexlink.common.errors import ArgumentError
+from flexlink.engines import mujoco_actuators
 from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_hinge
 
 DISABLE, INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
 WIDE = 1e6
 """Limits beyond it [rad] are none: URDF must have some."""
-IMPLICIT = {INTEGRATOR.mjINT_EULER, INTEGRATOR.mjINT_IMPLICIT, INTEGRATOR.mjINT_IMPLICITFAST}
 
 
 def require_hinges(model: Any) -> None:
@@ -33,8 +33,8 @@ def require_hinges(model: Any) -> None:
         raise ArgumentError("no joint moves: nothing to compare")
 
 
-def read(model: Any, compiler: Any = None) -> ReadBack:
-    """The record of a model of hinges; `compiler` of its MjSpec, if there is one, is evidence of changed numbers."""
+def read(model: Any, spec: Any = None) -> ReadBack:
+    """The record of a model of hinges; its MjSpec, if there is one, is evidence of changed numbers."""
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     mujoco.mj_kinematics(model, data)
@@ -43,15 +43,19 @@ def read(model: Any, compiler: Any = None) -> ReadBack:
     inertias = R @ (model.body_inertia[:, :, None] * R.mT)
     bodies = merged(behind, model.body_mass, data.xipos, inertias, data.xanchor)
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
+    frames = data.xmat.reshape(-1, 3, 3)[model.jnt_bodyid]
+    damping, armature = (mujoco_actuators.added(model, name) for name in ("damping", "armature"))
     widths = model.jnt_user[:, 0].copy() if model.nuser_jnt else np.ones(model.njnt)
     return ReadBack(
         tuple(_joint(model, k) for k in range(model.njnt)), _before(model, behind),
-        data.xaxis.copy(), data.xanchor.copy(), **bodies,
+        data.xaxis.copy(), data.xanchor.copy(), frames, **bodies, **mujoco_actuators.at_joints(model),
         stiffness=on["spring"] * _first(model.jnt_stiffness), rest=model.qpos_spring.copy(),
-        damping=on["damper"] * _first(model.dof_damping), coulomb=model.dof_frictionloss.copy(), coulomb_width=widths,
-        armature=model.dof_armature.copy(), gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
+        damping=on["damper"] * (_first(model.dof_damping) + damping),
+        coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
+        gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
         tip=_tip(model, data), unsaid=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
-        settings=dict(_acting(model)) | dict(_changing(model, compiler)), step=float(model.opt.timestep),
+        settings=dict(_acting(model)) | dict(_changing(model, spec)),
+        integrator=_integrator(model), step=float(model.opt.timestep),
     )  # fmt: skip
 
 
@@ -95,23 +99,27 @@ def _tip(model: Any, data: Any) -> Array | None:
 def _acting(model: Any) -> Iterator[tuple[str, str]]:
     """Settings that act when the model runs."""
     opt = model.opt
-    integrator = INTEGRATOR(opt.integrator)
-    if integrator != INTEGRATOR.mjINT_RK4:
-        implicit = integrator in IMPLICIT and (integrator != INTEGRATOR.mjINT_EULER or _on(model, "EULERDAMP"))
-        name = integrator.name.removeprefix("mjINT_").capitalize()
-        yield "integrator", name + (", which damps implicitly" if implicit and model.dof_damping.any() else "")
     if _on(model, "CONSTRAINT"):
         yield from _constraints(model)
     if model.body_gravcomp.any():
-        yield "gravcomp", f"{int((model.body_gravcomp != 0).sum())} bodies"
+        bodies = int((model.body_gravcomp != 0).sum())
+        yield "gravcomp", f"{bodies} bod{'y' if bodies == 1 else 'ies'}"
     if opt.density or opt.viscosity:
         yield "fluid", f"density {opt.density:g}, viscosity {opt.viscosity:g}"
-    if model.nu and _on(model, "ACTUATION") and model.actuator_biasprm.any():
-        yield "actuators", f"{int(model.actuator_biasprm.any(axis=1).sum())} of {model.nu}"
+    if others := list(mujoco_actuators.others(model)):
+        yield "other actuators", ", ".join(others)
     if model.ntendon and (model.tendon_stiffness.any() or model.tendon_damping.any()):
         yield "tendons", f"{model.ntendon}"
     if _on(model, "AUTORESET"):
         yield "autoreset", ""
+
+
+def _integrator(model: Any) -> str:
+    kind = INTEGRATOR(model.opt.integrator)
+    if kind == INTEGRATOR.mjINT_RK4:
+        return "RK4"
+    explicit = kind == INTEGRATOR.mjINT_EULER and not _on(model, "EULERDAMP")
+    return f"{kind.name.removeprefix('mjINT_').capitalize()}{' without eulerdamp' * explicit}"
 
 
 def _constraints(model: Any) -> Iterator[tuple[str, str]]:
@@ -128,7 +136,7 @@ def _constraints(model: Any) -> Iterator[tuple[str, str]]:
         yield "equality", f"{model.neq}"
 
 
-def _changing(model: Any, compiler: Any) -> Iterator[tuple[str, str]]:
+def _changing(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
     """Settings that change numbers between file and model, by the names of `mistakes.MISTAKES`."""
     if not _on(model, "SPRING"):
         yield "no springs", ""
@@ -136,8 +144,11 @@ def _changing(model: Any, compiler: Any) -> Iterator[tuple[str, str]]:
         yield "no dampers", ""
     if model.qpos0.any():
         yield "ref", ""
-    if compiler is None:
+    if spec is None:
         return
+    if any(np.any(joint.springdamper) for joint in spec.joints):
+        yield "springdamper", ""
+    compiler = spec.compiler
     yes = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     told = {
         "degree": compiler.degree, "inertiafromgeom": compiler.inertiafromgeom == yes,

@@ -46,7 +46,7 @@ class PinocchioEngine:
         Pinocchio's own, gravity and armature set.
     tip
         Number of the tip's frame.
-    stiffness, rest, damping, coulomb, coulomb_width
+    stiffness, rest, damping, coulomb, coulomb_width, control
         As read back from the file, shape (n,).
     unsaid
         What the file does not say, by the fields of `ReadBack`.
@@ -99,6 +99,7 @@ class PinocchioEngine:
         elements = [own.get(name) for name in model.names[1:]]
         self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in OWN)
         self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
+        self.control = pinocchio_reader.transmissions(robot, model.names[1:])
         gravity = robot.find("flexlink")
         self.unsaid = frozenset() if any(e is not None for e in elements) else frozenset(OWN)
         if gravity is None:
@@ -109,8 +110,8 @@ class PinocchioEngine:
         self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
 
     def read_back(self) -> ReadBack:
-        """What Pinocchio has read, and the springs of our own elements."""
-        own = {"stiffness": self.stiffness, "rest": self.rest, "coulomb_width": self.coulomb_width}
+        """What Pinocchio has read, the springs of our own elements, and the file's transmissions."""
+        own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "control")}
         return pinocchio_reader.read(self.model, own, self.unsaid)
 
     def adopt(self, fields: Mapping[str, Array]) -> None:

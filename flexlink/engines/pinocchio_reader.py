@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, ReadBack, merged, no_hinge
+from flexlink.engines.read_back import Array, Parts, ReadBack, merged, no_actuators, no_hinge
+from flexlink.formats.urdf import LIMIT
 
 
 def require_hinges(model: Any) -> None:
@@ -28,8 +30,28 @@ def require_hinges(model: Any) -> None:
         raise ArgumentError("no joint moves: nothing to compare")
 
 
+def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
+    """Torque at every joint for 1 of its actuator's: the reduction of its <transmission>, 0 where there is none.
+
+    Raises
+    ------
+    ArgumentError
+        A reduction is no number.
+    """
+    control = dict.fromkeys(names, 0.0)
+    for element in robot.findall("transmission"):
+        reduction = element.findtext(".//mechanicalReduction") or "1"
+        for joint in element.findall("joint"):
+            name = joint.get("name", "")
+            try:
+                control[name] = float(reduction)
+            except ValueError:
+                raise ArgumentError(f"joint {name!r}: mechanicalReduction {reduction!r} is no number") from None
+    return np.array([control[name] for name in names])
+
+
 def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack:
-    """The record of a model of hinges, with what the adapter keeps beside it: stiffness, rest, coulomb_width."""
+    """The record of a model of hinges, with what the adapter keeps beside it: springs, rotors, transmissions."""
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, np.zeros(model.nq))
     n = model.nv
@@ -43,12 +65,28 @@ def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack
         np.array([getattr(link, part) for link in links]) for part in ("mass", "lever", "inertia")
     )
     centers = points + np.einsum("bij,bj->bi", R, levers)
-    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points)
+    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points) | {"parts": _parts(model, R)}
+    most = np.array(model.upperEffortLimit)
+    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # URDF must have a number: 0 and huge ones are none
     return ReadBack(
-        tuple(model.names[1:]), np.array(model.parents.tolist()[1:]) - 1, axes, points, **bodies, **own,
+        tuple(model.names[1:]), np.array(model.parents.tolist()[1:]) - 1, axes, points, R, **bodies,
+        **no_actuators(n) | {"effort": np.stack([-most, most], axis=1)} | dict(own),
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
         gravity=np.array(model.gravity.linear), tip=_tip(model, data), unsaid=unsaid,
     )  # fmt: skip
+
+
+def _parts(model: Any, R: Array) -> Parts:
+    """Links welded to a joint's, of which fixed frames keep the inertias, and what these leave of the joint's."""
+    found, left = list[tuple[int, Any]](), list(model.inertias)
+    for frame in model.frames:
+        if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:
+            part = frame.placement.act(frame.inertia)
+            left[frame.parentJoint] = left[frame.parentJoint] - part
+            found.append((frame.parentJoint - 1, part))
+    found += [(k - 1, part) for k, part in enumerate(left) if k]
+    owner = np.array([k for k, _ in found], dtype=np.intp)
+    return Parts(owner, R[owner] @ np.array([part.inertia for _, part in found]) @ R[owner].mT)
 
 
 def _tip(model: Any, data: Any) -> Array | None:

@@ -33,10 +33,26 @@ class Seen(NamedTuple):
     def factor(self) -> float | None:
         """The one number that makes theirs of ours, if there is one."""
         square = float((self.ours**2).sum())
-        if square == 0:
+        if square == 0 or not np.isfinite([self.ours, self.theirs]).all():
             return None
         factor = float((self.ours * self.theirs).sum()) / square
         return factor if close(self.theirs, factor * self.ours) else None
+
+    @property
+    def part(self) -> float | None:
+        """Of one inertia: the factor of one of the parts that are rigid with each other, if that makes all of it.
+
+        Theirs is ours and (f − 1) / f of what they have for the part, so that the difference is a multiple of it.
+        """
+        if len(self.where) > 1:
+            return None
+        more = self.theirs[0] - self.ours[0]
+        for owner, inertia in zip(self.them.parts.owner, self.them.parts.inertias, strict=True):
+            size = float((inertia**2).sum())
+            share = float((more * inertia).sum()) / size if owner == self.where[0] and size else 1.0
+            if share < 1 and np.abs(more - share * inertia).max() <= SAME * np.abs(self.ours).max():
+                return 1 / (1 - share)
+        return None
 
 
 Shape = Callable[[Seen], bool]
@@ -76,6 +92,41 @@ def proportional(seen: Seen) -> bool:
     return seen.factor is not None and seen.ours.size > 1
 
 
+def part_times(seen: Seen) -> bool:
+    """One part of a body by one factor."""
+    return seen.part is not None
+
+
+def lever_times(factor: float) -> Shape:
+    """Centres so many times as far from the joint's point."""
+
+    def shape(seen: Seen) -> bool:
+        origins = seen.them.points[seen.where]
+        return _each_close(seen.theirs - origins, factor * (seen.ours - origins))
+
+    return shape
+
+
+def products_negated(seen: Seen) -> bool:
+    """The moments are right and the products have the opposite sign, in the axes of theirs, of ours, or of frame 0."""
+    k = seen.where
+    for R in (seen.them.frames[k], seen.us.frames[k], np.eye(3)[None]):
+        I = R.mT @ seen.ours @ R
+        if _each_close(R.mT @ seen.theirs @ R, 2 * I * np.eye(3) - I):
+            return True
+    return False
+
+
+def one_sided(seen: Seen) -> bool:
+    """Limits that let a torque pass in one direction only, where both are asked for."""
+    return bool(((seen.theirs[:, 0] >= 0) | (seen.theirs[:, 1] <= 0)).all() and seen.ours.all())
+
+
+def narrower(seen: Seen) -> bool:
+    """Limits within ours."""
+    return bool(((seen.theirs[:, 0] >= seen.ours[:, 0]) & (seen.theirs[:, 1] <= seen.ours[:, 1])).all())
+
+
 def moved(seen: Seen) -> bool:
     """The right numbers at the wrong places."""
     if np.ndim(seen.ours[0]) or len(seen.where) < 2:
@@ -90,6 +141,8 @@ def larger(seen: Seen) -> bool:
 
 def fewer_digits(seen: Seen) -> bool:
     """Single numbers are ours with fewer digits, significant ones or decimals; what frames turn is nearly right."""
+    if not np.isfinite([seen.ours, seen.theirs]).all():
+        return False
     if np.ndim(seen.ours[0]):
         return bool(np.abs(seen.theirs - seen.ours).max() <= FEW * np.abs(seen.ours).max())
     pairs = list(zip(seen.ours.tolist(), seen.theirs.tolist(), strict=True))

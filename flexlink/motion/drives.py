@@ -56,7 +56,7 @@ def held(chain: Chain, times: Array, torques: Array, effort: Array | None = None
 def effort_of(scene: Scene, chain: Chain) -> Array:
     """Largest torque of every driven joint [N m], shape (d,); inf where none is said."""
     effort = scene.drive.effort
-    return np.full(len(chain.active), np.inf) if effort is None else _of_joints(chain, effort)
+    return np.full(len(chain.active), np.inf) if effort is None else of_joints(chain, effort)
 
 
 def same_law(a: Drive, b: Drive) -> bool:
@@ -108,7 +108,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
 def _table(scene: Scene, chain: Chain) -> TableLaw:
     drive, joints = scene.drive, chain.active.copy()
     times = np.array(drive.times or (0.0,))
-    torques = np.array([_of_joints(chain, row) for row in drive.torques or (drive.torque,)])
+    torques = np.array([of_joints(chain, row) for row in drive.torques or (drive.torque,)])
     if drive.hold:
         return held(chain, times, torques, effort_of(scene, chain))
     coefficients = pieces_of("drive.torques", times, torques, smooth=drive.smooth)
@@ -155,7 +155,7 @@ def _sampled(scene: Scene, law: Law) -> SampledLaw:
 
 def _gains(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     drive = scene.drive
-    return _of_joints(chain, drive.kp), _of_joints(chain, drive.kd)
+    return of_joints(chain, drive.kp), of_joints(chain, drive.kd)
 
 
 def _model(scene: Scene) -> RigidModel:
@@ -181,7 +181,7 @@ GRAVITY = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravi
 """Feed-forward of a reference that does not move, by the drive's `gravity`."""
 
 
-def _of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:
+def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:
     """Of numbers per link those of the driven joints, shape (d,)."""
     numbers = per_link or (0.0,) * len(chain.link_names)
     return np.array([numbers[chain.coordinates[k].link - 1] for k in chain.active], dtype=np.float64)

@@ -1,0 +1,110 @@
+"""What actuators of a compiled MuJoCo model do to its joints, apart from their commands.
+
+An actuator with gear r on a joint, gain g and bias b₀ + b₁ l + b₂ l̇ of the length l = r q, gives
+
+    T = r (g u + b₀) + r² b₁ q + r² b₂ q̇        within r · forcerange, at a joint within its actuatorfrcrange
+
+A motor has no bias: u is a torque, if r g = 1. A servo's u is an angle (or a rate), if r g = −r² b₁ (or −r² b₂).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from flexlink.engines.read_back import ACTUATORS, Array, unlimited
+
+BEYOND_GROUPS = 31  # groups with a higher number cannot be disabled
+AT_JOINTS = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
+
+
+def at_joints(model: Any) -> dict[str, Any]:
+    """Fields `ACTUATORS` of a record: of all actuators that are motors or servos at a joint, summed joint by joint."""
+    fields: dict[str, Array] = {name: np.zeros(model.njnt) for name in ACTUATORS if name != "effort"}
+    fields["effort"] = unlimited(model.njnt)
+    limits = [list[Array]() for _ in range(model.njnt)]
+    servos = np.ones(model.njnt)
+    for number in _acting(model):
+        if _kind(model, number):
+            continue
+        k, r = int(model.actuator_trnid[number, 0]), float(model.actuator_gear[number, 0])
+        gain, (push, b1, b2) = r * float(model.actuator_gainprm[number, 0]), _bias(model, number)
+        fields["push"][k] += r * push
+        fields["servo_stiffness"][k] -= r**2 * b1
+        fields["servo_damping"][k] -= r**2 * b2
+        if b1 or b2:
+            servos[k] *= gain / (-(r**2) * (b1 or b2))
+        else:
+            fields["control"][k] += gain
+        limits[k].append(_limit(model, number, r, None if b1 or b2 else gain))
+    for k, some in enumerate(limits):
+        if some:
+            fields["control"][k] = (fields["control"][k] or 1.0) * servos[k]
+            fields["effort"][k] = np.sum(some, axis=0)
+        if model.jnt_actfrclimited[k]:
+            fields["effort"][k] = _both(fields["effort"][k], model.jnt_actfrcrange[k])
+    return fields
+
+
+def added(model: Any, name: str) -> Array:
+    """Armature or damping that actuators add to their joints, r² times their own; none before MuJoCo 3.5."""
+    total, own = np.zeros(model.nv), getattr(model, f"actuator_{name}", ())
+    for number in range(len(own)):
+        if mujoco.mjtTrn(model.actuator_trntype[number]) in AT_JOINTS:
+            joint = model.actuator_trnid[number, 0]
+            total[model.jnt_dofadr[joint]] += model.actuator_gear[number, 0] ** 2 * np.ravel(own[number])[0]
+    return total
+
+
+def others(model: Any) -> Iterator[str]:
+    """The actuators that are no motors and servos at a joint, in words."""
+    for number in _acting(model):
+        if kind := _kind(model, number):
+            name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
+            yield f"{name!r} ({kind})"
+
+
+def _acting(model: Any) -> Iterator[int]:
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
+        return
+    for number, group in enumerate(model.actuator_group):
+        if not (0 <= group < BEYOND_GROUPS and model.opt.disableactuator >> int(group) & 1):
+            yield number
+
+
+def _kind(model: Any, number: int) -> str:
+    """What is not compared of an actuator; nothing of a motor or servo at a joint."""
+    named = (
+        ("trntype", mujoco.mjtTrn, AT_JOINTS), ("dyntype", mujoco.mjtDyn, {mujoco.mjtDyn.mjDYN_NONE}),
+        ("gaintype", mujoco.mjtGain, {mujoco.mjtGain.mjGAIN_FIXED}),
+        ("biastype", mujoco.mjtBias, {mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE}),
+    )  # fmt: skip
+    for field, kinds, plain in named:
+        value = kinds(getattr(model, f"actuator_{field}")[number])
+        if value not in plain:
+            return f"{field} {value.name.rpartition('_')[2].lower()}"
+    return ""
+
+
+def _bias(model: Any, number: int) -> tuple[float, float, float]:
+    affine = model.actuator_biastype[number] == mujoco.mjtBias.mjBIAS_AFFINE
+    b0, b1, b2 = model.actuator_biasprm[number, :3].tolist() if affine else (0.0, 0.0, 0.0)
+    return b0, b1, b2
+
+
+def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
+    """Least and largest torque of one actuator; a motor's follow from the range of its control, too."""
+    limit: Array = unlimited(1)[0]
+    if model.actuator_forcelimited[number]:
+        limit = _both(limit, np.sort(r * model.actuator_forcerange[number]))
+    if gain is not None and model.actuator_ctrllimited[number]:
+        limit = _both(limit, np.sort(gain * model.actuator_ctrlrange[number]))
+    return limit
+
+
+def _both(one: Array, other: Array) -> Array:
+    """The narrower limits; what is no number stays none."""
+    return np.array([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])
