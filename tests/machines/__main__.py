@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from tests.machines.run import FILE, missing, select, tested
+from tests.machines.run import FILE, missing, select, run_as
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 print(f"{machine.name:<14}skipped: {why}", flush=True)
                 continue
             files = choice.files or machine.files or (FILE.cpu if choice.quick else ())
-            outcome = tested(machine, files, options)
+            outcome = run_as(machine, files, options)
             good = good and outcome.code == 0
             verdict = "ok" if outcome.code == 0 else "FAILED"
             print(f"{machine.name:<14}{verdict:<8}{outcome.seconds:>6.0f} s  {outcome.counts}", flush=True)

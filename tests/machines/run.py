@@ -106,7 +106,7 @@ def python_of(machine: Machine) -> Iterator[str]:
         yield python
 
 
-def tested(machine: Machine, files: Sequence[str], options: Sequence[str]) -> Outcome:
+def run_as(machine: Machine, files: Sequence[str], options: Sequence[str]) -> Outcome:
     """Run tests as a machine."""
 
     def fewer_cores() -> None:
