@@ -6,7 +6,7 @@ import numba
 import pytest
 from conftest import ROOT
 from machines.__main__ import main
-from machines.run import FILE, Machine, missing, select, run_as
+from machines.run import FILE, Machine, missing, run_as, select
 from numba.core.registry import cpu_target
 
 from flexlink.kernels.machine_code import DiskCache

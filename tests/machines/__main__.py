@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from tests.machines.run import FILE, missing, select, run_as
+from tests.machines.run import FILE, missing, run_as, select
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
