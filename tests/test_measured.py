@@ -88,6 +88,13 @@ class TestFitting:
     def test_without_any_difference_nothing_is_fitted(self, scene: fl.Scene) -> None:
         assert Comparison(scene, fl.simulate(scene), measured_of(scene, noise=0.0)).fits == ()
 
+    def test_what_rounding_explains_is_not_fitted(self, scene: fl.Scene) -> None:
+        same = measured_of(scene, noise=0.0)
+        eps = np.finfo(float).eps
+        for part, differs in ((4 * eps, False), (1e4 * eps, True)):
+            near = Measured(same.t, {name: column * (1 + part) for name, column in same.columns.items()})
+            assert Comparison(scene, fl.simulate(scene), near).differs == differs
+
 
 def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
     for number in numbers_of(scene):

@@ -13,6 +13,7 @@ The path F = 0 is followed by its arc length in (s, q) (Riks 1979; Crisfield 198
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -23,6 +24,7 @@ from flexlink.analysis.tangent import load_torque, stiffness_matrix, tangent, un
 from flexlink.chain.arguments import Joints, flag, given, positive, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ConvergenceError
+from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import elastic_torque
 
 Array = NDArray[np.float64]
@@ -149,14 +151,13 @@ def solve_static(
             q=whole(lost.q),
             load=lost.part,
         ) from None
-    end = path[-1]
-    posture = whole(end[1:])
+    posture = _as_known(chain, whole(path[-1][1:]), free, rates, wrench)
     holding = load_torque(chain, posture, rates, wrench, follower) + elastic_torque(chain, posture)
     holding[free] = drive[free]
     return Equilibrium(
         posture,
         holding,
-        float(np.abs(equations.value(end)).max()),
+        float(np.abs(equations.value(np.array([1.0, *posture[free]]))).max()),
         not tangent(chain, posture, rates, wrench, free, follower).falls,
         np.array([[point[0], *whole(point[1:])] for point in path]),
     )
@@ -207,6 +208,20 @@ def buckling_loads(
     softening = inverse.real > rounding
     real = np.abs(inverse.imag) <= np.sqrt(np.finfo(float).eps) * np.abs(inverse)  # of a double eigenvalue, too
     return np.asarray(np.sort(1 / inverse.real[softening & real]))
+
+
+def _as_known(chain: Chain, q: Array, free: NDArray[np.intp], qd: Array, wrench: Array) -> Array:
+    """q with the deflection of every spring to the decimals that its load is known to, that is to ΔL / k.
+
+    No torque changes by more than rounding has left open, and what the solver's own roundings have put into digits
+    that mean nothing, other ones on other CPUs, goes: an angle that is 0 by symmetry is 0.
+    """
+    q = q.copy()
+    open_ = rounding.of_loads(chain, qd, wrench)
+    for i in free[(chain.stiffness[free] > 0) & (open_[free] > 0)]:
+        decimals = math.ceil(math.log10(chain.stiffness[i] / open_[i]))
+        q[i] = chain.rest[i] + round(float(q[i] - chain.rest[i]), decimals)
+    return q
 
 
 class _LostError(Exception):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.errors import SingularMassError
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import inverse_dynamics
 
@@ -59,7 +60,10 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
 
 
 def fastest_frequency(chain: Chain, q: Array) -> float:
-    """Highest angular frequency of the springs [rad/s], as an estimate from below; 0 if there is none: K φ = ω² M φ."""
+    """Highest angular frequency of the springs [rad/s], as an estimate from below: K φ = ω² M φ.
+
+    0 if there is none; inf where rounding leaves a joint nothing of its inertia.
+    """
     return float(np.sqrt(_largest_eigenvalue(chain, q, chain.stiffness)))
 
 
@@ -76,7 +80,10 @@ def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
     bare, zero = inertia_alone(chain), np.zeros(chain.n)
     φ, last = np.where(np.arange(chain.n) % 2, 1.0, -1.0), 0.0
     for _ in range(PASSES):
-        φ = forward_dynamics(bare, q, zero, weights * φ)
+        try:
+            φ = forward_dynamics(bare, q, zero, weights * φ)
+        except SingularMassError:
+            return np.inf
         size = float(np.abs(φ).max())
         φ /= size
         if abs(size - last) <= CLOSE * size:

@@ -48,7 +48,7 @@ class LinearModel:
     states, inputs, outputs
         Their names with units: "q upper [rad]", "tau upper [N m]", "tip x [m]".
     eigenvalues
-        Of A [1/s], shape (2n,), slowest first, the slow ones, too, to 1e-10 of themselves.
+        Of A [1/s], shape (2n,), slowest first; the slowest as accurate as the slowest joint's row, not the stiffest's.
     """
 
     A: Array
@@ -69,23 +69,27 @@ class LinearModel:
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
-        """λ of A [1/s], shape (2n,), slowest first.
-
-        Stiff arms have λ from 1/100 to 1e5 1/s. An eigenvalue solver moves each by eps ‖A‖, of the slowest by 1e-9
-        and more; where rows shrink downwards, each by its own row. Angles are counted in units of 1/ω, so that
-        A = | 0 ω | −ω 0 |, and joints stand in the order of their ω² = |∂q̈_k/∂q_k|, each angle beside its rate.
-        """
-        n = len(self.A) // 2
-        ω = np.sqrt(np.abs(np.diag(self.A[n:, :n])))
-        ω[ω == 0] = ω[ω > 0].min(initial=1.0)
-        scale, fast = np.concatenate([ω, np.ones(n)]), np.argsort(-ω, kind="stable")
-        order = np.column_stack([fast, n + fast]).ravel()
-        graded = (self.A * scale[:, None] / scale)[np.ix_(order, order)]
-        λ = np.diag(linalg.schur(graded, output="complex")[0])
+        """λ of A [1/s], shape (2n,), slowest first, of A `graded`."""
+        λ = np.diag(linalg.schur(graded(self.A), output="complex")[0])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])
 
     def __repr__(self) -> str:
         return f"<LinearModel: {len(self.x)} states, {len(self.u)} inputs, {len(self.y)} outputs>"
+
+
+def graded(A: Array) -> Array:
+    """A similar matrix whose rows shrink downwards: a solver moves the slowest λ by 2n eps of the last ones.
+
+    Stiff arms have λ from 1/100 to 1e5 1/s, which a solver may all move by 2n eps ‖A‖. Angles are counted in units
+    of 1/ω, so that A = | 0 ω | −ω 0 |, and joints stand in the order of their ω² = |∂q̈_k/∂q_k|, each angle beside its
+    rate.
+    """
+    n = len(A) // 2
+    ω = np.sqrt(np.abs(np.diag(A[n:, :n])))
+    ω[ω == 0] = ω[ω > 0].min(initial=1.0)
+    scale, fast = np.concatenate([ω, np.ones(n)]), np.argsort(-ω, kind="stable")
+    order = np.column_stack([fast, n + fast]).ravel()
+    return np.asarray((A * scale[:, None] / scale)[np.ix_(order, order)])
 
 
 def linearize(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import BODY, Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
+from flexlink.common.products import product
 from flexlink.describe.rigid_body import Payload
 
 Array = NDArray[np.float64]
@@ -76,7 +77,7 @@ class Builder:
         if self.running is HERE:  # as at every segment of a straight beam: nothing to multiply
             self.running = Pose(R if rotation is None else rotation, translation)
         else:
-            self.running = Pose(R if rotation is None else R @ rotation, p + R @ translation)
+            self.running = Pose(R if rotation is None else product(R, rotation), p + product(R, translation))
 
     def advance(self, link: int, part: tuple[float, float], end: Array) -> None:
         """Go along a piece of a link, to its end."""
@@ -85,7 +86,7 @@ class Builder:
 
     def turn(self, rotation: Array) -> None:
         """Turn the running frame: v_before = rotation @ v."""
-        self.running = Pose(self.running.R @ rotation, self.running.p)
+        self.running = Pose(product(self.running.R, rotation), self.running.p)
 
     def start_body(self) -> None:
         """A new body begins in the running frame, with no hinges yet."""

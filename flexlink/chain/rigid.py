@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.products import dot, product
+
 Array = NDArray[np.float64]
 
 
@@ -23,12 +25,12 @@ class Pose(NamedTuple):
 
     def then(self, inner: Pose) -> Pose:
         """Of a frame placed by `inner` in this one."""
-        return Pose(self.R @ inner.R, self.p + self.R @ inner.p)
+        return Pose(product(self.R, inner.R), self.p + product(self.R, inner.p))
 
     @property
     def inverse(self) -> Pose:
         """Of the outer frame in the inner one."""
-        return Pose(self.R.T, -self.R.T @ self.p)
+        return Pose(self.R.T, product(-self.R.T, self.p))
 
 
 HERE = Pose(np.eye(3), np.zeros(3))
@@ -44,7 +46,7 @@ class RigidBody(NamedTuple):
     def moved(self, pose: Pose) -> RigidBody:
         """The same body in the frame in which its own is placed by `pose`."""
         R, p = pose
-        return RigidBody(self.mass, p + R @ self.center, R @ self.inertia @ R.T)
+        return RigidBody(self.mass, p + product(R, self.center), product(R, self.inertia, R.T))
 
     def plus(self, other: RigidBody) -> RigidBody:
         """Both as one, by parallel axes; two bodies far apart keep their digits, which second moments would lose."""
@@ -52,7 +54,7 @@ class RigidBody(NamedTuple):
         if mass == 0:
             return RigidBody(0.0, np.zeros(3), self.inertia + other.inertia)
         d = other.center - self.center
-        between = self.mass * other.mass / mass * (d @ d * np.eye(3) - np.outer(d, d))
+        between = self.mass * other.mass / mass * (dot(d, d) * np.eye(3) - np.outer(d, d))
         return RigidBody(mass, self.center + d * (other.mass / mass), self.inertia + between + other.inertia)
 
     @property

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.products import product
 from flexlink.describe.directions import unit
 
 Array = NDArray[np.float64]
@@ -27,8 +28,7 @@ def matrix_from_rpy(rpy: tuple[float, float, float]) -> Array:
 
 def _composed(*turns: tuple[float, float]) -> Array:
     Rx, Ry, Rz = (_about_axis(axis, *turn) for axis, turn in enumerate(turns))
-    R: Array = Rz @ Ry @ Rx
-    return R
+    return product(Rz, Ry, Rx)
 
 
 def about_axis_deg(axis: int, angle: float) -> Array:
@@ -54,7 +54,7 @@ def turn_to(towards: tuple[float, float, float]) -> tuple[int, Array]:
     axis = int(np.argmax(direction))
     c, v = direction[axis], np.cross(np.eye(3)[axis], direction)
     V = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-    return axis, read_only(np.eye(3) + V + V @ V / (1 + c))
+    return axis, read_only(np.eye(3) + V + product(V, V) / (1 + c))
 
 
 def read_only(array: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
+from flexlink.common.products import dot
 from flexlink.describe.spec import Vector3, short
 
 Array = NDArray[np.float64]
@@ -80,6 +81,6 @@ def _across(x: Array, direction: Array) -> Array | None:
     if math.hypot(*np.cross(x, direction)) < PARALLEL:
         return None
     for _ in range(2):
-        across = direction - (direction @ x) * x
+        across = direction - dot(direction, x) * x
         direction = across / math.hypot(*across)
     return direction

@@ -296,7 +296,8 @@ def _modes(method: Method) -> Modes:
         raise SceneError("A: no basis of eigenvectors (a diagonal that repeats has none); take another method")
     wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
     if wrong.size:
-        raise SceneError(f"A: eigenvalue {wrong[0]:.3g}: its real part must be positive, else some steps are singular")
+        first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
+        raise SceneError(f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular")
     Tinv = np.linalg.inv(T)
     real, pair = λ.imag == 0, λ.imag > 0
     columns = list(zip(*exact, strict=True))

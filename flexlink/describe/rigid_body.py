@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
+from flexlink.common.products import dot, product
 from flexlink.describe.spec import NonNegative, Spec, Vector3, short
 
 Array = NDArray[np.float64]
@@ -65,4 +66,4 @@ class Payload(Spec, frozen=True):
     def about(self, axis: Array) -> float:
         """Moment of inertia about an axis (a unit vector) through the origin of the body's frame [kg m²]."""
         arm = np.cross(axis, self.center)
-        return float(axis @ self.matrix @ axis + self.mass * (arm @ arm))
+        return dot(axis, product(self.matrix, axis)) + self.mass * dot(arm, arm)

@@ -187,11 +187,18 @@ def largest_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
     return np.repeat(np.maximum(load, 0.0), hinges)
 
 
+def of_loads(chain: Chain, qd: Array, wrench: Array) -> Array:
+    """Of T_GC,i, whatever the posture, shape (n,) [N m].
+
+    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of.
+    """
+    return 8 * len(chain.bodies) * EPS * largest_loads(chain, qd, wrench)
+
+
 def of_load_stiffness(chain: Chain) -> float:
     """Of ∂T_GC,i/∂q_j, as a part of `largest_loads` of i.
 
-    A torque of the loads passes one rotation and one sum in each of b bodies, 8 eps of what it is made of; the four
-    weights of Riesz's formula add up to 2: |δK_ij| ≤ 16 b eps · load_i.
+    The four weights of Riesz's formula add up to 2: twice `of_loads`, |δK_ij| ≤ 16 b eps · load_i.
     """
     return 16 * len(chain.bodies) * EPS
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.chain import Chain, unique
+from flexlink.common.products import dot, product
 from flexlink.formats.document import Array, decimals, valid
 
 LEAST = 1e-9
@@ -36,7 +37,7 @@ class Capsule(NamedTuple):
     @property
     def length(self) -> float:
         """Between the centres of its two ends [m]."""
-        return float(np.linalg.norm(self.end))
+        return math.sqrt(dot(self.end, self.end))
 
     @property
     def pose(self) -> tuple[float, ...]:
@@ -55,7 +56,7 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
         if length <= shortest:
             yield None
             continue
-        along = float(end @ body["inertia"] @ end) / length**2
+        along = dot(end, product(body["inertia"], end)) / length**2
         radius = math.sqrt(2 * along / body["mass"]) if body["mass"] > 0 else 0.0
         yield Capsule(end, min(max(radius, thinnest), thickest), of_link[chain.coordinates[body["first"]].link - 1])
 

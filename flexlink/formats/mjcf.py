@@ -26,6 +26,7 @@ from flexlink.chain.chain import HINGE, Chain, Coordinate
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
+from flexlink.common.products import product
 from flexlink.describe.rigid_body import ROUNDING
 from flexlink.formats.capsules import Capsule, capsules, colours
 from flexlink.formats.document import (
@@ -40,6 +41,7 @@ from flexlink.formats.document import (
     xml_joint_names,
     xml_link_names,
 )
+from flexlink.formats.principal import principal_axes
 
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
 MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
@@ -189,7 +191,7 @@ class _Hinge:
 
     def seen_from(self, frame: Pose) -> _Hinge:
         """The same hinge in the axes of the next body."""
-        return _Hinge(self.k, frame.R.T @ self.axis, frame.R.T @ (self.pos - frame.p))
+        return _Hinge(self.k, product(frame.R.T, self.axis), product(frame.R.T, self.pos - frame.p))
 
     def write(self, body: ET.Element, name: str, chain: Chain) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
@@ -210,8 +212,7 @@ def _principal(body: np.void) -> tuple[Array, Array]:
     I = body["inertia"]
     if np.array_equal(I, np.diag(np.diag(I))):
         return np.diag(I), np.eye(3)
-    moments, axes = np.linalg.eigh(I)
-    return moments, axes * np.sign(np.linalg.det(axes))  # right-handed
+    return principal_axes(I)
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:

@@ -1,0 +1,25 @@
+"""Products of small matrices and vectors that come out the same on every CPU, to the last bit.
+
+`@` hands them to a BLAS, whose kernels, one for each family of CPUs, add in orders of their own and round once or
+twice. What is kept of a chain, and what is written to files, is multiplied here.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def product(first: Array, *others: Array) -> Array:
+    """A B C … from left to right, the last one a matrix or a vector; sums in the order of their terms."""
+    for other in others:
+        columns = other.reshape(len(other), -1)
+        first = (first[:, :, None] * columns).sum(axis=1).reshape(len(first), *other.shape[1:])
+    return first
+
+
+def dot(a: Array, b: Array) -> float:
+    """a · b."""
+    return float((a * b).sum())

@@ -1,0 +1,59 @@
+"""python -m tests.machines [name ...] [--quick] [-- pytest's options]: run the tests as other computers.
+
+Exit code 0: they pass on every machine that this computer can be; 1: not so; 2: wrong call; 130: interrupted.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+import msgspec
+
+from tests.machines.run import FILE, missing, run_as, select
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    own, options = (given[: given.index("--")], given[given.index("--") + 1 :]) if "--" in given else (given, [])
+    parser = argparse.ArgumentParser(prog="python -m tests.machines", description=__doc__)
+    parser.add_argument("name", nargs="*", help="a machine (default: all)")
+    parser.add_argument("--list", action="store_true", help="only list them")
+    parser.add_argument("--quick", action="store_true", help="few machines, with the tests that the CPU can move")
+    parser.add_argument("--files", nargs="+", default=[], help="these tests instead of all")
+    parser.add_argument("--python", action="append", default=[], metavar="python3.13=PATH", help="where a Python is")
+    choice = parser.parse_args(own)
+    try:
+        machines = select(choice.name)
+    except LookupError as error:
+        print(error.args[0], file=sys.stderr)
+        return 2
+    if choice.quick and not choice.name:
+        machines = [machine for machine in machines if machine.quick]
+    if choice.list:
+        print(*(f"{machine.name:<14}{machine.reason}" for machine in machines), sep="\n")
+        return 0
+    places = dict(place.split("=", 1) for place in choice.python if "=" in place)
+    good = True
+    try:
+        for known in machines:
+            machine = msgspec.structs.replace(known, python=places.get(known.python, known.python))
+            if why := missing(machine):
+                print(f"{machine.name:<14}skipped: {why}", flush=True)
+                continue
+            files = choice.files or machine.files or (FILE.cpu if choice.quick else ())
+            outcome = run_as(machine, files, options)
+            good = good and outcome.code == 0
+            verdict = "ok" if outcome.code == 0 else "FAILED"
+            print(f"{machine.name:<14}{verdict:<8}{outcome.seconds:>6.0f} s  {outcome.counts}", flush=True)
+            print(*(f"    {line}" for line in outcome.failed), sep="\n", end="\n" if outcome.failed else "", flush=True)
+    except KeyboardInterrupt:
+        print("interrupted")
+        return 130
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

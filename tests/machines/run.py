@@ -1,0 +1,125 @@
+"""Machines as data, whether this computer can be one of them, and the tests as one of them."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+CPU_FLAGS = Path("/proc/cpuinfo")
+
+
+class Machine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A computer; `env` makes this one it."""
+
+    name: str
+    reason: str
+    env: dict[str, str] = {}
+    needs: frozenset[str] = frozenset()  # flags of this computer's CPU, which the chosen kernels use
+    python: str = ""  # command; "": the one that runs this
+    cores: int = 0  # 0: all
+    files: tuple[str, ...] = ()  # tests that run there; none: all
+    quick: bool = False
+
+
+class _File(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    cpu: tuple[str, ...]
+    machine: tuple[Machine, ...]
+
+
+class Outcome(NamedTuple):
+    """What became of the tests as one machine."""
+
+    code: int  # pytest's
+    counts: str  # "3 failed, 12 passed"
+    seconds: float
+    failed: tuple[str, ...]  # pytest's lines on failed tests
+
+
+FILE = msgspec.toml.decode((HERE / "machines.toml").read_bytes(), type=_File)
+
+
+def select(names: Sequence[str]) -> list[Machine]:
+    """The machines of these names, in the order of the file; all of them without names.
+
+    Raises
+    ------
+    LookupError
+        There is no machine of a name.
+    """
+    known = [machine.name for machine in FILE.machine]
+    for name in names:
+        if name not in known:
+            raise LookupError(f"{name!r}: no such machine; allowed are {', '.join(known)}")
+    return [machine for machine in FILE.machine if not names or machine.name in names]
+
+
+def missing(machine: Machine) -> str:
+    """Why this computer cannot be the machine; empty if it can."""
+    if machine.needs:
+        if not CPU_FLAGS.is_file():
+            return "needs Linux, to know what the CPU has"
+        flags = re.search(r"^flags\s*:(.*)$", CPU_FLAGS.read_text(encoding="utf-8"), re.MULTILINE)
+        if lacking := machine.needs - set(flags[1].split() if flags else ()):
+            return f"this CPU has no {', '.join(sorted(lacking))}, and OpenBLAS's kernels would crash"
+    if machine.cores and not hasattr(os, "sched_setaffinity"):
+        return "needs Linux, to leave cores away"
+    if machine.python and not works(machine.python):
+        return f"{machine.python} is not installed; --python names one"
+    return ""
+
+
+def works(python: str) -> bool:
+    """Whether a command is a Python: pyenv's are there for versions that are not."""
+    found = shutil.which(python)
+    return found is not None and subprocess.run([found, "-V"], capture_output=True, check=False).returncode == 0
+
+
+def environment(machine: Machine, own: Mapping[str, str] = os.environ) -> dict[str, str]:
+    """The environment variables of the machine."""
+    return {**own, **machine.env, "PYTHONPATH": str(ROOT)}
+
+
+@contextmanager
+def python_of(machine: Machine) -> Iterator[str]:
+    """The machine's Python with all that the tests need, in a virtual environment of its own if it is another one."""
+    if not machine.python:
+        yield sys.executable
+        return
+    with tempfile.TemporaryDirectory(prefix="flexlink-") as folder:
+        found = shutil.which(machine.python) or machine.python
+        subprocess.run([found, "-m", "venv", folder], check=True)
+        python = str(Path(folder) / ("Scripts" if os.name == "nt" else "bin") / "python")
+        subprocess.run([python, "-m", "pip", "install", "--quiet", "-e", f"{ROOT}[test]"], check=True)
+        yield python
+
+
+def run_as(machine: Machine, files: Sequence[str], options: Sequence[str]) -> Outcome:
+    """Run tests as a machine."""
+
+    def fewer_cores() -> None:
+        os.sched_setaffinity(0, sorted(os.sched_getaffinity(0))[: machine.cores])
+
+    began = time.perf_counter()
+    with python_of(machine) as python:
+        command = [python, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", *files, *options]
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment(machine), preexec_fn=fewer_cores if machine.cores else None,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, encoding="utf-8", errors="replace", check=False,
+        )  # fmt: skip
+    lines = done.stdout.splitlines() or [""]
+    failed = tuple(line for line in lines if line.startswith(("FAILED ", "ERROR ")))
+    counts = ", ".join(re.findall(r"\d+ (?:failed|passed|skipped|errors?)", lines[-1])) or lines[-1]
+    return Outcome(done.returncode, counts, time.perf_counter() - began, failed)

@@ -1,0 +1,89 @@
+"""What is written to files does not depend on the CPU: not on the kernels of the BLAS, nor on fused multiply-adds."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import MODELS, ROOT
+from machines.run import FILE, Machine, environment, missing
+from numpy.testing import assert_allclose, assert_array_equal
+
+import flexlink as fl
+from flexlink.common.products import dot, product
+from flexlink.dynamics import rounding
+from flexlink.formats.principal import principal_axes
+
+EPS = np.finfo(float).eps
+OTHERS = [machine for machine in FILE.machine if machine.env and not machine.python and machine.name != "no_home"]
+ROBOTS = sorted((ROOT / "models" / "robots").glob("*.toml"))
+
+EXPORT = """
+import sys
+from pathlib import Path
+import flexlink as fl
+for path in map(Path, sys.argv[2:]):
+    scene = fl.load_scene(path)
+    chain = fl.lump(scene)
+    texts = fl.to_urdf(chain), fl.to_sdf(chain), fl.to_mjcf(chain, initial=fl.initial_state(scene, chain))
+    (Path(sys.argv[1]) / path.stem).write_text("".join(texts), encoding="utf-8")
+"""
+
+
+def exported_as(machine: Machine | None, folder: Path) -> dict[str, str]:
+    folder.mkdir()
+    command = [sys.executable, "-c", EXPORT, str(folder), *map(str, [*MODELS, *ROBOTS])]
+    subprocess.run(command, env=environment(machine) if machine else None, cwd=ROOT, check=True)
+    return {path.name: path.read_text(encoding="utf-8") for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def here(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    return exported_as(None, tmp_path_factory.mktemp("exported") / "here")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", OTHERS, ids=lambda machine: machine.name)
+def test_exported_files_are_the_same_to_the_byte(machine: Machine, here: dict[str, str], tmp_path: Path) -> None:
+    if why := missing(machine):
+        pytest.skip(why)
+    other = exported_as(machine, tmp_path / machine.name)
+    assert other.keys() == here.keys()
+    assert [name for name, text in other.items() if text != here[name]] == []
+
+
+def test_products_are_products(rng: np.random.Generator) -> None:
+    A, B, v = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), rng.normal(size=3)
+    assert_allclose(product(A, B), A @ B, rtol=0, atol=20 * EPS)
+    assert_allclose(product(A, B.T, v), A @ B.T @ v, rtol=0, atol=50 * EPS)
+    assert dot(v, v) == pytest.approx(v @ v, rel=4 * EPS)
+
+
+@pytest.mark.parametrize("moments", [(1.0, 2.0, 2.5), (1.0, 1.0, 1.5), (0.0, 1.0, 1.0), (1e-12, 1.0, 1.0), (2, 2, 2)])
+def test_principal_axes_are_those_of_the_inertia(moments: tuple[float, ...], rng: np.random.Generator) -> None:
+    for _ in range(20):
+        R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        I = R @ np.diag(moments) @ R.T
+        I = (I + I.T) / 2
+        found, axes = principal_axes(I)
+        assert_allclose(axes @ np.diag(found) @ axes.T, I, rtol=0, atol=20 * EPS * max(moments))
+        assert_allclose(axes.T @ axes, np.eye(3), rtol=0, atol=20 * EPS)
+        assert np.linalg.det(axes) == pytest.approx(1.0, rel=20 * EPS)
+        assert_allclose(found, np.linalg.eigvalsh(I), rtol=0, atol=10 * EPS * max(moments))
+    assert_array_equal(principal_axes(np.diag([3.0, 1.0, 2.0]))[0], [1.0, 2.0, 3.0])
+
+
+def test_of_an_equilibrium_only_what_is_known_is_told() -> None:
+    """Angles that are 0 by symmetry are 0; no spring's torque moves by more than rounding leaves open."""
+    chain = fl.lump(fl.load_scene(next(path for path in MODELS if path.stem == "three_links")))
+    rest = fl.solve_static(chain, np.where(chain.stiffness > 0, 0.0, 0.5), locked=chain.active.tolist())
+    sideways = [k for k in range(chain.n) if chain.joint_name(k).endswith(".y")]
+    assert sideways
+    assert_array_equal(rest.q[sideways], 0.0)
+    known = rounding.of_loads(chain, np.zeros(chain.n), np.zeros(6))
+    bent = (chain.stiffness > 0) & (rest.q != 0)
+    assert (np.abs(chain.stiffness * rest.q)[bent] > known[bent] / 20).all()
+    assert rest.residual <= 2 * known.max()
