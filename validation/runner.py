@@ -21,7 +21,7 @@ from typing import Any
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
 from flexlink.describe.spec import decode
 from flexlink.reporting.machine import processor, system, versions
-from validation.case import ALL, Case, Measured, load_cases
+from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
@@ -224,9 +224,10 @@ def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
+    claim = {CLAIM: case.claim} if case.claim and measured.quantity == CLAIM else {}
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
-        varied=dict(measured.varied), quantity=measured.quantity, metric=quantity.metric,
+        varied={**claim, **measured.varied}, quantity=measured.quantity, metric=quantity.metric,
         value=value, unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
         note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
