@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -189,18 +189,19 @@ def _chapters(
                 section.id, section.title, section.short, section.text.strip(),
                 tuple(verdict.headlines(results, section.headline)), first, more, found,
                 tuple(sorted(blocks, key=lambda block: block.verdict.state != FAIL)),
-                _ran(section, [block.case for block in blocks], whole),
+                _ran(section, len(blocks), results, whole),
             )  # fmt: skip
         elif whole and whole.study.chapter(section.id).cases:
             yield _stored_chapter(section, whole, out)
 
 
-def _ran(section: Section, here: Sequence[str], whole: stored_full.Stored | None) -> str:
-    """Which of the chapter's cases the page stands on, and which only the full study has."""
-    ran = f"Ran for this page: {plural(len(here), 'case')}."
+def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
+    """How many of the chapter's cases the page stands on, and which only the full study has."""
+    ran = f"Ran for this page: {plural(here, 'case')}."
     if not (here and whole):
         return ran if here else ""
-    beyond = sorted({_family(one.case) for one in whole.study.chapter(section.id).cases if one.case not in here})
+    known = whole.study.chapter(section.id).cases
+    beyond = sorted({_family(one.case) for one in known if one.case not in results.plan})
     if not beyond:
         return f"{ran} The full study has no more here."
     return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
