@@ -191,7 +191,7 @@ def _chapters(
                 tuple(sorted(blocks, key=lambda block: block.verdict.state != FAIL)),
                 _ran(section, len(blocks), results, whole),
             )  # fmt: skip
-        elif whole and whole.study.chapter(section.id).cases:
+        elif whole and whole.study.chapter(section.id).says:
             yield _stored_chapter(section, whole, out)
 
 
@@ -224,7 +224,7 @@ def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> C
         write_text(out / f"{finding.name}.csv", table_csv(finding.heads, finding.lines))
     return Chapter(
         section.id, section.title, section.short, section.text.strip(), stored.headlines,
-        tuple(whole.figures(section, out)), (), found, (), ran,
+        (), tuple(whole.figures(section, out)), found, (), ran,
     )  # fmt: skip
 
 

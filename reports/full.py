@@ -119,18 +119,21 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
 
 def _whole(study: Results, report: Report) -> FullStudy:
     """What the default report says and shows of it."""
-    correct = verdict.correct(study)
     chapters = (
         StoredChapter(
             chapter.id,
             chapter.headlines,
-            tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.findings),
+            tuple(
+                StoredFinding(one.name, one.title, one.sentences, one.opened, one.to_look_up)
+                for one in chapter.findings
+            ),
             tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
             tuple(StoredCase(one.case, one.title, one.verdict.state, one.verdict.text) for one in chapter.cases),
         )
         for chapter in report.chapters
     )
-    return FullStudy(verdict.measured(study), study.environment.commit, correct.state, correct.text, tuple(chapters))
+    state = verdict.correct(study).state
+    return FullStudy(verdict.measured(study), study.environment.commit, state, tuple(chapters))
 
 
 def _readme(study: Results, report: Report, folder: Path) -> str:

@@ -40,6 +40,8 @@ class StoredFinding(Spec, frozen=True):
     name: str
     title: str
     sentences: tuple[str, ...]
+    opened: bool = False
+    to_look_up: bool = False
 
 
 class StoredFigure(Spec, frozen=True):
@@ -68,6 +70,11 @@ class StoredChapter(Spec, frozen=True):
     figures: tuple[StoredFigure, ...] = ()
     cases: tuple[StoredCase, ...] = ()
 
+    @property
+    def says(self) -> bool:
+        """Whether there is more in it than cases."""
+        return bool(self.headlines or self.findings)
+
 
 class FullStudy(Spec, frozen=True):
     """The whole of it: when and on what it was measured, the verdict on correctness, chapters."""
@@ -75,7 +82,6 @@ class FullStudy(Spec, frozen=True):
     measured: str
     commit: str
     state: str
-    text: str
     chapters: tuple[StoredChapter, ...] = ()
 
     def chapter(self, name: str) -> StoredChapter:
@@ -101,7 +107,8 @@ class Stored(NamedTuple):
         for finding in self.study.chapter(chapter).findings:
             heads, *lines = csv.reader(io.StringIO(self._data(finding.name).decode(), newline=""))
             table = tuple(tuple(_cell(text) for text in line) for line in lines)
-            yield Finding(finding.name, finding.title, finding.sentences, tuple(heads), table)
+            flags = finding.opened, finding.to_look_up
+            yield Finding(finding.name, finding.title, finding.sentences, tuple(heads), table, *flags)
 
     def figures(self, section: Section, out: Path) -> Iterator[Shown]:
         """Those of a chapter that stand unfolded, as part of the page; PNG and CSV are copied to `out`."""

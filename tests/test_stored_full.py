@@ -74,7 +74,7 @@ def test_a_figure_of_the_full_study_is_part_of_the_page_and_its_files_stand_besi
     figure = stored_full.StoredFigure("speed_trade-t3.x", "Work <and> errors", "A caption.")
     (folder / f"{figure.name}.png").write_bytes(b"picture")
     (folder / f"{figure.name}.csv").write_text("a\n1\n", encoding="utf-8")
-    study = stored_full.FullStudy("", "", "PASS", "", (stored_full.StoredChapter("trade", figures=(figure,)),))
+    study = stored_full.FullStudy("", "", "PASS", (stored_full.StoredChapter("trade", figures=(figure,)),))
     (section,) = (section for section in sections() if section.id == "trade")
     (shown,) = stored_full.Stored(folder, study).figures(section, tmp_path)
     assert 'src="data:image/png;base64,cGljdHVyZQ=="' in shown.svg
