@@ -123,10 +123,7 @@ def _whole(study: Results, report: Report) -> FullStudy:
         StoredChapter(
             chapter.id,
             chapter.headlines,
-            tuple(
-                StoredFinding(one.name, one.title, one.sentences, one.opened, one.to_look_up)
-                for one in chapter.findings
-            ),
+            tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.findings),
             tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
             tuple(StoredCase(one.case, one.title, one.verdict.state, one.verdict.text) for one in chapter.cases),
         )

@@ -40,8 +40,6 @@ class StoredFinding(Spec, frozen=True):
     name: str
     title: str
     sentences: tuple[str, ...]
-    opened: bool = False
-    to_look_up: bool = False
 
 
 class StoredFigure(Spec, frozen=True):
@@ -107,8 +105,7 @@ class Stored(NamedTuple):
         for finding in self.study.chapter(chapter).findings:
             heads, *lines = csv.reader(io.StringIO(self._data(finding.name).decode(), newline=""))
             table = tuple(tuple(_cell(text) for text in line) for line in lines)
-            flags = finding.opened, finding.to_look_up
-            yield Finding(finding.name, finding.title, finding.sentences, tuple(heads), table, *flags)
+            yield Finding(finding.name, finding.title, finding.sentences, tuple(heads), table, to_look_up=True)
 
     def figures(self, section: Section, out: Path) -> Iterator[Shown]:
         """Those of a chapter that stand unfolded, as part of the page; PNG and CSV are copied to `out`."""

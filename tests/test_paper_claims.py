@@ -112,7 +112,7 @@ def test_rk4_and_rk10_are_each_held_against_rk2():
     bare, damped = need(1e-2, RK2=3.0, RK4=2.0, RK10=4.0), need(1e-2, "damped", RK2=2.0, RK4=3.0, RK10=1.0)
     assert paper_methods._of_second([bare], "RK4") == "holds"
     assert paper_methods._of_second([bare, damped], "RK4") == (
-        "holds for arms: bare; not for all: damped (1 of 1 errors of an arm take more, up to 1.5 times)"
+        "holds for arms: bare; not for all: damped (in 1 of 1 pairs of arm and error it takes more, up to 1.5 times)"
     )
     assert paper_methods._of_second([damped], "RK4").startswith("does not hold: ")
     assert paper_methods._of_second([damped], "RK10") == "holds"

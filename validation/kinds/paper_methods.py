@@ -134,7 +134,9 @@ def _of_second(needs: Sequence[Need], method: str) -> str:
         lost = [gain for gain in gains if gain > 1.0]
         if lost:
             most = number(max(lost), 2)
-            said.append(f"{situation} ({len(lost)} of {len(gains)} errors of an arm take more, up to {most} times)")
+            said.append(
+                f"{situation} (in {len(lost)} of {len(gains)} pairs of arm and error it takes more, up to {most} times)"
+            )
         else:
             kept.append(situation)
     if not said:
