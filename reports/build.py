@@ -13,12 +13,13 @@ import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.reporting.numbers import plural
 from flexlink.reporting.page import make_folder, template
 from flexlink.reporting.picture import Shown
 from flexlink.reporting.style import RC
 from flexlink.reporting.tables import table_csv
-from reports import findings, reference, speed_limits, verdict
-from reports.chapters import chapter_of_kinds, contents, sections
+from reports import findings, reference, speed_limits, stored_full, verdict
+from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
 from reports.finding import Finding
 from reports.results import Results, used
@@ -26,6 +27,7 @@ from reports.tables import FAIL, Table, limit, rows_csv, table
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
+NO_TEXT = ("versions", "sources")  # of an environment: they have many values
 SUMMARY = "summary"  # where the one figure of the first screen belongs
 
 
@@ -35,13 +37,14 @@ class CaseBlock:
 
     case: str
     title: str
+    about: str
     verdict: verdict.CaseVerdict
     table: Table
 
 
 @dataclasses.dataclass(frozen=True)
 class Chapter:
-    """A chapter of the page; figures of `more` are folded."""
+    """A chapter of the page; figures of `more` are folded; `ran` says what ran, and what only the full study has."""
 
     id: str
     title: str
@@ -52,6 +55,7 @@ class Chapter:
     more: tuple[Shown, ...]
     findings: tuple[Finding, ...]
     cases: tuple[CaseBlock, ...]
+    ran: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +67,12 @@ class Report:
     chapters: tuple[Chapter, ...]
 
 
-def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> Path:
+def build(
+    results: Path,
+    out: Path,
+    reference_run: Path = reference.FOLDER,
+    beside_full: Path | None = stored_full.FOLDER,
+) -> Path:
     """Write the report of a study: one page that stands alone, a CSV a table, a PNG, SVG and CSV a figure.
 
     A pure function of what is stored: no engine is needed and nothing is simulated.
@@ -76,6 +85,8 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
         Folder for the report; made if missing.
     reference_run
         Folder of the reference run whose times stand beside.
+    beside_full
+        Folder of the full study that is checked in, which fills chapters of which nothing ran here; None for none.
 
     Returns
     -------
@@ -87,15 +98,20 @@ def build(results: Path, out: Path, reference_run: Path = reference.FOLDER) -> P
     FlexlinkError
         There are no readable results, or `out` cannot be written.
     """
-    return write(Results.read(results), out, reference_run).page
+    return write(Results.read(results), out, reference_run, beside_full).page
 
 
-def write(study: Results, out: Path, reference_run: Path = reference.FOLDER) -> Report:
+def write(
+    study: Results,
+    out: Path,
+    reference_run: Path = reference.FOLDER,
+    beside_full: Path | None = stored_full.FOLDER,
+) -> Report:
     """The same of results that are read, with what is on the page."""
-    beside = reference.read(reference_run)
+    beside, whole = reference.read(reference_run), stored_full.read(beside_full) if beside_full else None
     make_folder(out)
     shown, definitions = figures_of(study, out)
-    chapters = tuple(_chapters(study, out, shown))
+    chapters = tuple(_chapters(study, out, shown, whole))
     write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
@@ -116,7 +132,9 @@ def write(study: Results, out: Path, reference_run: Path = reference.FOLDER) -> 
         environment=environment_rows(study.environment),
         limitations=_limitations(),
         unobtained=[row for row in study.rows if row.value is None],
-        given_up={(row.case, row.quantity): row for row in study.rows if row.given_up}.values(),
+        given_up=given_up(study),
+        full=whole,
+        full_command=stored_full.COMMAND,
         definitions=definitions,
     )
     write_text(out / "index.html", page)
@@ -140,6 +158,11 @@ def readme_figure(results: Path, path: Path) -> Path:
     return path
 
 
+def given_up(results: Results) -> list[Row]:
+    """A row of every quantity whose limit was given up."""
+    return list({(row.case, row.quantity): row for row in results.rows if row.given_up}.values())
+
+
 def _findings(results: Results, out: Path) -> Iterator[tuple[str, Finding]]:
     for finder in modules(findings):
         for finding in finder.find(results):
@@ -147,7 +170,9 @@ def _findings(results: Results, out: Path) -> Iterator[tuple[str, Finding]]:
             yield finder.SECTION, finding
 
 
-def _chapters(results: Results, out: Path, shown: Mapping[str, list[Shown]]) -> Iterator[Chapter]:
+def _chapters(
+    results: Results, out: Path, shown: Mapping[str, list[Shown]], whole: stored_full.Stored | None
+) -> Iterator[Chapter]:
     chapter_of, inferred = chapter_of_kinds(), list(_findings(results, out))
     for section in sections():
         blocks = tuple(
@@ -164,12 +189,54 @@ def _chapters(results: Results, out: Path, shown: Mapping[str, list[Shown]]) -> 
                 section.id, section.title, section.short, section.text.strip(),
                 tuple(verdict.headlines(results, section.headline)), first, more, found,
                 tuple(sorted(blocks, key=lambda block: block.verdict.state != FAIL)),
+                _ran(section, len(blocks), results, whole),
             )  # fmt: skip
+        elif whole and whole.study.chapter(section.id).says:
+            yield _stored_chapter(section, whole, out)
+
+
+def _ran(section: Section, here: int, results: Results, whole: stored_full.Stored | None) -> str:
+    """How many of the chapter's cases the page stands on, and which only the full study has."""
+    ran = f"Ran for this page: {plural(here, 'case')}."
+    if not (here and whole):
+        return ran if here else ""
+    known = whole.study.chapter(section.id).cases
+    beyond = sorted({_family(one.case) for one in known if one.case not in results.plan})
+    if not beyond:
+        return f"{ran} The full study has no more here."
+    return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
+
+
+def _family(case: str) -> str:
+    """The case's file: the parts of one are many."""
+    return case.partition("-")[0]
+
+
+def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> Chapter:
+    """A chapter of which nothing ran here, from the full study."""
+    stored = whole.study.chapter(section.id)
+    ran = (
+        "Nothing of this chapter ran for this page. What follows is the full study’s, "
+        f"{plural(len(stored.cases), 'case')}, measured {whole.study.measured}; more figures are under reports/full."
+    )
+    found = tuple(whole.findings(section.id))
+    for finding in found:
+        write_text(out / f"{finding.name}.csv", table_csv(finding.heads, finding.lines))
+    return Chapter(
+        section.id, section.title, section.short, section.text.strip(), stored.headlines,
+        (), tuple(whole.figures(section, out)), found, (), ran,
+    )  # fmt: skip
 
 
 def _case_block(case: str, rows: tuple[Row, ...], results: Results, out: Path) -> CaseBlock:
     write_text(out / f"{case}.csv", rows_csv(rows, results.finished))
-    return CaseBlock(case, rows[0].title, verdict.case_verdict(rows, results), table(rows, results.finished))
+    return CaseBlock(
+        case,
+        rows[0].title,
+        results.plan[case].about.strip(),
+        verdict.case_verdict(rows, results),
+        table(rows, results.finished),
+    )
 
 
 def _verdict_csv(results: Results) -> str:
@@ -186,7 +253,7 @@ def _verdict_csv(results: Results) -> str:
 def environment_rows(environment: Environment) -> list[tuple[str, str]]:
     """(name, text) of everything that is known."""
     versions = environment.versions.items()
-    own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name != "versions")
+    own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name not in NO_TEXT)
     return [(name, str(value) or "–") for name, value in (*own, *versions)]
 
 

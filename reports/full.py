@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import jinja2
+import msgspec
 from PIL import Image
 
 from flexlink.common.errors import FlexlinkError
@@ -18,18 +19,28 @@ from flexlink.common.output import write_text
 from flexlink.reporting.page import make_folder
 from flexlink.reporting.tables import table_csv
 from reports import verdict
-from reports.build import Report, environment_rows, write
+from reports.build import Report, environment_rows, given_up, write
 from reports.results import Results
+from reports.stored_full import (
+    CHAPTERS,
+    COMMAND,
+    FOLDER,
+    SOURCES,
+    FullStudy,
+    StoredCase,
+    StoredChapter,
+    StoredFigure,
+    StoredFinding,
+    since,
+)
 from reports.tables import meanings, rows_csv
 from validation.judgement import crowd
 
 HERE = Path(__file__).parent
-FOLDER = HERE / "full"
-COMMAND = "python -m validation --full"
 MOST = 10_000_000  # bytes: what a repository may hold of generated files
 LARGE = 100_000  # bytes, of a table that is compressed: people look at small ones, programs at large ones
 COLOURS = 64  # of a picture: lines on a ground, and what softens their edges; a third of the bytes
-WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.png")
+WRITTEN = ("README.md", "*.csv", "*.csv.gz", "*.json", "*.png")
 WORDS = ("kind", "title", "metric", "reason", "given_up")  # the same in many rows: they have a table of their own
 
 
@@ -47,7 +58,7 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
         There are no readable results, a folder cannot be written, or the second one holds more than `MOST` bytes.
     """
     study = Results.read(results)
-    report = write(study, out)
+    report = write(study, out, beside_full=None)
     make_folder(folder)
     for pattern in WRITTEN:  # figures of cases that are no more
         for file in folder.glob(pattern):
@@ -59,6 +70,10 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     write_text(folder / "machine.csv", table_csv(("what", "value"), _machine(study)))
     for file in list(folder.iterdir()):
         _shrink(file)
+    write_text(folder / SOURCES, table_csv(("file", "digest"), study.environment.sources.items()))
+    write_text(
+        folder / CHAPTERS, msgspec.json.format(msgspec.json.encode(_whole(study, report)), indent=1).decode() + "\n"
+    )
     write_text(folder / "README.md", _readme(study, report, folder))
     _demand_small(folder)
     return folder / "README.md"
@@ -102,6 +117,22 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
         yield missing.case, missing.why
 
 
+def _whole(study: Results, report: Report) -> FullStudy:
+    """What the default report says and shows of it."""
+    chapters = (
+        StoredChapter(
+            chapter.id,
+            chapter.headlines,
+            tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.findings),
+            tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
+            tuple(StoredCase(one.case, one.title, one.verdict.state, one.verdict.text) for one in chapter.cases),
+        )
+        for chapter in report.chapters
+    )
+    state = verdict.correct(study).state
+    return FullStudy(verdict.measured(study), study.environment.commit, state, tuple(chapters))
+
+
 def _readme(study: Results, report: Report, folder: Path) -> str:
     def csv(name: str) -> str:
         whole = f"{name}.csv"
@@ -119,6 +150,8 @@ def _readme(study: Results, report: Report, folder: Path) -> str:
         command=COMMAND,
         csv=csv,
         measured=verdict.measured(study),
+        since=since(study.environment.commit, study.environment.sources),
+        given_up=given_up(study),
         correct=verdict.correct(study),
         fast=verdict.fast(study),
         failed=[row for row in study.rows if row.passed is False and not row.timed],

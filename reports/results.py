@@ -12,6 +12,7 @@ from validation.store import Environment, Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"
 NEVER, STOPPED, OLDER = "not measured", "stopped in the middle", "measured with other sources or versions"
+ERROR = "could not be run"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,8 +62,13 @@ class Results:
         whole = {case: done for case, done in finished.items() if case in plan and done.key == plan[case].key}
         begun = {row.case for row in stored if row.case in plan and row.key == plan[row.case].key}
         older = {row.case for row in stored} - begun
+        errors = {case: f"{ERROR}: {why}" for case, why in store.failed().items()}
         missing = [
-            Missing(case, planned.title, STOPPED if case in begun else OLDER if case in older else NEVER)
+            Missing(
+                case,
+                planned.title,
+                errors.get(case) or (STOPPED if case in begun else OLDER if case in older else NEVER),
+            )
             for case, planned in plan.items()
             if case not in whole
         ]

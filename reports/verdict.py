@@ -117,9 +117,9 @@ def correct(results: Results) -> Verdict:
         text = f"{judged} of {checks} pass ({plural(len(results.cases), 'case')})."
     if results.missing and (failed or not judged):
         text += f" Besides, {_missing(results)}."
-    given_up = dict.fromkeys(f"{row.case}, {row.quantity}" for row in results.rows if row.given_up)
+    given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}
     if given_up:
-        text += f" Not judged, though a limit was once set: {'; '.join(given_up)} (see known limitations)."
+        text += f" {plural(len(given_up), 'limit')} of earlier versions given up: see “Limits given up”, with reasons."
     return Verdict(FAIL if failed else INCOMPLETE if results.missing or not judged else PASS, text)
 
 

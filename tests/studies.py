@@ -58,7 +58,7 @@ def page_of(tmp_path: Path, *rows: Row) -> str:
 
 
 def page_from(results: Path, tmp_path: Path) -> str:
-    return build(results, tmp_path / "report", tmp_path / "no reference").read_text(encoding="utf-8")
+    return build(results, tmp_path / "report", tmp_path / "no reference", None).read_text(encoding="utf-8")
 
 
 def words_from(results: Path, tmp_path: Path) -> str:

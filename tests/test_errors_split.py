@@ -9,7 +9,7 @@ from reports.figures import errors_split as figure
 from reports.findings import errors_split as finding
 from reports.results import Results
 from validation.benchmarks.error_parts import Fine, Setup, Splitter, apart, rounding
-from validation.case import MODELS
+from validation.case import ALL, MODELS, load_cases
 from validation.store import Series, Store, table
 
 COARSE = {
@@ -79,6 +79,11 @@ def test_the_table_names_the_part_to_mend_and_leaves_nothing_for_what_is_nothing
     said = " ".join(found.sentences)
     assert "of 2 runs" in said
     assert "In 1 of them smaller steps gain less than 1 %" in said
+
+
+def test_files_of_finding_and_figure_are_their_own_and_no_cases(results):
+    names = [found.name for found in (*finding.find(results), *figure.draw(results))]
+    assert len({*names, *(case.name for case in load_cases(*ALL))}) == len(names) + len(load_cases(*ALL))
 
 
 def test_a_part_that_is_nothing_is_not_drawn(results):

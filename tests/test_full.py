@@ -52,8 +52,8 @@ def test_what_an_earlier_study_left_there_is_gone_and_what_people_wrote_is_not(t
     for name in ("gone.csv", "gone.png", "NOTES.md"):
         (tmp_path / "full" / name).write_text("", encoding="utf-8")
     folder = save(stored(tmp_path / "results", row()))
-    tables = {f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "machine")}
-    assert {file.name for file in folder.iterdir()} == {"NOTES.md", "README.md", *tables}
+    tables = {f"{name}.csv" for name in ("all_checks", "quantities", "verdict", "speed", "machine", "sources")}
+    assert {file.name for file in folder.iterdir()} == {"NOTES.md", "README.md", "chapters.json", *tables}
     assert (tmp_path / "latest" / "index.html").is_file()
 
 
@@ -127,7 +127,7 @@ def test_the_command_makes_it_from_stored_results(tmp_path: Path, monkeypatch, c
 def test_the_one_that_is_checked_in_is_small_and_says_how_it_was_made():
     files = list(full.FOLDER.iterdir())
     assert sum(file.stat().st_size for file in files) <= full.MOST
-    assert {file.suffix for file in files} <= {".csv", ".gz", ".png", ".md"}
+    assert {file.suffix for file in files} <= {".csv", ".gz", ".json", ".png", ".md"}
     said = machine(full.FOLDER)
     assert said["command"] == full.COMMAND
     assert said["processor"]

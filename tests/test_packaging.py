@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+import tomllib
 
 import pytest
 from conftest import ROOT
@@ -25,6 +26,12 @@ def test_a_lowest_version_is_the_one_that_is_named() -> None:
     for open_ended in ("numpy", "numpy<3", "numpy~=2.0", "numpy>2"):
         with pytest.raises(ValueError, match="no lowest version"):
             lowest(open_ended)
+
+
+def test_both_commands_of_the_readme_bring_the_robots_files() -> None:
+    extras = tomllib.loads(TEXT)["project"]["optional-dependencies"]
+    assert "robots" in extras["validation"][0]
+    assert "validation" in extras["test"][0]
 
 
 def test_extras_that_name_each_other_and_linters_are_no_requirements() -> None:

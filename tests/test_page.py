@@ -70,7 +70,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for part in ("one", "two"):
         series = Series("unheard", f"Curve {part}", columns, "t", "time [s]", "y [m]", part=part)
         Store(results).add_series("many", series)
-    return build(results, folder / "report", folder / "no reference")
+    return build(results, folder / "report", folder / "no reference", None)
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

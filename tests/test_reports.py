@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies import REASON, first_screen, page_from, page_of, row, stored, words_of
+from studies import REASON, first_screen, page_from, page_of, row, stored, words_from, words_of
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.reporting.numbers import JOIN, number
@@ -26,7 +26,7 @@ from reports.findings.paper_conclusion import evaluations
 from reports.panels import PANELS, draw_tall, motions
 from reports.results import Results, used
 from reports.tables import limit, table
-from validation.store import Series, Store
+from validation.store import Planned, Series, Store
 
 ROOT = Path(__file__).parent.parent
 
@@ -255,12 +255,21 @@ def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_pat
         ]
 
 
+def test_a_case_says_what_it_measures_in_its_own_words(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row())
+    plan = Store(results).plan()
+    about = Planned(plan["terms"].key, plan["terms"].kind, plan["terms"].title, "Runs of 0.05 s & more.")
+    Store(results).note_plan({"terms": about})
+    page = words_from(results, tmp_path)
+    assert "<p>Runs of 0.05 s &amp; more.</p>" in page[page.index('id="case-terms"') :]
+
+
 def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None:
     page = words_of(
         tmp_path, row(tolerance=None, given_up="A limit first set was 1e-8; it cannot be met."), row("fine")
     )
-    assert "it cannot be met" in page[page.index('id="limitations"') :]
-    assert "though a limit was once set: terms, M" in first_screen(page), "the verdict admits it"
+    assert "it cannot be met" in page[page.index('id="given-up"') :]
+    assert "1 limit of earlier versions given up" in first_screen(page), "the verdict admits it"
 
 
 def conclusion(rk4: float, rk10: float) -> Finding:

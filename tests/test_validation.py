@@ -14,8 +14,9 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError
 from flexlink.describe.spec import decode
+from reports.results import Results
 from validation import case as cases
-from validation import facts, runner
+from validation import facts, runner, sources
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
 from validation.facts import head, said
@@ -140,6 +141,8 @@ def test_a_limit_that_is_kept_gives_exit_code_0_and_a_finished_case(study):
     assert {case: done.key for case, done in store.finished().items()} == {"small": row.key}
     assert {case: planned.key for case, planned in store.plan().items()} == {"small": row.key}
     assert store.environment().versions["numpy"] == np.__version__
+    assert store.environment().sources == sources.digests()
+    assert store.plan()["small"].about == "a case for tests"
 
 
 def test_a_check_that_fails_gives_exit_code_1_and_is_named(study, capsys):
@@ -188,7 +191,7 @@ def test_an_edit_of_the_case_measures_it_again(study):
 
 
 def test_how_pages_look_is_no_reason_to_measure_again_and_all_that_the_study_imports_is() -> None:
-    counted = {path.relative_to(ROOT).as_posix() for path in runner.sources()}
+    counted = {path.relative_to(ROOT).as_posix() for path in sources.sources()}
     shown = {path for path in counted if path.startswith(("flexlink/pictures/", "flexlink/reporting/"))}
     imported = {
         module.replace(".", "/")
@@ -239,6 +242,17 @@ def test_bad_settings_are_one_line_and_exit_code_2(study, capsys, change, messag
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+def test_why_a_case_could_not_be_run_is_stored_until_it_is(study):
+    study.case_file.write_text(CASE.replace('["RK2"]', '["RK7"]'), encoding="utf-8")
+    store = study()[1]
+    (missing,) = Results.read(store.path).missing
+    assert missing.why.startswith("could not be run: ")
+    assert "method = 'RK7': unknown" in missing.why
+    study.case_file.write_text(CASE, encoding="utf-8")
+    assert study()[1].failed() == {}
+    assert Results.read(store.path).missing == ()
 
 
 def test_a_case_that_does_not_exist_is_named_with_those_that_do(study, capsys):

@@ -22,6 +22,8 @@ MODELS = HERE.parent / "models"
 BENCHMARKS = HERE / "scenes"
 
 
+CLAIM = "claim"  # the quantity that judges it, and the fact that its rows carry
+
 ALL = ("*",)
 """Pattern of all cases, those that run by their name only included."""
 
@@ -51,6 +53,9 @@ class Case(Spec, frozen=True):
 
     `parts` names a list of the settings: each of its values is then a case of its own, called NAME-VALUE, so that a
     long study is stored, and goes on after it was stopped, value by value. The name of the file means all of them.
+
+    The title says what is measured, never what comes out: a case passes when the numbers are as expected, also where
+    they refute somebody's `claim`, which its quantity of that name judges in words.
     """
 
     name: str
@@ -61,6 +66,7 @@ class Case(Spec, frozen=True):
     scenes: tuple[str, ...] = ()  # names of files in models/, also globs, or validation/scenes/
     settings: dict[str, Any] = msgspec.field(default_factory=dict)  # decoded by the kind
     by_name: bool = False  # runs only when it is asked for: it takes long
+    claim: str = ""
     parts: str = ""
     whole: str = ""  # of a part the name of its file
 

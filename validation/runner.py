@@ -14,19 +14,18 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from multiprocessing.connection import wait
-from pathlib import Path
 from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
 from flexlink.describe.spec import decode
 from flexlink.reporting.machine import processor, system, versions
-from validation.case import ALL, Case, Measured, load_cases
+from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
+from validation.sources import ROOT, digests, sources
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 from validation.timing.machine import Watch
 
-ROOT = Path(__file__).parent.parent
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = (
     "flexlink",
@@ -41,11 +40,6 @@ PACKAGES = (
     "drake",
     "exudyn",
 )
-SHOWING = {"pictures", "reporting"}
-"""Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
-command line is a reason: cases run it, and time it."""
-NOTED = {"machine.py", "numbers.py"}
-"""What the study takes of these rooms all the same, for its notes."""
 
 Report = Callable[[str, Row | None], None]
 """Called with the case's name, and each of its rows as it is stored (None when the case starts)."""
@@ -83,7 +77,7 @@ def run_cases(
     wanted = [case for case in cases if force or not _is_done(case, keys[case.name], store, again_if_busy)]
     named = {case.name for case in cases} | set(store.finished())
     planned = [case for case in known if not case.by_name or case.name in named]
-    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title) for case in planned})
+    store.note_plan({case.name: Planned(keys[case.name], case.kind, case.title, case.about) for case in planned})
     if wanted:
         store.note_environment(environment())
         store.reopen({case.name for case in wanted})
@@ -97,6 +91,7 @@ def run_cases(
             raise
         except FlexlinkError as error:
             failed[case.name] = error
+            store.fail(case.name, str(error).replace(f"{ROOT}/", ""))
             continue
         conditions = watch.conditions() if watch else None
         store.finish(case.name, Finished(keys[case.name], _date(), processor(), conditions))
@@ -224,9 +219,10 @@ def judged(case: Case, measured: Measured, seconds: float, key: str) -> Row:
     passed = None
     if tolerance is not None:
         passed = measured.value <= tolerance if quantity.bound == "at most" else measured.value >= tolerance
+    claim = {CLAIM: case.claim} if case.claim and measured.quantity == CLAIM else {}
     return Row(
         case=case.name, kind=case.kind, title=case.title, scene=measured.scene, engine=measured.engine,
-        varied=dict(measured.varied), quantity=measured.quantity, metric=quantity.metric,
+        varied={**claim, **measured.varied}, quantity=measured.quantity, metric=quantity.metric,
         value=value, unit=quantity.unit, tolerance=tolerance, bound=quantity.bound,
         passed=None if passed is None else bool(passed), timed=measured.timed, reason=quantity.reason,
         note=measured.note, given_up=quantity.given_up, seconds=round(seconds, 3), key=key,
@@ -248,20 +244,6 @@ def _hash_of_sources() -> bytes:
     return digest.digest()
 
 
-def sources() -> Iterator[Path]:
-    """Files of the library and of the study that a result may depend on."""
-    for folder in (ROOT / "flexlink", ROOT / "validation"):
-        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
-            if SHOWING.isdisjoint(path.relative_to(ROOT).parts) or path.name in NOTED:
-                yield path
-
-
-def _study_data(folder: Path) -> Iterator[Path]:
-    """References, and what tells scenes by what differs from others."""
-    yield from folder.glob("reference/**/*.json")
-    yield from folder.glob("scenes/*/*.toml")
-
-
 def environment() -> Environment:
     """What a reader needs to judge the numbers: versions, processor, system, commit, date."""
     return Environment(
@@ -272,6 +254,7 @@ def environment() -> Environment:
         processor=processor(),
         cores=os.cpu_count() or 0,
         system=system(),
+        sources=digests(),
     )
 
 

@@ -3,8 +3,9 @@
     plan.json               case → key that its results must have, title and kind: all cases of the study's last run
     rows.jsonl              one JSON object a line, with the fields of `Row`
     series/CASE.NAME.npz    arrays c0, c1, … (columns of equal length) and `meta`, a JSON string: the fields of `Series`
-    environment.json        versions, processor, commit, date
+    environment.json        versions, processor, commit, date, digests of the sources
     finished.json           case → `Finished`: key, date and machine of its last complete run
+    failed.json             case → why its last run came to no end
 
 A row is on disk as soon as it is measured; a case counts as done only when it is in `finished.json`, and its results
 belong to the study only if its key is the one in `plan.json`.
@@ -121,6 +122,9 @@ class Environment:
     processor: str = ""
     cores: int = 0
     system: str = ""
+    sources: Mapping[str, str] = dataclasses.field(
+        default_factory=dict
+    )  # path → digest, as `validation.sources` has them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,6 +149,7 @@ class Planned:
     key: str
     kind: str
     title: str
+    about: str = ""
 
 
 class Store:
@@ -196,6 +201,10 @@ class Store:
         """Case → its last complete run."""
         return self._decoded("finished.json", dict[str, Finished])
 
+    def failed(self) -> dict[str, str]:
+        """Case → the error that its last run ended in."""
+        return self._decoded("failed.json", dict[str, str])
+
     def _decoded(self, name: str, kind: type[T]) -> T:
         """A JSON file, an empty one without the file.
 
@@ -237,6 +246,7 @@ class Store:
     def forget(self, case: str) -> None:
         """Drop every trace of a case."""
         self.reopen({case})
+        self._write("failed.json", {name: why for name, why in self.failed().items() if name != case})
         kept = [row for row in self.rows() if row.case != case]
         write_text(self.path / "rows.jsonl", "".join(_line(row) for row in kept))
         for file in (self.path / "series").glob(f"{case}.*.npz"):
@@ -274,7 +284,11 @@ class Store:
         """Note that every row and series of `case` is stored."""
         self._write("finished.json", self.finished() | {case: finished})
 
-    def _write(self, name: str, value: Environment | Mapping[str, Planned | Finished]) -> None:
+    def fail(self, case: str, why: str) -> None:
+        """Note why `case` could not be run."""
+        self._write("failed.json", self.failed() | {case: why})
+
+    def _write(self, name: str, value: Environment | Mapping[str, Planned | Finished | str]) -> None:
         write_text(self.path / name, msgspec.json.format(msgspec.json.encode(value), indent=1).decode() + "\n")
 
 

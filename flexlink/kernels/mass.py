@@ -1,7 +1,7 @@
 """Mass matrix four ways: the three methods of Walker & Orin (1982) that the paper names, and composite bodies.
 
-columns     every column is a full inverse dynamics with one unit acceleration, no gravity, no rates
-lower       the same, but outward from the moving joint only: the part of the column on and below the diagonal
+columns     every column is an inverse dynamics with one unit acceleration and without all that is then zero
+lower       the same, inward to the moving joint only: the part of the column on and below the diagonal
 upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
 composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from flexlink.kernels.compiler import inlined, kernel, recursion
 from flexlink.kernels.kinematics import KinematicsWork, kinematics, kinematics_workspace
-from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.sym3 import (
     ZERO6,
     point_inertia,
@@ -28,7 +27,6 @@ from flexlink.kernels.sym3 import (
 from flexlink.kernels.vec3 import (
     ZERO,
     add,
-    add_along,
     apply,
     apply_transposed,
     cos_sin,
@@ -53,64 +51,80 @@ def trace(M):
 
 
 @kernel
+def turns_of(q):
+    """Cosine and sine of every hinge, (n, 2)."""
+    turns = np.empty((len(q), 2))
+    for k in range(len(q)):
+        turns[k, 0], turns[k, 1] = cos_sin(q[k])
+    return turns
+
+
+@recursion
+def column(chain, start, j, last, M, turns, loads):
+    """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1, hinge j on body `start`, and nothing else.
+
+    What is zero is not there: gravity, rates and with them gyroscopic terms, springs, the tip wrench, and whatever lies
+    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body.
+    """
+    bodies, hinges = chain.bodies, chain.hinges
+    α, a = unit(hinges[j].axis), ZERO
+    for i in range(start, len(bodies)):
+        b = bodies[i]
+        first = j + 1
+        if i > start:
+            first = b.first
+            a = add(a, cross(α, vector(b.translation)))
+            if b.turned:
+                α, a = apply_transposed(b.rotation, α), apply_transposed(b.rotation, a)
+        for k in range(first, b.stop):
+            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
+            α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
+        F = scale(b.mass, add(a, cross(α, vector(b.center))))
+        put(loads[i, 0], F)
+        put(loads[i, 1], add(apply(b.inertia, α), cross(vector(b.center), F)))
+    f, n = ZERO, ZERO
+    for i in range(len(bodies) - 1, -1, -1):
+        b = bodies[i]
+        if i >= start:
+            f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
+        for k in range(b.stop - 1, max(b.first, last) - 1, -1):
+            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
+            M[k, j] = n[axis]
+            f, n = turn(axis, c, s, f), turn(axis, c, s, n)
+        if b.first <= last:
+            break
+        if b.turned:
+            f, n = apply(b.rotation, f), apply(b.rotation, n)
+        n = add(n, cross(vector(b.translation), f))
+    M[j, j] += hinges[j].armature
+
+
+@kernel
 def mass_columns(chain, q, M):
-    """M by n inverse dynamics (Walker-Orin method 1)."""
-    n = len(chain.hinges)
-    work = rne_workspace(chain)
-    rest, unit_acceleration, wrench, column = np.zeros(n), np.zeros(n), np.zeros(6), np.empty(n)
-    for k in range(n):
-        unit_acceleration[k] = 1.0
-        rne(chain, ZERO, wrench, q, rest, unit_acceleration, column, work)
-        M[:, k] = column
-        unit_acceleration[k] = 0.0
+    """M by n columns (Walker-Orin method 1)."""
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    for start in range(len(chain.bodies)):
+        for j in range(chain.bodies[start].first, chain.bodies[start].stop):
+            column(chain, start, j, 0, M, turns, loads)
     return trace(M)
 
 
 @kernel
 def mass_lower(chain, q, M):
-    """M by restricted inverse dynamics (Walker-Orin method 2): joint j at rest inward of it, so only i ≥ j."""
-    bodies, hinges = chain.bodies, chain.hinges
-    forces, moments = np.empty((len(bodies), 3)), np.empty((len(bodies), 3))
-    for start in range(len(bodies)):
-        for j in range(bodies[start].first, bodies[start].stop):
-            α, a = ZERO, ZERO
-            for i in range(start, len(bodies)):
-                b = bodies[i]
-                first = b.first
-                if i == start:
-                    first = j
-                else:
-                    a = add(a, cross(α, vector(b.translation)))
-                    if b.turned:
-                        α, a = apply_transposed(b.rotation, α), apply_transposed(b.rotation, a)
-                for k in range(first, b.stop):
-                    c, s = cos_sin(q[k])
-                    α, a = turn(hinges[k].axis, c, -s, α), turn(hinges[k].axis, c, -s, a)
-                    if k == j:
-                        α = add_along(hinges[k].axis, 1.0, α)
-                F = scale(b.mass, add(a, cross(α, vector(b.center))))
-                N = add(apply(b.inertia, α), cross(vector(b.center), F))
-                forces[i, 0], forces[i, 1], forces[i, 2] = F
-                moments[i, 0], moments[i, 1], moments[i, 2] = N
-            f, n = ZERO, ZERO
-            for i in range(len(bodies) - 1, start - 1, -1):
-                b = bodies[i]
-                f, n = add(f, vector(forces[i])), add(n, vector(moments[i]))
-                for k in range(b.stop - 1, max(b.first, j) - 1, -1):
-                    M[k, j] = M[j, k] = n[hinges[k].axis]
-                    c, s = cos_sin(q[k])
-                    f, n = turn(hinges[k].axis, c, s, f), turn(hinges[k].axis, c, s, n)
-                if b.turned:
-                    f, n = apply(b.rotation, f), apply(b.rotation, n)
-                n = add(n, cross(vector(b.translation), f))
-            M[j, j] += hinges[j].armature
+    """M by columns from the diagonal down (Walker-Orin method 2)."""
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    for start in range(len(chain.bodies)):
+        for j in range(chain.bodies[start].first, chain.bodies[start].stop):
+            column(chain, start, j, j, M, turns, loads)
+            for k in range(j + 1, len(q)):
+                M[j, k] = M[k, j]
     return trace(M)
 
 
 @kernel
 def mass_upper(chain, q, M):
     """M by composite bodies in body frames (Walker-Orin method 3): the column above the diagonal, inward."""
-    bodies, hinges = chain.bodies, chain.hinges
+    bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
     m, h, J = 0.0, ZERO, ZERO6  # mass, first moment, inertia of all bodies from here on, about the hinge point
     for start in range(len(bodies) - 1, -1, -1):
         b = bodies[start]
@@ -126,14 +140,14 @@ def mass_upper(chain, q, M):
             for i in range(start, -1, -1):
                 while k >= bodies[i].first:
                     M[k, j] = M[j, k] = n[hinges[k].axis]
-                    c, s = cos_sin(q[k])
+                    c, s = turns[k, 0], turns[k, 1]
                     f, n = turn(hinges[k].axis, c, s, f), turn(hinges[k].axis, c, s, n)
                     k -= 1
                 if bodies[i].turned:
                     f, n = apply(bodies[i].rotation, f), apply(bodies[i].rotation, n)
                 n = add(n, cross(vector(bodies[i].translation), f))
             M[j, j] += hinges[j].armature
-            c, s = cos_sin(q[j])
+            c, s = turns[j, 0], turns[j, 1]
             h = turn(axis, c, s, h)
             J = sym_turn(axis, c, s, J)
         if b.turned:

@@ -41,7 +41,7 @@ def draw(results: Results) -> Iterator[Picture]:
     left, right = panels[-1].get_xlim()
     panels[-1].set(xlabel="error of the tip [m]", xlim=(0.3 * left, right))  # its first number stands on the page whole
     legend_above(figure, panels[0], 3)
-    yield Picture("errors_split", "Where the error of a run comes from", figure, CAPTION, series_csv(*found))
+    yield Picture("errors_split.parts", "Where the error of a run comes from", figure, CAPTION, series_csv(*found))
 
 
 def _fill(axes: Axes, series: Series) -> None:

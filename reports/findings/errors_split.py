@@ -28,7 +28,7 @@ def find(results: Results) -> Iterator[Finding]:
         lines = tuple(_line(name, errors) for name, errors in runs)
         heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "most of it")
         sentences = tuple(_sentences([errors for _, errors in runs]))
-        yield Finding("errors_split", "Where the error of a run comes from", sentences, heads, lines)
+        yield Finding("errors_split.where", "Where the error of a run comes from", sentences, heads, lines)
 
 
 def _runs(series: Series) -> Iterator[tuple[str, Mapping[str, float]]]:

@@ -17,16 +17,29 @@ HOLDS, PLAINLY = "holds", r"holds($|[;:])"  # what the note of a claim begins wi
 
 def find(results: Results) -> Iterator[Finding]:
     """One table over all cases that judge a claim."""
-    claims = [row for row in results.rows if row.quantity.startswith(CLAIM)]
+    claims = _once([row for row in results.rows if row.quantity.startswith(CLAIM)])
     if claims:
         heads = (CLAIM, "measured", "verdict")
         lines = tuple((_words(row), f"{amount(row.value, row.unit)}: {row.metric}", row.note) for row in claims)
         yield Finding("paper_claims", "Claim by claim", (_said(claims),), heads, lines, opened=True)
 
 
+def _once(rows: list[Row]) -> list[Row]:
+    """Each claim once: of cases that judge the same one that which took the most arms."""
+    found: dict[str, Row] = {}
+    for row in rows:
+        other = found.get(_words(row))
+        if other is None or _arms(row) > _arms(other):
+            found[_words(row)] = row
+    return list(found.values())
+
+
 def _words(row: Row) -> str:
-    """The claim: the title of its case, or, where one has several, what the row says."""
     return str(row.varied.get(CLAIM, row.title))
+
+
+def _arms(row: Row) -> float:
+    return float(row.varied.get("arms", 0))
 
 
 def _said(claims: list[Row]) -> str:

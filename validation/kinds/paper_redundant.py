@@ -1,4 +1,4 @@
-"""What the removal of redundant operations gains: the kernels of a plane beside those of space, on the same arm."""
+"""What the removal of redundant operations gains: the same recursion with and without products by 0 and 1."""
 
 from __future__ import annotations
 
@@ -11,70 +11,74 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
-from flexlink.kernels import forward
 from flexlink.reporting.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing import loops
+from validation.timing import uniform_newton_euler as uniform
 from validation.timing.families import Family, States, timed_states
 from validation.timing.stopwatch import Work, race
 
 TIMED = True
 
-PLANE, SPACE = "plane", "space"
-RNE, FORWARD = "inverse dynamics", "forward dynamics"
+ALL, REMOVED = "all operations", "redundant ones removed"
+BIAS, MASS = "T_GC", "M by method 1"
 
 
 class Settings(Spec, frozen=True):
-    """A family of plane chains, and how often and how long [s] each kernel runs."""
+    """Families by name, and how often and how long [s] each loop runs."""
 
-    chain: Family
+    chain: dict[str, Family]
     turns: int = 40
     turn: float = 0.0003
 
 
 def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain, once."""
-    return replace(settings, chain=replace(settings.chain, segments=settings.chain.segments[:1]), turns=1, turn=0.0)
+    """The shortest chain of every family, once."""
+    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
+    return replace(settings, chain=shortest, turns=1, turn=0.0)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Times of both kernels of both algorithms, how far apart their torques are, and the smallest gain of each."""
-    gains: dict[str, list[float]] = {RNE: [], FORWARD: []}
-    for segments in settings.chain.segments:
-        chain = lump(settings.chain.scene(case, segments))
-        states = timed_states(chain)
-        laps = race(_works(chain, states), settings.turns, settings.turn)
-        for (job, kernel), lap in laps.items():
-            facts: Facts = {"job": job, "form": kernel, "n": chain.n}
-            yield Measured("time", 1e6 * lap.seconds, varied=facts, timed=True)
-        yield Measured("apart", _apart(chain, states), varied={"n": chain.n})
-        for job, found in gains.items():
-            found.append(laps[job, SPACE].seconds / laps[job, PLANE].seconds)
-            yield Measured("gain", found[-1], varied={"job": job, "n": chain.n}, timed=True)
+    """Times of both forms of T_GC and of M, how far apart their numbers are, and the smallest gain of each."""
+    gains: dict[str, list[float]] = {BIAS: [], MASS: []}
+    for name, family in settings.chain.items():
+        for segments in family.segments:
+            chain = lump(family.scene(case, segments))
+            states = timed_states(chain)
+            works = _works(chain, states)
+            laps = race(works, settings.turns, settings.turn)
+            for (job, form), lap in laps.items():
+                facts: Facts = {"chain": name, "n": chain.n, "job": job, "form": form}
+                yield Measured("time", 1e6 * lap.seconds, varied=facts, timed=True)
+            for job, found in gains.items():
+                facts = {"chain": name, "n": chain.n, "job": job}
+                yield Measured("apart", _apart(chain, states, job), varied=facts)
+                found.append(laps[job, ALL].seconds / laps[job, REMOVED].seconds)
+                yield Measured("gain", found[-1], varied=facts, timed=True)
     least = {job: min(found) for job, found in gains.items()}
-    yield Measured("claim", least[RNE], note=_verdict(least), timed=True)
+    yield Measured("claim", min(least.values()), note=_verdict(least), timed=True)
 
 
 def _works(chain: Chain, states: States) -> dict[tuple[str, str], Work]:
-    q, qd, tau, qdd = states
-    plane, space = forward.PLANAR.workspace(chain.arrays), forward.ARTICULATED.workspace(chain.arrays)
+    q, qd, rest, rows = states.q, states.qd, np.zeros_like(states.q), uniform.rows_of(chain)
     return {
-        (RNE, PLANE): lambda calls: loops.planar_rne_loop(plane, q, qd, qdd, calls),
-        (RNE, SPACE): lambda calls: loops.rne_loop(chain.arrays, q, qd, qdd, calls),
-        (FORWARD, PLANE): lambda calls: loops.forward_dynamics_loop(plane, q, qd, tau, calls),
-        (FORWARD, SPACE): lambda calls: loops.forward_dynamics_loop(space, q, qd, tau, calls),
+        (BIAS, ALL): lambda calls: uniform.bias_loop(rows, q, qd, calls),
+        (BIAS, REMOVED): lambda calls: loops.rne_loop(chain.arrays, q, qd, rest, calls),
+        (MASS, ALL): lambda calls: uniform.mass_loop(rows, q, calls),
+        (MASS, REMOVED): lambda calls: loops.mass_columns_loop(chain.arrays, q, calls),
     }
 
 
-def _apart(chain: Chain, states: States) -> float:
-    """Difference of T_GC of a state, over what rounding explains."""
-    q, qd, rest = states.q[:1], states.qd[:1], np.zeros((1, chain.n))
-    plane = loops.planar_rne_loop(forward.PLANAR.workspace(chain.arrays), q, qd, rest, 1)
-    difference = np.abs(plane - loops.rne_loop(chain.arrays, q, qd, rest, 1)).max()
-    return float(difference / rounding.of_bias_torque(chain, q[0], qd[0]))
+def _apart(chain: Chain, states: States, job: str) -> float:
+    """Difference of both forms in the first state, over what rounding explains."""
+    works = _works(chain, States(*(part[:1] for part in states)))
+    difference = np.abs(np.asarray(works[job, ALL](1)) - np.asarray(works[job, REMOVED](1))).max()
+    q, qd = states.q[0], states.qd[0]
+    explained = rounding.of_mass_matrix(chain, q) if job == MASS else rounding.of_bias_torque(chain, q, qd)
+    return float(difference / explained)
 
 
 def _verdict(least: Mapping[str, float]) -> str:
-    said = ", ".join(f"at least {number(gain, 2)} times less in {job}" for job, gain in least.items())
+    said = ", ".join(f"{job} takes at least {number(gain, 2)} times less" for job, gain in least.items())
     return f"holds: {said}" if min(least.values()) > 1.0 else f"does not hold: {said}"

@@ -7,7 +7,6 @@ import numpy as np
 from flexlink.kernels.compiler import kernel
 from flexlink.kernels.forward import forward_dynamics
 from flexlink.kernels.mass import composite, composite_workspace, mass_columns, mass_lower, mass_upper
-from flexlink.kernels.planar_rne import planar_rne
 from flexlink.kernels.rne import rne, rne_workspace
 from flexlink.kernels.vec3 import vector
 
@@ -40,16 +39,6 @@ def mass_loop(chain: Any, q: Any, calls: int) -> Any:
     for i in range(calls):
         composite(chain, q[i % len(q)], M, work)
     return M
-
-
-@kernel
-def planar_rne_loop(work: Any, q: Any, qd: Any, qdd: Any, calls: int) -> Any:
-    """The same as `rne_loop` of a plane chain, on scratch of `planar`."""
-    wrench, tau = np.zeros(6), np.zeros(q.shape[1])
-    for i in range(calls):
-        s = i % len(q)
-        planar_rne(wrench, q[s], qd[s], qdd[s], tau, work)
-    return tau
 
 
 @kernel

@@ -1,0 +1,150 @@
+"""What the default report shows and says of the full study that is checked in, without git and without its results."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+from studies import row, stored
+
+from flexlink.common.errors import FlexlinkError
+from reports import full, stored_full
+from reports.build import build
+from reports.chapters import sections
+from validation import sources
+from validation.store import Store
+
+
+@pytest.fixture(autouse=True)
+def without_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take nearly all of the time."""
+    monkeypatch.setattr("reports.drawing.pictures", lambda *_: iter(()))
+
+
+PRICE = {"kind": "speed_trade", "quantity": "MuJoCo / flexlink, error 0.0001", "tolerance": None}
+CLAIM = {"kind": "paper_types", "value": 0.0}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A full study with a case of prices in parts, one of claims, and one on which the chapter has a finding."""
+    claim = row("paper_long", quantity="claim", title="Claims", varied={"claim": "It bends"}, note="holds", **CLAIM)
+    prices = [row(f"speed_trade-{name}", value=7.0, **PRICE) for name in ("crane", "t3")]
+    results = stored(tmp_path / "whole", claim, row("paper_short", **CLAIM), *prices)
+    return full.save(results, tmp_path / "whole_page", tmp_path / "full").parent
+
+
+def page(tmp_path: Path, folder: Path | None, *rows) -> str:
+    results = stored(tmp_path / "results", *rows)
+    return build(results, tmp_path / "report", tmp_path / "no reference", folder).read_text(encoding="utf-8")
+
+
+def chapter(text: str, name: str) -> str:
+    return text.partition(f'<section id="{name}">')[2].partition("</section>")[0]
+
+
+def test_a_chapter_of_which_nothing_ran_is_the_full_studys_and_says_so(tmp_path: Path, folder: Path) -> None:
+    text = page(tmp_path, folder, row("paper_short", **CLAIM))
+    said = chapter(text, "trade")
+    assert "Nothing of this chapter ran for this page. What follows is the full study’s, 2 cases" in said
+    assert "A ten-thousandth of the motion takes MuJoCo at least 7 times the CPU time of flexlink" in said
+    assert 'id="agreement"' not in text, "neither study has it"
+
+
+def test_tables_of_the_full_study_are_on_the_page_and_beside_it(tmp_path: Path, folder: Path) -> None:
+    said = chapter(page(tmp_path, folder, row()), "claims")
+    assert "Of 1 claim those that hold as they stand: 1" in said
+    assert "It bends" in said
+    assert (tmp_path / "report" / "paper_claims.csv").read_bytes() == (folder / "paper_claims.csv").read_bytes()
+
+
+def test_a_chapter_says_what_ran_and_what_only_the_full_study_has(tmp_path: Path, folder: Path) -> None:
+    text = page(tmp_path, folder, row("paper_short", **CLAIM), row("speed_trade-crane", **PRICE))
+    assert "Ran for this page: 1 case. Only in the full study (reports/full): paper_long." in chapter(text, "claims")
+    assert "Only in the full study (reports/full): speed_trade." in chapter(text, "trade")
+    whole = page(tmp_path / "again", folder, row("paper_short", **CLAIM), row("paper_long", **CLAIM))
+    assert "Ran for this page: 2 cases. The full study has no more here." in chapter(whole, "claims")
+
+
+def test_a_figure_of_the_full_study_is_part_of_the_page_and_its_files_stand_beside(
+    tmp_path: Path, folder: Path
+) -> None:
+    figure = stored_full.StoredFigure("speed_trade-t3.x", "Work <and> errors", "A caption.")
+    (folder / f"{figure.name}.png").write_bytes(b"picture")
+    (folder / f"{figure.name}.csv").write_text("a\n1\n", encoding="utf-8")
+    study = stored_full.FullStudy("", "", "PASS", (stored_full.StoredChapter("trade", figures=(figure,)),))
+    (section,) = (section for section in sections() if section.id == "trade")
+    (shown,) = stored_full.Stored(folder, study).figures(section, tmp_path)
+    assert 'src="data:image/png;base64,cGljdHVyZQ=="' in shown.svg
+    assert 'alt="Work &lt;and&gt; errors"' in shown.svg
+    assert [(tmp_path / name).is_file() for name in shown.files] == [True, True]
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Path, held: bool) -> None:
+    text = page(tmp_path, folder if held else None, row())
+    head = text.partition('<section class="glance"')[0]
+    assert "python -m validation --full" in head
+    assert ("is checked in: reports/full, PASS" in head) == held
+
+
+def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(subprocess, "run", None)
+    measured = sources.digests()
+    assert {"flexlink/kernels/rne.py", "validation/runner.py", "validation/cases/pointwise.toml"} <= measured.keys()
+    assert stored_full.since("abc", measured).files == ()
+    assert "at commit abc; the files of flexlink/ and validation/ that numbers depend on are the same" in (
+        stored_full.since("abc", measured).text
+    )
+    older = measured | {"flexlink/kernels/rne.py": "another", "flexlink/gone.py": "any"}
+    del older["validation/runner.py"]
+    found = stored_full.since("abc", older)
+    assert found.files == ("flexlink/gone.py", "flexlink/kernels/rne.py", "validation/runner.py")
+    assert "since then 3 files of flexlink/ and validation/" in found.text
+    assert "not known" in stored_full.since("", {}).text
+
+
+def test_digests_are_those_that_git_gives_a_file(tmp_path: Path) -> None:
+    assert sources._digest(b"hello\n") == "ce013625030ba8dba906f756967f9e9ca394464a"[:16]
+
+
+def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row())
+    environment = Store(results).environment()
+    now = sources.digests() | {"flexlink/kernels/rne.py": "older"}
+    Store(results).note_environment(type(environment)(commit="0123456789ab", sources=now))
+    folder = full.save(results, tmp_path / "latest", tmp_path / "full").parent
+    assert stored_full.read_sources(folder) == now
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert text.startswith("# The full study: PASS\n\n- Correctness: **PASS**. 1 of 1 check")
+    assert "measured at commit 0123456789ab; since then 1 file of flexlink/ and validation/" in text
+    assert "- flexlink/kernels/rne.py\n" in text
+
+
+def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:
+    results = stored(tmp_path / "results", row(), row("b", tolerance=None, given_up="It cannot be met."))
+    text = (full.save(results, tmp_path / "latest", tmp_path / "full")).read_text(encoding="utf-8")
+    assert "1 limit of earlier versions given up: see “Limits given up”" in text
+    assert re.search(r"## Limits given up\n\n- b, M: It cannot be met\.", text)
+
+
+def test_a_torn_file_of_the_full_study_is_one_line(tmp_path: Path, folder: Path) -> None:
+    (folder / "chapters.json").write_text("{", encoding="utf-8")
+    with pytest.raises(
+        FlexlinkError, match=r"chapters\.json: not a full study \(.*\); make one with: python -m valida"
+    ):
+        page(tmp_path, folder, row())
+
+
+@pytest.mark.skipif(not full.FOLDER.is_dir(), reason="this checkout holds no full study")
+def test_the_one_that_is_checked_in_can_be_shown_and_says_what_it_was_measured_with() -> None:
+    whole = stored_full.read()
+    assert whole is not None
+    assert whole.study.commit in (full.FOLDER / "README.md").read_text(encoding="utf-8")
+    assert len(stored_full.read_sources()) > 300
+    for one in whole.study.chapters:
+        assert len(list(whole.findings(one.id))) == len(one.findings)
+        assert all((full.FOLDER / f"{figure.name}.png").is_file() for figure in one.figures)
+    assert whole.study.chapter("trade").findings, "the price list"

@@ -1,0 +1,90 @@
+"""Arms given by tables of Denavit and Hartenberg, against the homogeneous matrices that the textbooks print."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import Literal
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+import flexlink as fl
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.rounding import EPS, ROUNDINGS
+from validation.case import Case, Measured
+
+Array = NDArray[np.float64]
+Convention = Literal["standard", "modified"]
+HUB = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
+
+
+class Settings(Spec, frozen=True):
+    """Arms of up to so many links, how many of each, and the largest |a| and |d| [m]."""
+
+    links: int
+    arms: int
+    length: float
+    seed: int = 0
+
+
+def standard(a: float, α: float, d: float, θ: float) -> Array:
+    """A_i^{i−1} of Siciliano et al. (2009), equation (2.52)."""
+    c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
+    return np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s], [0, sa, ca, d], [0, 0, 0, 1]])
+
+
+def modified(a: float, α: float, d: float, θ: float) -> Array:
+    """{}^{i−1}T_i of Craig (2005), equation (3.6), of a_{i−1} and α_{i−1}."""
+    c, s, ca, sa = math.cos(θ), math.sin(θ), math.cos(α), math.sin(α)
+    return np.array([[c, -s, 0, a], [s * ca, c * ca, -sa, -sa * d], [s * sa, c * sa, ca, ca * d], [0, 0, 0, 1]])
+
+
+CONVENTIONS: Mapping[Convention, Callable[[float, float, float, float], Array]] = {
+    "standard": standard,
+    "modified": modified,
+}
+
+
+def run(case: Case, settings: Settings) -> Iterator[Measured]:
+    """Largest difference of the tip's frame from the product of the matrices, by convention, and the claim."""
+    (scene,) = case.load_scenes()
+    random = np.random.default_rng(settings.seed)
+    worst = 0.0
+    for convention, matrix in CONVENTIONS.items():
+        furthest = 0.0
+        for links in range(1, settings.links + 1):
+            for _ in range(settings.arms):
+                table = random.uniform(-1.0, 1.0, (links, 4)) * (settings.length, 180.0, settings.length, 180.0)
+                q = random.uniform(-math.pi, math.pi, links)
+                difference = np.abs(_tip(scene, convention, table, q) - _product(matrix, table, q)).max()
+                furthest = max(furthest, float(difference / (ROUNDINGS * EPS * links)))
+        yield Measured("apart", furthest, varied={"form": convention, "arms": settings.links * settings.arms})
+        worst = max(worst, furthest)
+    yield Measured("claim", worst, note="holds" if worst <= 1.0 else "does not hold")
+
+
+def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
+    """The frame of the tip, (4, 4), by the library."""
+    links = tuple(
+        fl.Link(
+            name=f"l{k}", hub=HUB, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
+        )
+        for k, (a, α, d, θ) in enumerate(table.tolist())
+    )
+    arm = replace(scene.arm, links=links)
+    start = fl.Initial(joint_deg=(0.0,) * len(links))
+    placed = fl.frames(fl.lump(replace(scene, arm=arm, initial=start, drive=fl.Drive())), q)
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = placed.rotations[-1], placed.points[-1]
+    return frame
+
+
+def _product(matrix: Callable[[float, float, float, float], Array], table: Array, q: Array) -> Array:
+    """The same by the book."""
+    frame = np.eye(4)
+    for (a, α, d, θ), angle in zip(table.tolist(), q.tolist(), strict=True):
+        frame = frame @ matrix(a, math.radians(α), d, angle + math.radians(θ))
+    return frame

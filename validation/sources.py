@@ -1,0 +1,49 @@
+"""Which files the study's numbers come from, and which of them are no longer what they were when it was measured."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = ("flexlink", "validation")
+SHOWING = {"pictures", "reporting"}
+"""Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
+command line is a reason: cases run it, and time it."""
+NOTED = {"machine.py", "numbers.py"}
+"""What the study takes of these rooms all the same, for its notes."""
+
+
+def sources() -> Iterator[Path]:
+    """Files of the library and of the study that every result may depend on."""
+    for folder in (ROOT / name for name in FOLDERS):
+        for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
+            if SHOWING.isdisjoint(path.relative_to(ROOT).parts) or path.name in NOTED:
+                yield path
+
+
+def _study_data(folder: Path) -> Iterator[Path]:
+    """References, and what tells scenes by what differs from others."""
+    yield from folder.glob("reference/**/*.json")
+    yield from folder.glob("scenes/*/*.toml")
+
+
+def digests() -> dict[str, str]:
+    """Path from the root → digest, of all sources, and of the cases and scenes, each of which some results depend on.
+
+    The digest is the one that git gives a file's contents, so that a study of any commit can be compared.
+    """
+    own = [ROOT / "validation" / folder for folder in ("cases", "scenes")]
+    files = {*sources(), *(path for folder in own for path in folder.glob("*.toml"))}
+    return {path.relative_to(ROOT).as_posix(): _digest(path.read_bytes()) for path in sorted(files)}
+
+
+def changed(measured: Mapping[str, str]) -> list[str]:
+    """Files that are not what they were, are gone, or are new since these digests were taken."""
+    now = digests()
+    return sorted(path for path in {*now, *measured} if now.get(path) != measured.get(path))
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha1(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()[:16]
