@@ -28,10 +28,11 @@ from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.interruption import finish
+from flexlink.common.interruption import finish, word
 from flexlink.describe import catalogue
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.formats import FORMATS
+from flexlink.motion.endings import InterruptedRunError
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -84,8 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"flexlink: not enough memory: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        print(f"flexlink: {str(error) or 'interrupted'}", file=sys.stderr)
-        return 128 + getattr(error, "signal", signal.SIGINT)
+        number = getattr(error, "signal", signal.SIGINT)
+        lost = isinstance(error, InterruptedRunError) and options.command is not simulate_scene  # of it nothing is kept
+        print(f"flexlink: {word(number) if lost else str(error) or 'interrupted'}", file=sys.stderr)
+        return 128 + number
     finally:
         finish()
 
