@@ -90,6 +90,17 @@ def test_a_stiff_arm_is_rigid_told_without_a_run_of_a_flexible_one() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("thick", "load", "tip"), [(0.012, 2.0, 1e-2), (0.008, 1.0, 3e-2), (0.008, 1.0, 0.2)])
+def test_a_bar_that_its_load_bends_while_it_is_held_is_not_rigid_when_it_is_let_go(
+    thick: float, load: float, tip: float
+) -> None:
+    scene = arm(thick, **{"tip.mass": load, "initial.joint_deg": (-20.0,), "initial.passive": "static"})
+    advice = fl.advise(scene, tip)
+    assert advice.met
+    assert true_error(scene, advice) <= advice.error
+
+
+@pytest.mark.slow
 def test_an_arm_in_a_plane_stays_in_it_and_a_twisted_one_does_not() -> None:
     plane = fl.advise(arm(0.004, motion=led("bar0")), 1e-3).scene
     assert [link.flex for link in plane.arm.links] == ["z"]

@@ -121,7 +121,7 @@ class Study:
         self.bench.pass_along(self.rigid.run)
         motion, strict = farthest(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(motion, 0.0)
-        guess = rigid.guess(self.bench, self.rigid.run, self.axes, self.ruler)
+        guess = rigid.guess(self.bench, strict, self.axes, self.ruler)
         swings = f"(swinging at {guess.hertz:.3g} Hz)" if np.isfinite(guess.hertz) else ""
         self.lines = [line("rigid", f"would be off by at most about {length(guess.error)} {swings}")]
         if guess.error >= CLEAR * tolerance:
