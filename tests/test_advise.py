@@ -125,6 +125,10 @@ def test_where_no_joint_can_move_some_link_bends(passive: str) -> None:
     scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # few modes: the truth is one
     if passive == "static":  # at rest in its equilibrium: nothing moves, and a part of nothing is nothing
         assert not fl.advise(scene, "1 mm").error > 1e-3
+        with pytest.raises(fl.AdviceError, match=r"the tip does not move, but for .*; give the error as a length"):
+            fl.advise(scene, 1e-3)
+        with pytest.raises(fl.AdviceError, match=r"the tip does not move, but for .*1e-03 of that"):
+            fl.advise(replace(scene, gravity=(0.0, 0.0, 0.0), wrench=fl.Wrench()), 1e-3)
         return
     advice = fl.advise(scene, 1e-2)
     assert advice.met
@@ -230,6 +234,11 @@ def test_a_band_lets_slow_differences_pass_and_fast_ones_not() -> None:
     middle = slice(20, -20)  # the window's own length away from the ends
     assert ruler.along(slow)[middle].max() == pytest.approx(1.0, abs=0.01)
     assert ruler.along(fast)[middle].max() < 0.03
+
+
+def test_a_band_that_is_slower_than_the_run_is_long_has_a_length_at_every_sample() -> None:
+    difference = np.ones((30, 1)) * np.array([3.0, 0.0, 4.0])
+    assert Ruler(Goal(1e-3, band=2.0), 0.01).along(difference) == pytest.approx(np.full(30, 5.0))
 
 
 def test_a_swing_is_that_of_the_oscillator() -> None:

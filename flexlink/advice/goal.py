@@ -26,7 +26,7 @@ LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*(m|mm|µm|um)\s*")
 class Goal(NamedTuple):
     """Largest error of the tip, at any sample.
 
-    A part of how far the tip gets from its start or, with `deflection`, of how far the links bend it away; with
+    A part of how far the tip gets from its start or, with `deflection`, of how far the springs bend it away; with
     `metres` a length. Vibrations beyond `band` [Hz] do not count.
     """
 
@@ -78,8 +78,14 @@ class Ruler:
         """What is left of a difference within the band."""
         if self.window is None:
             return difference
-        weight = np.convolve(np.ones(len(difference)), self.window, "same")
-        return np.column_stack([np.convolve(column, self.window, "same") / weight for column in difference.T])
+        weight = self._windowed(np.ones(len(difference)))
+        return np.column_stack([self._windowed(column) / weight for column in difference.T])
+
+    def _windowed(self, column: Array) -> Array:
+        """As np.convolve's "same", which is as long as the window where that is longer than a run."""
+        assert self.window is not None
+        before = len(self.window) // 2
+        return np.convolve(column, self.window)[before : before + len(column)]
 
     def along(self, difference: Array) -> Array:
         """Length at every sample [m]."""

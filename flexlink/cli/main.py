@@ -226,9 +226,7 @@ def _advice_options(advice: argparse.ArgumentParser) -> None:
         "--tip", default="1e-3", metavar="ERROR",
         help="allowed error of the tip, a part of how far it moves, or a length as 2mm; default: 1e-3",
     )  # fmt: skip
-    advice.add_argument(
-        "--deflection", action="store_true", help="the error is a part of how far the links bend the tip"
-    )
+    advice.add_argument("--deflection", action="store_true", help="the error is a part of how far springs move the tip")
     advice.add_argument("--band", type=float, metavar="HZ", help="vibrations faster than this do not count")
     advice.add_argument(
         "--budget", type=float, default=1.0, metavar="S", help="CPU time that one run may take [s]; default: 1"
