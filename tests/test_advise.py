@@ -312,8 +312,9 @@ def test_advice_on_a_robot_from_a_file_is_true_and_what_cannot_bend_stays_rigid(
 def test_the_case_of_the_study_judges_advice_by_a_truth_of_its_own() -> None:
     case = load_case(CASES / "advice.toml")
     only = replace(
-        decode(case.settings, kind.Settings), first=25, scenes=1, robot=0.0, tumbling=(), tolerances=(1e-2,), grid=(25,)
-    )
+        decode(case.settings, kind.Settings), first=25, scenes=1, robot=0.0, tumbling=(), released=(),
+        tolerances=(1e-2,), grid=(25,),
+    )  # fmt: skip
     rows = {row.quantity: row.value for row in kind.run(replace(case, scenes=()), only)}
     assert rows["cells judged"] == rows["cells met"] == 1
     assert rows["met, but is not"] == 0
