@@ -8,16 +8,18 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.advice import horizon as horizons
 from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
 from flexlink.advice.goal import Goal, Ruler, goal_of
-from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, Ladder, Level, Limit
+from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Ladder, Level, Limit
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.parts import Parts
 from flexlink.advice.pool import HOPELESS, MOST, Pool
+from flexlink.advice.release import release
 from flexlink.advice.ways import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
 from flexlink.describe.scene import Scene
 
@@ -283,6 +285,61 @@ def test_the_error_of_a_limit_is_told_by_its_change() -> None:
     assert limit is not None
     coarse, fine = (b + (b - a) / 3 for a, b in itertools.pairwise((0.03, 0.02, 0.012)))
     assert limit.error == pytest.approx(abs(fine - coarse) / SAFE_LIMIT["gauss"])
+
+
+def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> None:
+    """A bar with a heavy load sags by m g L³ / 3EI while it is held; let go, its load stays, and the joint turns."""
+    load, two = 1000.0, bars()
+    arm = replace(two.arm, links=two.arm.links[:1], tip=fl.Payload(mass=load))
+    initial = fl.Initial(joint_deg=(0.0,), passive="static")
+    scene = replace(two, arm=arm, gravity=(0.0, -0.001, 0.0), initial=initial)
+    bench, model = Bench(scene, 1.0), uniform(("z",), 2)
+    strict = bench.run((None,), Stepping("Radau5", tolerance=1e-9))
+    found = release(bench, strict, model, np.zeros(bench.chain(model).n))
+    sag = load * 0.001 / (3 * 210e9 * 0.006**4 / 12)
+    assert found.start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
+    assert found.drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
+    straight = Bench(replace(scene, initial=fl.Initial(joint_deg=(0.0,))), 1.0)
+    assert not release(straight, strict, model, np.zeros(3)).drift.any()
+
+
+class Strict:
+    """A bench whose runs with stricter steps are known, by the hinges of the link."""
+
+    def __init__(self, paths: dict[int, Array]) -> None:
+        self.paths = paths
+
+    def run(self, model: Model, stepping: Stepping) -> Outcome:
+        assert stepping.tolerance == pytest.approx(1e-5)  # a tenth
+        assert model[0] is not None
+        return outcome(self.paths[model[0].hinges])
+
+
+def with_strict_steps(off: dict[int, float], **strict: Array) -> Ladder:
+    """A ladder of levels, their steps off by so much in x at the last sample, beside stricter ones."""
+    ladder = ladder_of(**{f"n{n}": strict[f"n{n}"] + along_x(0.0, x) for n, x in off.items()})
+    ladder.stepping = Stepping("Radau5", tolerance=1e-4)
+    ladder.bench = cast("Bench", Strict({int(name[1:]): path for name, path in strict.items()}))
+    return ladder
+
+
+def test_what_steps_do_at_the_levels_of_a_limit_is_taken_out_of_it() -> None:
+    exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
+    off = {1: 0.0, 2: 1e-6, 4: -7e-6}
+    ladder = with_strict_steps(off, **exact)
+    left = ladder.settle_time()
+    assert ladder.limit is not None
+    assert ladder.limit.tip == pytest.approx(along_x(0.0, 0.2), abs=1e-15)
+    assert left == pytest.approx([0.0, 0.1**0.5 * (off[2] + 4 * -off[4]) / 3])  # x* = (4 x₄ − x₂) / 3
+
+
+def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_tells_with_room() -> None:
+    exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
+    ladder = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
+    before = ladder.limit
+    ladder.bench = cast("Bench", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
+    assert ladder.settle_time() == pytest.approx([0.0, SCATTER * 1e-6])
+    assert ladder.limit is before
 
 
 # horizons

@@ -28,6 +28,11 @@ def chain() -> fl.Chain:
     return fl.lump(scene())
 
 
+@functools.cache
+def run() -> fl.Trajectory:
+    return fl.simulate(scene())
+
+
 class Unprintable:
     def __repr__(self) -> str:
         raise RuntimeError("no words for it")
@@ -129,6 +134,29 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
 )
 def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
     with pytest.raises(fl.ArgumentError, match=f"^({wanted}|method = 'uper': {wanted})"):
+        call()
+
+
+BEYOND = 10**400
+"""An integer that float64 cannot hold."""
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (lambda: fl.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "after = 1000.*a time"),
+        (lambda: fl.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
+        (lambda: fl.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
+        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a part of the motion"),
+        (lambda: fl.Course([0.0], [[[BEYOND]]]), "coefficients has dtype object; expected real numbers .*beyond"),
+        (lambda: fl.Course([0.0], [[[0.0]]])(BEYOND), "t has dtype object; expected real numbers .*beyond"),
+        (lambda: fl.Course([0.0], [[[0.0]]])("a"), "t has dtype <U1; expected real numbers"),
+        (lambda: fl.Course([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "times has dtype object"),
+        (lambda: fl.Course([0.0], [[[0.0]]]).delayed(BEYOND), "delay has dtype object"),
+    ],
+)
+def test_an_integer_beyond_float64_is_refused_by_name(call: Callable[[], object], wanted: str) -> None:
+    with pytest.raises(fl.ArgumentError, match=wanted):
         call()
 
 

@@ -267,6 +267,24 @@ sys.exit(main())
 """
 
 
+@BOTH
+@pytest.mark.parametrize("command", ["advise", "show"])
+def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
+    number: int, command: str, monkeypatch, capsys
+) -> None:
+    run = fl.simulate(fl.load_scene(PAPER), duration=0.01)
+
+    def stopped(*_: object, **__: object) -> None:
+        raise fl.InterruptedRunError(run, number)
+
+    name = {"advise": "advise.advise", "show": "show.simulate"}[command]
+    monkeypatch.setattr(f"flexlink.cli.{name}", stopped)
+    options = {"advise": ["--tip", "1e-3"], "show": ["-o", "x.gif"]}[command]
+    assert main([command, PAPER, *options]) == 128 + number
+    what = "terminated" if number == signal.SIGTERM else "interrupted"
+    assert capsys.readouterr().err == f"flexlink: {what}\n"
+
+
 @pytest.fixture
 def started():
     """Processes that are gone after the test, whatever happens in it."""

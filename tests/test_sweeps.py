@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import os
 import sqlite3
 import subprocess
@@ -392,6 +393,29 @@ def test_a_second_writer_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -
     assert told[0] == 0
 
 
+def test_of_two_sweeps_that_make_one_file_at_once_one_is_told_about_the_other(
+    tmp_path: Path, paper, monkeypatch
+) -> None:
+    out, sweep = tmp_path / "sweep.db", masses(paper, 0.0)
+    monkeypatch.setattr("flexlink.sweeps.store.WAIT", 0.05)
+    told = []
+
+    class Beaten(sqlite3.Connection):
+        """Another sweep begins between any two looks at the file."""
+
+        def execute(self, statement: str, *values: object) -> sqlite3.Cursor:
+            if "sqlite_master" in statement and not told:
+                told.append("")
+                with pytest.raises(fl.OutputError) as caught:
+                    fl.sweep(sweep, out=out)
+                told.append(str(caught.value))
+            return super().execute(statement, *values)
+
+    monkeypatch.setattr(sqlite3, "connect", functools.partial(sqlite3.connect, factory=Beaten))
+    assert len(fl.sweep(sweep, out=out).rows) == 1
+    assert "another process is writing to it" in told[1]
+
+
 FILLS_THE_DISK = """
 import resource, sys
 from flexlink.cli.main import main
@@ -479,7 +503,9 @@ def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> Non
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"workers": 0}, "workers = 0: must be at least 1"),
+        ({"workers": 0}, "workers = 0: must be 1 … 1024"),
+        ({"workers": 3_000_000_000}, "workers = 3000000000: must be 1 … 1024"),
+        ({"workers": 10**400}, "workers = 1000.*: must be 1 … 1024"),
         ({"executor": 3}, "executor = 3: expected a concurrent.futures.Executor"),
         ({"fresh": "no"}, "fresh = 'no': must be True or False"),
         ({"out": 3}, "out = 3: expected a str or a Path"),

@@ -11,13 +11,14 @@ from flexlink.advice.axes import Screening
 from flexlink.advice.bench import Bench, Outcome, Stepping
 from flexlink.advice.candidates import Search
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, goal_of, least_tolerance
-from flexlink.advice.ladder import Ladder, deflection
+from flexlink.advice.ladder import Ladder
 from flexlink.advice.model import Model, judged, most_axes, uniform
 from flexlink.advice.parts import Parts
 from flexlink.advice.verdict import Advice, Limit, length, line, time
 from flexlink.chain.arguments import flag, given, positive
 from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
+from flexlink.motion.deflection import deflections
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def advise(
     tip
         Allowed error of the tip at the samples: a part of how far it gets from its start, or a length, as "2 mm".
     deflection
-        Whether `tip` is a part of how far the links bend the tip away instead.
+        Whether `tip` is a part of how far the springs, of links and gears, bend the tip away instead.
     band
         Vibrations faster than this do not count [Hz]; None: all that the samples show count.
     budget
@@ -75,9 +76,10 @@ def advise(
     SceneError
         The scene holds for one model only (`initial.q`, `qd`), has no duration, or no link with a section.
     AdviceError
-        No two models of the scene can be run; the message says what became of the last one.
+        No two models of the scene can be run; the message says what became of the last one. Or the tip does not move,
+        and `tip` is a part of that.
     InterruptedRunError
-        Ctrl-C or SIGTERM.
+        Ctrl-C or SIGTERM; of the advice nothing is there.
     """
     scene = judged(given("scene", scene, Scene))
     goal = goal_of(tip, deflection=flag("deflection", deflection), band=band, run=scene.run)
@@ -121,7 +123,7 @@ class Study:
         self.bench.pass_along(self.rigid.run)
         motion, strict = farthest(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(motion, 0.0)
-        guess = rigid.guess(self.bench, self.rigid.run, self.axes, self.ruler)
+        guess = rigid.guess(self.bench, strict, self.axes, self.ruler)
         swings = f"(swinging at {guess.hertz:.3g} Hz)" if np.isfinite(guess.hertz) else ""
         self.lines = [line("rigid", f"would be off by at most about {length(guess.error)} {swings}")]
         if guess.error >= CLEAR * tolerance:
@@ -152,8 +154,11 @@ class Study:
             if outcome.run is None or not outcome.whole:
                 return stepping, tolerance
             self.bench.pass_along(outcome.run)
-            told = self.goal.tolerance(farthest(outcome.tip), deflection(outcome.run))
-            if stepping.tolerance == least or told == 0:
+            motion, bent = farthest(outcome.tip), float(deflections(outcome.run).max())
+            told = self.goal.tolerance(motion, bent)
+            if told < least:
+                raise self._still(bent if self.goal.deflection else motion, least)
+            if stepping.tolerance == least:
                 return stepping, told
             if told >= tolerance / AGAIN:
                 strict = Stepping("auto", tolerance=max(share * STRICTER * tolerance, least))
@@ -164,6 +169,14 @@ class Study:
                 share *= STRICTER
             tolerance = told
         return stepping, told
+
+    def _still(self, size: float, least: float) -> AdviceError:
+        """Of a part of next to nothing [m]."""
+        what = "springs do not move the tip" if self.goal.deflection else "the tip does not move"
+        return AdviceError(
+            f"{self.scene.name}: {what}, but for {size:.2g} m, and {self.goal} of that is less than the {least:.2g} m "
+            "that rounding leaves uncertain; give the error as a length, as tip = '1 mm'"
+        )
 
     def _cheapest(self, ladder: Ladder, known: Array) -> Advice:
         assert ladder.limit is not None

@@ -130,7 +130,10 @@ class Bench:
         if len(held) == len(scene.arm.links):
             return None
         turned = [q + (k not in held) * math.degrees(angle) for k, q in enumerate(scene.initial.joint_deg, 1)]
-        initial = replace(scene.initial, joint_deg=tuple(turned))
+        return self.run_from(replace(scene.initial, joint_deg=tuple(turned)), model, stepping)
+
+    def run_from(self, initial: Initial, model: Model, stepping: Stepping) -> Outcome:
+        """The same from somewhere else, run anew."""
         return self._run(model, stepping, initial)
 
     def _run(self, model: Model, stepping: Stepping, initial: Initial | None = None) -> Outcome:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import positive
+from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.situation import Run
 from flexlink.describe.spec import short
@@ -26,7 +26,7 @@ LENGTH = re.compile(r"\s*([0-9.eE+-]+)\s*(m|mm|µm|um)\s*")
 class Goal(NamedTuple):
     """Largest error of the tip, at any sample.
 
-    A part of how far the tip gets from its start or, with `deflection`, of how far the links bend it away; with
+    A part of how far the tip gets from its start or, with `deflection`, of how far the springs bend it away; with
     `metres` a length. Vibrations beyond `band` [Hz] do not count.
     """
 
@@ -52,10 +52,11 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: Run)
         `tip` is neither a part between 0 and 1 nor a length with its unit, a length has `deflection`, too, or the
         samples are too far apart for `band`.
     """
+    wanted = "a part of the motion, as 1e-3, or a length with its unit, as '2 mm'"
     if isinstance(tip, str) and (match := LENGTH.fullmatch(tip)):
-        size, metres = _number(match[1], tip) * METRES[match[2]], True
+        size, metres = real("tip", match[1], wanted) * METRES[match[2]], True
     else:
-        size, metres = _number(tip, tip), False
+        size, metres = real("tip", tip, wanted), False
     if not 0 < size < (np.inf if metres else 1.0):
         raise ArgumentError(f"tip = {short(tip)}: expected a part of the motion between 0 and 1, or a length as '2 mm'")
     if metres and deflection:
@@ -65,15 +66,6 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: Run)
         if band > highest:
             raise ArgumentError(f"band = {band!r}: samples {run.sample:g} s apart tell at most {highest:g} Hz")
     return Goal(size, metres, deflection, np.inf if band is None else band)
-
-
-def _number(text: object, tip: object) -> float:
-    try:
-        return float(text)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise ArgumentError(
-            f"tip = {short(tip)}: expected a part of the motion, as 1e-3, or a length with its unit, as '2 mm'"
-        ) from None
 
 
 class Ruler:
@@ -86,8 +78,14 @@ class Ruler:
         """What is left of a difference within the band."""
         if self.window is None:
             return difference
-        weight = np.convolve(np.ones(len(difference)), self.window, "same")
-        return np.column_stack([np.convolve(column, self.window, "same") / weight for column in difference.T])
+        weight = self._windowed(np.ones(len(difference)))
+        return np.column_stack([self._windowed(column) / weight for column in difference.T])
+
+    def _windowed(self, column: Array) -> Array:
+        """As np.convolve's "same", which is as long as the window where that is longer than a run."""
+        assert self.window is not None
+        before = len(self.window) // 2
+        return np.convolve(column, self.window)[before : before + len(column)]
 
     def along(self, difference: Array) -> Array:
         """Length at every sample [m]."""

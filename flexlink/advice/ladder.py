@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from flexlink.advice.bench import Bench, Outcome, Stepping
 from flexlink.advice.goal import Goal, Ruler, farthest
 from flexlink.advice.model import Axes, Model, uniform
-from flexlink.dynamics.placement import tip_position
-from flexlink.motion.result import Trajectory
+from flexlink.motion.deflection import deflections
 
 Array = NDArray[np.float64]
 
@@ -25,6 +24,9 @@ ENOUGH = 0.1
 SAFE_LEVEL, SAFE_LIMIT = 1.4, {"gauss": 1.5, "legendre": 1.2}
 """Measured on 22 scenes: the error of a level is at most 1.4 times what its change tells from N = 6 on; that of the
 limit at most 1/1.5, 1/1.2 of its own change."""
+
+STRICT = 0.1
+"""Tolerance of the steps by which errors of the levels' steps are told, over theirs."""
 
 SCATTER = 5.0
 """Times what steps do at a coarse level that they may do at the finest, where motion is sensitive."""
@@ -51,6 +53,7 @@ class Limit(NamedTuple):
 
     tip: Array  # (samples, 3) [m]
     errors: Array  # up to each sample (samples,) [m]
+    weights: tuple[float, float] = (0.0, 1.0)  # of the last level but one, and of the last, in `tip`
 
     @property
     def error(self) -> float:
@@ -120,26 +123,33 @@ class Ladder:
         }
 
     def settle_time(self) -> Array:
-        """Errors of the levels' steps up to each sample (samples,) [m]; put right if they are large.
+        """Take what the levels' steps do out of the limit; what is left of it up to each sample (samples,) [m].
 
-        By a tenth of their tolerance, at a coarse level that can be run so.
+        Told by a tenth of their tolerance, at the two levels that the limit is made of: coarser ones hardly tell it.
         """
-        assert self.limit is not None and self.stepping.tolerance is not None
-        strict, errors = self.stepping._replace(tolerance=self.stepping.tolerance / 10), np.array([np.inf])
-        half = max(2, self.finest.hinges // 2)
-        coarse = [level for level in self.levels["gauss"] if level.hinges <= half] or self.levels["gauss"][:1]
-        for level in coarse[::-1]:
-            change = self.bench.run(uniform(self.axes, level.hinges), strict).tip - level.outcome.tip
-            errors = self.ruler.up_to(change)
+        assert self.limit is not None
+        tip, left = self.limit.tip, np.zeros(len(self.limit.tip))
+        for weight, level in zip(self.limit.weights, self.levels[self.family][-2:], strict=True):
+            change = weight * self._by_steps(level) if weight else np.zeros_like(tip)
+            tip, left = tip + change, left + self.ruler.up_to(change) * STRICT**0.5  # whatever the method's order is
+        if not np.isfinite(left[-1]):
+            return self._by_steps_of_coarser()
+        self.limit = self.limit._replace(tip=tip)
+        return left
+
+    def _by_steps(self, level: Level) -> Array:
+        """What stricter steps change at a level (samples, 3) [m]; nan where they cannot be run."""
+        assert self.stepping.tolerance is not None
+        strict = self.stepping._replace(tolerance=STRICT * self.stepping.tolerance)
+        return self.bench.run(uniform(self.axes, level.hinges, self.family), strict).tip - level.outcome.tip
+
+    def _by_steps_of_coarser(self) -> Array:
+        """Where the finest levels cannot be run with stricter steps: of the finest that can, with room."""
+        for level in self.levels[self.family][-2::-1]:
+            errors = self.ruler.up_to(self._by_steps(level))
             if np.isfinite(errors[-1]):
-                break
-        if errors[-1] > ENOUGH * self.tolerance:
-            change = self.bench.run(self.model, strict).tip - self.finest.outcome.tip
-            if np.isfinite(change).all():
-                self.limit = self.limit._replace(tip=self.limit.tip + change)
-                return self.ruler.up_to(change) / 10**0.5  # of the stricter run, whatever the order
-            return SCATTER * errors
-        return errors
+                return SCATTER * errors
+        return np.full(len(self.finest.outcome.tip), np.inf)
 
     def _beyond_budget(self, hinges: int) -> bool:
         levels = self.levels[self.family]
@@ -161,7 +171,7 @@ class Ladder:
             return outcome
         self.why = ""
         self.levels[family].append(Level(hinges, outcome))
-        self.motion, self.deflection = farthest(outcome.tip), deflection(outcome.run)
+        self.motion, self.deflection = farthest(outcome.tip), float(deflections(outcome.run).max())
         self.tolerance = self.goal.tolerance(self.motion, self.deflection)
         if len(self.levels[family]) > 1:
             self.limit = self._estimate(family)
@@ -173,7 +183,7 @@ class Ladder:
         (Na, a), (Nb, b) = levels[-2:]
         change, q = self.ruler.up_to(b.tip - a.tip), (Nb / Na) ** 2 - 1
         itself = SAFE_LEVEL * change / q if Nb >= REGULAR else change
-        extrapolated = Limit(b.tip + (b.tip - a.tip) / q, np.full(len(change), np.inf))
+        extrapolated = Limit(b.tip + (b.tip - a.tip) / q, np.full(len(change), np.inf), (-1 / q, 1 + 1 / q))
         if limits:
             errors = self.ruler.up_to(extrapolated.tip - limits[-1].tip) / SAFE_LIMIT[family]
             if len(limits) > 1:
@@ -200,10 +210,3 @@ class Ladder:
             self.family = "legendre"
         else:
             self.limit, self.why = before, ""
-
-
-def deflection(run: Trajectory) -> float:
-    """How far the hinges of a run bend the tip away from where the joints alone would have it, at most [m]."""
-    hinges = [c.segment > 0 for c in run.chain.coordinates]
-    straight = np.where(hinges, 0.0, run.q)
-    return float(np.linalg.norm(run.tip - tip_position(run.chain, straight), axis=1).max())

@@ -2,10 +2,11 @@
 
     θ = −(M q̈ + T_GC) / k        of the hinges that the links would have, from the rigid run's q, q̇, q̈
     u = p(q, θ) − p(q, 0)        how far they bend the tip away, if they followed at once
-    ÿ + ω² (y − u) = 0           how far it swings, ω the lowest frequency of the springs
+    ÿ + ω² (y − u) = 0           how far it swings, ω the lowest frequency of the springs, from where it starts
+    d                            how far the joints go by a bend that they start with (`release`)
 
-Neither is a bound by itself: joints give way, loads meet other modes. Measured on 22 scenes of arms that are driven,
-led, fall, hit resonance: the error of a rigid model is at most 0.8 of `SAFE` times the larger.
+None is a bound by itself: joints give way, loads meet other modes. Measured on 22 scenes of arms that are driven,
+led, fall, hit resonance: the error of a rigid model is at most 0.8 of `SAFE` times the largest.
 """
 
 from __future__ import annotations
@@ -19,16 +20,16 @@ from numpy.typing import NDArray
 from flexlink.advice.bench import GROWN, NUDGE, Bench, Outcome, Stepping
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
 from flexlink.advice.model import Axes, Model, is_scene, uniform
+from flexlink.advice.release import release
 from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.motion.result import Trajectory
 
 Array = NDArray[np.float64]
 
 SAFE = 2.5
-"""Over the larger of u and y."""
+"""Over the largest of u, y and d."""
 
 TAME = 10.0
 """Growth of an error up to which it is contained in `SAFE`."""
@@ -108,9 +109,11 @@ def _steppings(bench: Bench, strict: Outcome, allowed: float) -> list[Stepping]:
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
-def guess(bench: Bench, run: Trajectory, axes: Axes, ruler: Ruler) -> Guess:
+def guess(bench: Bench, strict: Outcome, axes: Axes, ruler: Ruler) -> Guess:
     """What bending that is left out would do to the tip, swung up; without the growth of errors."""
-    chain = bench.chain(uniform(axes, COARSE))
+    run, model = strict.run, uniform(axes, COARSE)
+    assert run is not None
+    chain = bench.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
@@ -118,8 +121,9 @@ def guess(bench: Bench, run: Trajectory, axes: Axes, ruler: Ruler) -> Guess:
     θ[:, bent] = np.clip(-loads[:, bent] / chain.stiffness[bent], -LARGEST_ANGLE, LARGEST_ANGLE)
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
-    y = swung(u, ω, bench.scene.run.sample, start=u[0] if bench.scene.initial.passive == "static" else 0 * u[0])
-    return Guess(SAFE * max(ruler(u), ruler(y)), ω / (2 * np.pi))
+    released = release(bench, strict, model, q[0])
+    y = swung(u, ω, bench.scene.run.sample, released.start)
+    return Guess(SAFE * max(ruler(u), ruler(y), ruler(released.drift)), ω / (2 * np.pi))
 
 
 def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, plain, short
+from flexlink.describe.spec import meant, numbers, plain, short
 from flexlink.kernels.finite import is_finite
 
 if TYPE_CHECKING:
@@ -48,13 +48,7 @@ def vector(name: str, value: ArrayLike, size: int, *, many: bool = False, finite
 
 def real_array(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
     """A writable, contiguous float64 copy: a read-only array is another type to the compiler, and compiles anew."""
-    try:
-        array = np.array(value)
-    except (TypeError, ValueError) as error:
-        raise ArgumentError(f"{name}: not an array: {error}; expected shape {shape}") from None
-    if array.dtype.kind not in "fiu":
-        raise ArgumentError(f"{name} has dtype {array.dtype}; expected real numbers, shape {shape}")
-    return np.ascontiguousarray(array, np.float64)
+    return np.atleast_1d(numbers(name, value, f"real numbers, shape {shape}"))
 
 
 def dimensions(value: ArrayLike) -> int:
@@ -179,6 +173,20 @@ def positive(name: str, value: object) -> float:
     if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
         raise ArgumentError(f"{name} = {short(value)}: must be a finite number > 0")
     return float(number)  # type: ignore[arg-type]
+
+
+def real(name: str, value: object, wanted: str) -> float:
+    """`value` as a float, finite or not, which a text may hold, too; the message of an error says what is `wanted`.
+
+    Raises
+    ------
+    ArgumentError
+        It is no number, or an integer beyond float64.
+    """
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, OverflowError):
+        raise ArgumentError(f"{name} = {short(value)}: expected {wanted}") from None
 
 
 def _number(value: object) -> object:

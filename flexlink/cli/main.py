@@ -28,10 +28,11 @@ from flexlink.cli.simulate import simulate_scene
 from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.interruption import finish
+from flexlink.common.interruption import finish, word
 from flexlink.describe import catalogue
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.formats import FORMATS
+from flexlink.motion.endings import InterruptedRunError
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml
@@ -84,8 +85,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"flexlink: not enough memory: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt as error:
-        print(f"flexlink: {str(error) or 'interrupted'}", file=sys.stderr)
-        return 128 + getattr(error, "signal", signal.SIGINT)
+        number = getattr(error, "signal", signal.SIGINT)
+        lost = isinstance(error, InterruptedRunError) and options.command is not simulate_scene  # of it nothing is kept
+        print(f"flexlink: {word(number) if lost else str(error) or 'interrupted'}", file=sys.stderr)
+        return 128 + number
     finally:
         finish()
 
@@ -224,9 +227,7 @@ def _advice_options(advice: argparse.ArgumentParser) -> None:
         "--tip", default="1e-3", metavar="ERROR",
         help="allowed error of the tip, a part of how far it moves, or a length as 2mm; default: 1e-3",
     )  # fmt: skip
-    advice.add_argument(
-        "--deflection", action="store_true", help="the error is a part of how far the links bend the tip"
-    )
+    advice.add_argument("--deflection", action="store_true", help="the error is a part of how far springs move the tip")
     advice.add_argument("--band", type=float, metavar="HZ", help="vibrations faster than this do not count")
     advice.add_argument(
         "--budget", type=float, default=1.0, metavar="S", help="CPU time that one run may take [s]; default: 1"

@@ -9,15 +9,16 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from flexlink.chain.arguments import integer
 from flexlink.cli.shared import about, assignments, require_place
 from flexlink.cli.terminal import Progress, clock
-from flexlink.common.errors import ArgumentError
 from flexlink.sweeps.identity import identity
 from flexlink.sweeps.plan import Plan, load_sweep
 from flexlink.sweeps.possible import require_possible
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.sweeping import fill
 from flexlink.sweeps.table import FORMATS, export, require_parquet
+from flexlink.sweeps.workers import MOST
 
 
 def add_options(sweep: argparse.ArgumentParser) -> None:
@@ -39,8 +40,7 @@ def sweep_members(options: argparse.Namespace) -> int:
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_place(out)
-    if options.workers < 1:
-        raise ArgumentError(f"--workers {options.workers}: must be at least 1")
+    integer("--workers", options.workers, 1, MOST)
     if options.export == "parquet":
         require_parquet()
     with Store(out, plan, identity(plan.sweep), fresh=options.fresh) as store:

@@ -30,7 +30,7 @@ class SingularMassError(FlexlinkError, ArithmeticError):
 
 
 class AdviceError(FlexlinkError, RuntimeError):
-    """No two models of a scene can be run, so that none can be judged; the message says what became of the last one."""
+    """No model of a scene can be judged: no two of them can be run, or nothing moves; the message says which."""
 
 
 class OutputError(FlexlinkError, OSError):

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import numbers
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ class Course:
 
     def __post_init__(self) -> None:
         for name in ("knots", "coefficients"):
-            object.__setattr__(self, name, np.array(getattr(self, name), dtype=np.float64))
+            object.__setattr__(self, name, numbers(name, getattr(self, name)))
         knots, c = self.knots, self.coefficients
         if knots.ndim != 1 or c.ndim != 3 or not len(knots) or len(c) != len(knots) or not c.shape[1]:
             raise ArgumentError(f"knots {knots.shape}, coefficients {c.shape}: shapes must be (m,), (m, degree + 1, d)")
@@ -59,7 +60,7 @@ class Course:
 
     def __call__(self, t: ArrayLike) -> tuple[Array, Array, Array]:
         """Angle [rad], rate [rad/s] and acceleration [rad/s²] at times t [s], each of shape (*t.shape, d)."""
-        times = np.asarray(t, dtype=np.float64)
+        times = numbers("t", t)
         return _values(*self._located(times.ravel()), (*times.shape, self.coefficients.shape[2]))
 
     def __repr__(self) -> str:
@@ -79,7 +80,7 @@ class Course:
 
     def delayed(self, delay: float) -> Course:
         """The same, later by `delay` [s]."""
-        return Course(self.knots + delay, self.coefficients)
+        return Course(self.knots + numbers("delay", delay), self.coefficients)
 
     def shaped(self, times: ArrayLike, weights: ArrayLike) -> Course:
         """What an input shaper makes of it: Σ_i a_i r(t − t_i), `times` t_i [s] and `weights` a_i of its impulses.
@@ -89,7 +90,7 @@ class Course:
         ArgumentError
             Times and weights are no lists of the same length, a number is not finite, or pieces are too many.
         """
-        t, a = np.asarray(times, dtype=np.float64), np.asarray(weights, dtype=np.float64)
+        t, a = numbers("times", times), numbers("weights", weights)
         if t.ndim != 1 or t.shape != a.shape or not len(t) or not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise ArgumentError(
                 f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers, (k,) both, k > 0"

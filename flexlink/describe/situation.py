@@ -174,9 +174,10 @@ class Run(Spec, frozen=True):
     """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
 
     Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
-    of any body's place, or `relative_tolerance`, a part of the arm's reach (accuracy = "tip") or of its largest
-    deflection so far (accuracy = "deflection"); `step` then has no effect. method = "auto", the default then, takes the
-    cheapest method. Vibrations too small to matter for the tip's path may be damped away by accuracy = "tip".
+    of any body's place, or `relative_tolerance`, a part of the arm's reach (accuracy = "tip") or of how far all springs
+    have moved any body so far, at most (accuracy = "deflection"); `step` then has no effect. method = "auto", the
+    default then, takes the cheapest method. Vibrations too small to matter for the tip's path may be damped away by
+    accuracy = "tip".
 
     Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
     stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.

@@ -15,8 +15,9 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from flexlink.common.errors import SceneError
+from flexlink.common.errors import ArgumentError, SceneError
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -283,6 +284,24 @@ def rising(name: str, times: Sequence[float]) -> None:
             raise SceneError(
                 f"{name}[{k}] = {time!r}: must be greater than {name}[{k - 1}] = {before!r}; times increase"
             )
+
+
+def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArray[np.float64]:
+    """`value` as a float64 array of its own, row by row.
+
+    Raises
+    ------
+    ArgumentError
+        It is no array, holds what is no number, or an integer beyond float64; the message says what is `wanted`.
+    """
+    try:
+        array = np.array(value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
+    if array.dtype.kind not in "fiu":
+        beyond = " (integers beyond float64 are none)" if array.dtype.kind == "O" else ""
+        raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
+    return np.array(array, np.float64, order="C")
 
 
 def _lower(reason: str) -> str:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, positive, vector
+from flexlink.chain.arguments import given, positive, real, vector
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import short
 from flexlink.motion.result import Trajectory
@@ -42,6 +42,7 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     ArgumentError
         An argument has the wrong shape or is not finite, or no sample follows `after`.
     """
+    after = real("after", after, "a time [s]")
     t, tip = _from(run, after)
     outside = np.flatnonzero(_distance(tip, vector("target", target, 3)) > positive("tolerance", tolerance))
     first = outside[-1] + 1 if outside.size else 0
@@ -105,10 +106,7 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
 def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
     """Times and places of the tip from `after` on."""
     t = given("run", run, Trajectory).t
-    try:
-        kept = t >= float(after)
-    except (TypeError, ValueError):
-        raise ArgumentError(f"after = {short(after)}: expected a time [s]") from None
+    kept = t >= real("after", after, "a time [s]")
     if kept.sum() < least:
         span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
         raise ArgumentError(f"after = {short(after)}: a {span} has {kept.sum()} samples from there on; needs {least}")

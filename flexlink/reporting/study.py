@@ -17,7 +17,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.placement import tip_position
+from flexlink.motion.deflection import deflections, unbent
 from flexlink.motion.result import Trajectory
 from flexlink.motion.single import simulate
 from flexlink.motion.start import initial_state
@@ -108,12 +108,8 @@ class Study:
 
     @cached_property
     def bent_by(self) -> Array:
-        """How far the hinges bend the tip away from where straight links would have it, at every sample [m]."""
-        return np.asarray(np.linalg.norm(self.run.tip - tip_position(self.chain, self.straight(self.run.q)), axis=1))
-
-    def straight(self, q: Array) -> Array:
-        """The same angles of driven joints, with every spring slack."""
-        return np.where(self.chain.stiffness > 0, self.chain.rest, q)
+        """How far the springs bend the tip away, at every sample [m]."""
+        return deflections(self.run)
 
     @cached_property
     def attempt(self) -> Trajectory | FlexlinkError:
@@ -133,5 +129,5 @@ class Study:
             As of `solve_static`.
         """
         wrench, follower = initial_wrench(self.scene, self.chain)
-        held, start = self.chain.active.tolist(), self.straight(self.start[0])
+        held, start = self.chain.active.tolist(), unbent(self.chain, self.start[0])
         return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)

@@ -12,6 +12,7 @@ from flexlink.analysis.equilibrium import solve_static
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
 from flexlink.dynamics.placement import tip_position
+from flexlink.motion.deflection import deflections
 from flexlink.motion.result import Trajectory
 from flexlink.motion.settling import overshoot, residual_vibration, settling_time
 
@@ -32,7 +33,7 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
 """Of a column x, sampled at the times t."""
 
 DEFLECTION = "deflection [m]"
-"""How far the tip is from where it would be if no hinge and no gear were bent, at the same angles of the joints."""
+"""How far the tip is from where it would be with all springs at rest, at the same angles of the joints."""
 
 
 class Quantity(Spec, frozen=True):
@@ -101,7 +102,7 @@ def column_of(run: Trajectory, name: str) -> Array:
         There is none of this name; the message says which is likely meant.
     """
     if name == DEFLECTION:
-        return _deflection(run)
+        return deflections(run)
     columns = run.columns
     if name not in columns:
         known = [*columns, DEFLECTION, *MEASURES]
@@ -109,12 +110,6 @@ def column_of(run: Trajectory, name: str) -> Array:
             f"of = {short(name)}: no such quantity; allowed are {short_list(known)}{meant(name, known)}"
         )
     return columns[name]
-
-
-def _deflection(run: Trajectory) -> Array:
-    straight = np.zeros_like(run.q)
-    straight[:, run.chain.active] = run.q[:, run.chain.active]
-    return np.asarray(np.linalg.norm(run.tip - tip_position(run.chain, straight), axis=1))
 
 
 def _count(name: str) -> Callable[[Quantity, Trajectory], float]:

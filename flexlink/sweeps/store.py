@@ -56,16 +56,16 @@ class Store:
 
     def _open(self, identity: str) -> None:
         run = self._db.execute
+        run("BEGIN EXCLUSIVE")  # before the look: another sweep may be making the same file
         if not _is_ours(self._db):
             names = (*RESERVED, *self.plan.sweep.keys, *self.plan.sweep.quantity)
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
             columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in zip(names, kinds, strict=True))
-            run("BEGIN EXCLUSIVE")  # all of it or nothing, and before WAL, so that the file itself says whose it is
             run(f"PRAGMA application_id = {OURS}")
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
             run("INSERT INTO about VALUES ('identity', ?)", (identity,))
-            run("COMMIT")
+        run("COMMIT")  # all of it or nothing, and before WAL, so that the file itself says whose it is
         run("PRAGMA journal_mode = WAL")
         run("PRAGMA synchronous = NORMAL")  # if the machine itself crashes, the last rows may be computed again
         run("BEGIN IMMEDIATE")
@@ -139,8 +139,8 @@ class Store:
     def _remove(self, path: Path) -> None:
         """Begin anew; not while another writes, and not where another program's data are."""
         with self._told(), contextlib.closing(sqlite3.connect(path, timeout=WAIT)) as db:
-            _is_ours(db)
             db.execute("BEGIN IMMEDIATE")
+            _is_ours(db)
         with self._told():
             for end in ("", "-wal", "-shm"):
                 path.with_name(path.name + end).unlink(missing_ok=True)

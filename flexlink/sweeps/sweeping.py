@@ -16,7 +16,7 @@ from flexlink.sweeps.plan import Plan, Sweep, load_sweep
 from flexlink.sweeps.possible import require_possible
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
-from flexlink.sweeps.workers import pool_of
+from flexlink.sweeps.workers import MOST, pool_of
 
 
 class InterruptedSweepError(KeyboardInterrupt):
@@ -81,11 +81,12 @@ def sweep(
         Ctrl-C or SIGTERM; rows are kept.
     """
     callable_or_none("progress", progress)
+    count = integer("workers", workers, 1, MOST)
     plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
     place = None if out is None else given_path("out", out)
     require_possible(plan)
     with Store(place, plan, identity(plan.sweep), fresh=flag("fresh", fresh)) as store:
-        fill(store, executor, integer("workers", workers, 1), dask, progress or (lambda _: None))
+        fill(store, executor, count, dask, progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))
 

@@ -22,6 +22,9 @@ T = TypeVar("T")
 AHEAD = 2
 """Tasks for each that works: one is there when another is done."""
 
+MOST = 1024
+"""Processes that a sweep starts, all at once: more than a machine has cores, and a hundred gigabytes."""
+
 PATIENCE = 10
 """How long a scheduler, and its first worker, are waited for [s]."""
 

@@ -82,6 +82,17 @@ def tumbling_scene(seed: int) -> fl.Scene:
     )  # fmt: skip
 
 
+def released_scene(seed: int) -> fl.Scene:
+    """An arm that its loads bend while the joints are held, and that is let go; up to stiff enough to be rigid."""
+    scene, dice = random_scene(seed), Dice(seed)
+    thicker = dice.decades(0.0, 0.6)
+    sections = {name: _scaled(section, thicker) for name, section in scene.arm.sections.items()}
+    return replace(
+        scene, name=f"released {scene.name}", arm=replace(scene.arm, sections=sections), motion=(),
+        initial=replace(scene.initial, passive="static"),
+    )  # fmt: skip
+
+
 def robot_scene(duration: float) -> fl.Scene:
     """A robot of three axes from a URDF file, two of its links tubes that bend; its waist turns while it falls."""
     flexible = {name: fl.Flexible(section=section, flex="xyz") for name, section in TUBES.items()}
@@ -132,9 +143,14 @@ def _thicken(
         bent = 9.81 * (carried + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
         scale = max(1.0, bent / SOFTEST) ** 0.5
         for name in filter(None, (link.section, link.section_tip)):
-            sizes = {k: scale * v for k, v in msgspec.structs.asdict(sections[name]).items() if isinstance(v, float)}
-            sections[name] = replace(sections[name], **sizes)
+            sections[name] = _scaled(sections[name], scale)
         carried += link.end.mass + scale**2 * own
+
+
+def _scaled(section: fl.Section, scale: float) -> fl.Section:
+    """All sizes of a section, so many times as large."""
+    sizes = {k: scale * v for k, v in msgspec.structs.asdict(section).items() if isinstance(v, float)}
+    return replace(section, **sizes)
 
 
 def _mass(links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material) -> float:

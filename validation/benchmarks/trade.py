@@ -21,6 +21,7 @@ from flexlink.describe import catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position
+from flexlink.motion.deflection import unbent
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.reference_values import reference_array
@@ -101,7 +102,7 @@ def reference_name(name: str) -> str:
 class Seen(NamedTuple):
     """What the trade looks at: rows of the outputs, start included, in frame 0 [m]; nan where a run did not get to.
 
-    `bend` is the tip less the tip of the same arm with straight links.
+    `bend` is the tip less the tip of the same arm with its springs at rest.
     """
 
     tip: Array  # (OUTPUTS + 1, 3)
@@ -110,11 +111,10 @@ class Seen(NamedTuple):
 
 def seen(chain: Chain, q: Array) -> Seen:
     """The same of angles at the outputs, shape (OUTPUTS + 1, n)."""
-    joints = np.array([c.segment == 0 for c in chain.coordinates])
-    tip, straight = np.full((2, len(q), 3), np.nan)
+    tip, there = np.full((2, len(q), 3), np.nan)
     good = np.isfinite(q).all(axis=1)
-    tip[good], straight[good] = tip_position(chain, q[good]), tip_position(chain, np.where(joints, q, 0.0)[good])
-    return Seen(tip, tip - straight)
+    tip[good], there[good] = tip_position(chain, q[good]), tip_position(chain, unbent(chain, q[good]))
+    return Seen(tip, tip - there)
 
 
 @functools.cache

@@ -15,7 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.endings import DivergenceError
 from flexlink.motion.single import simulate
-from validation.benchmarks.advice_scenes import SAMPLES, random_scene, robot_scene, tumbling_scene
+from validation.benchmarks.advice_scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
 from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -28,7 +28,8 @@ class Settings(Spec, frozen=True):
     """Seeds of the random scenes, parts of the motion that are allowed, and what the truth may take.
 
     `durations` are those of the case's own scenes, `robot` that of the one from a URDF file [s], 0 for none; `grid` are
-    seeds for which every model of a grid is tried, `tumbling` those of scenes whose motion is sensitive.
+    seeds for which every model of a grid is tried, `tumbling` those of scenes whose motion is sensitive, `released`
+    those of arms that start bent, and are let go.
     """
 
     first: int
@@ -40,6 +41,7 @@ class Settings(Spec, frozen=True):
     robot: NonNegative = 0.0
     grid: tuple[int, ...] = ()
     tumbling: tuple[int, ...] = ()
+    released: tuple[int, ...] = ()
     few: NonNegative = 0.0
 
 
@@ -93,6 +95,8 @@ def _scenes(case: Case, settings: Settings) -> Iterator[tuple[Scene, int]]:
         yield random_scene(seed), seed
     for seed in settings.tumbling:
         yield tumbling_scene(seed), -1
+    for seed in settings.released:
+        yield released_scene(seed), -1
 
 
 def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:

@@ -10,6 +10,7 @@ from flexlink.analysis.equilibrium import solve_static
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
+from flexlink.motion.deflection import unbent
 from flexlink.motion.settling import overshoot, residual_vibration, settling_time
 from flexlink.motion.tip_wrench import initial_wrench
 from flexlink.reporting.numbers import number
@@ -35,7 +36,7 @@ def made(study: Study) -> Part | None:
     wrench, follower = initial_wrench(study.scene, chain)
     at = run.q[-1].copy()
     at[chain.active] = angles
-    rest = solve_static(chain, study.straight(at), tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
+    rest = solve_static(chain, unbent(chain, at), tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
         return Part((

@@ -9,6 +9,7 @@ from flexlink.analysis.tangent import load_torque
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames, tip_position
+from flexlink.motion.deflection import unbent
 from flexlink.motion.tip_wrench import initial_wrench
 from flexlink.reporting.numbers import number
 from flexlink.reporting.part import Part
@@ -35,7 +36,7 @@ def made(study: Study) -> Part:
         held = load_torque(chain, q, np.zeros(chain.n), wrench, follower)
         return Part(("No link bends. The joints are held where they start.",), tables=_holding(chain, q, held))
     rest = study.rest
-    sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, study.straight(rest.q)))
+    sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
     sentences = (
@@ -72,7 +73,7 @@ def _buckling(study: Study) -> str:
 
 def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
-    straight, bent = (frames(chain, q).points for q in (study.straight(rest.q), rest.q))
+    straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
     scale = max(1.0, _round(VISIBLE * study.reach / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])

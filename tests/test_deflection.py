@@ -1,0 +1,65 @@
+"""Deflection is one thing wherever it is asked for: what all springs, of links and of gears, do to the tip."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink.advice.bench import Bench, Stepping
+from flexlink.advice.goal import Goal, Ruler
+from flexlink.advice.ladder import Ladder
+from flexlink.motion.deflection import deflections, unbent
+from flexlink.reporting.study import Study
+from flexlink.sweeps.measures import column_of
+from validation.benchmarks.trade import seen
+
+GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # m: the arm of 0.5 m, its gear turned by 0.01 rad: 5.0 mm
+STEEL = fl.Material(young=210e9, density=7850.0)
+
+
+@pytest.fixture(scope="module")
+def two_masses() -> fl.Scene:
+    return fl.load_scene(ROOT / "models" / "two_mass_joint.toml")
+
+
+def test_the_deflection_of_an_elastic_gear_is_the_same_in_advice_sweeps_report_and_trade(two_masses: fl.Scene) -> None:
+    run = fl.simulate(two_masses)
+    assert deflections(run)[0] == pytest.approx(GEAR, rel=1e-12)
+    assert deflections(run).max() == pytest.approx(GEAR, rel=1e-3)  # it swings as far to the other side
+    assert np.array_equal(column_of(run, "deflection [m]"), deflections(run))
+    assert np.array_equal(Study(two_masses).bent_by, deflections(run))
+    assert np.linalg.norm(seen(run.chain, run.q).bend, axis=1) == pytest.approx(deflections(run), abs=1e-15)
+
+
+def test_advice_takes_a_part_of_the_same_deflection(two_masses: fl.Scene) -> None:
+    scene = two_masses.varied({"initial": fl.Initial(joint_deg=(0.0,)), "link.1.material": "steel",
+                               "link.1.section": "bar", "material.steel": STEEL, "gravity": (0.0, -9.81, 0.0),
+                               "section.bar": fl.Section(shape="circle", diameter=0.02)})  # fmt: skip
+    bench = Bench(scene, 1.0)
+    ladder = Ladder(
+        bench, Ruler(Goal(1e-2), 1e-3), Goal(1e-2, deflection=True), ("z",), Stepping("Radau5", tolerance=1e-5)
+    )
+    ladder.climb()
+    run = ladder.finest.outcome.run
+    assert run is not None
+    assert ladder.deflection == deflections(run).max()
+    hinges = [c.segment > 0 for c in run.chain.coordinates]
+    links_alone = np.linalg.norm(run.tip - fl.tip_position(run.chain, np.where(hinges, 0.0, run.q)), axis=1)
+    assert ladder.deflection > 1.5 * links_alone.max()  # the gear's part is not left out
+
+
+def test_springs_at_rest_are_where_they_are_slack(two_masses: fl.Scene) -> None:
+    chain = fl.lump(two_masses)
+    turned = with_rest(chain, 0.3)
+    assert unbent(turned, np.array([0.7, 0.1])) == pytest.approx([0.7, 0.3])
+
+
+def with_rest(chain: fl.Chain, angle: float) -> fl.Chain:
+    """The same with its gear slack at an angle [rad]."""
+    hinges = chain.hinges.copy()
+    hinges["rest"][chain.stiffness > 0] = angle
+    return dataclasses.replace(chain, hinges=hinges)
