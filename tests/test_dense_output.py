@@ -47,7 +47,7 @@ def test_the_polynomial_through_the_stages_ends_where_the_step_does(name: str) -
 @pytest.mark.parametrize("name", IMPLICIT)
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
 def test_every_sample_after_a_jump_of_torque_is_within_the_tolerance(name: str, tolerance: float) -> None:
-    """Samples were off by 1.1 m, and the energy by all that was exchanged: q̈ at the jump is of unresolved vibrations."""
+    """Samples were off by 1.1 m, and the energy by all of it: q̈ at a jump is of unresolved vibrations."""
     scene = struck(tolerance)
     run, exact = fl.simulate(scene, method=name), fl.simulate(scene, method="DOP853", tolerance=1e-9)
     assert np.linalg.norm(run.tip - exact.tip, axis=1).max() < tolerance

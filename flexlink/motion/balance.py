@@ -38,11 +38,11 @@ class Allowance(NamedTuple):
 
     energy: Array | float = 0.0  # at each sample [J]
     share: float = np.inf  # of the energy exchanged, at most
-    damps: bool = False  # any loss may be that of vibrations
+    compared: bool = False  # by a second run, which judges in its place: a loss may be that of damped vibrations
 
     def of(self, imbalance: Array, exchanged: Array) -> Array:
         """Of such imbalances where so much was exchanged [J]."""
-        return np.where(self.damps & (imbalance < 0), np.inf, np.minimum(self.energy, self.share * exchanged))
+        return np.where(self.compared & (imbalance < 0), np.inf, np.minimum(self.energy, self.share * exchanged))
 
 
 class Judgement(NamedTuple):
@@ -75,7 +75,8 @@ class Balance:
         self._exchanged, self._rounded = float(X[-1]), float(one[-1])
         ε = one * (1 + steps)
         explained = ε + allowance.of(r, X)
-        return Judgement(r, X, explained, ε, np.abs(r) > SHARE * X + explained)
+        garbage = (np.abs(r) > SHARE * X + explained) & (not allowance.compared)
+        return Judgement(r, X, explained, ε, garbage)
 
 
 def _running_largest(so_far: float, values: Array) -> Array:

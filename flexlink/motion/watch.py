@@ -102,14 +102,15 @@ def allowed_imbalance(
 
     τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
     that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
-    that stay below δ, however fast they are, and all energy may have been theirs: what it loses a second run judges.
+    that stay below δ, however fast they are, and all energy may have been theirs, and what drives do on them is as little
+    known: a second run judges.
     """
     if not run.controlled:
         return balance.NOTHING
     mass = float(chain.bodies["mass"].sum())
     weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
     share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
-    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, damps=not explicit)
+    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, compared=not explicit)
 
 
 class Watch:
