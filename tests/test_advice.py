@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.advice import horizon as horizons
+from flexlink.advice import rigid
+from flexlink.advice.axes import SHARE, Screening
 from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
 from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Ladder, Level, Limit
@@ -361,3 +363,73 @@ def test_a_tolerance_holds_up_to_the_last_sample_before_it_is_exceeded(
     ladder = ladder_of(n2=ALLOWED * along_x(*off))
     ladder.limit = Limit(along_x(*[0.0] * 5), np.zeros(5))
     assert horizons.horizon(ladder, RULER, ALLOWED * np.array(known)) == pytest.approx(holds)
+
+
+# axes
+
+
+def test_axes_that_are_left_out_count_together() -> None:
+    """Two links, each of which may lose an axis by itself, 0.6 of what all may do together; the first one does."""
+    moved = {("yz", "yz"): 0.0, ("z", "z"): 1.2, ("z", "yz"): 0.6, ("yz", "z"): 0.6}
+    links = [SimpleNamespace(name=name) for name in "ab"]
+
+    def run(model: Model, stepping: Stepping) -> Outcome:
+        axes = tuple(bend.flex if bend else "rigid" for bend in model)
+        return outcome(along_x(0.0, moved[axes] * SHARE * ALLOWED))
+
+    bench = SimpleNamespace(scene=SimpleNamespace(arm=SimpleNamespace(links=links)), run=run)
+    screening = Screening(cast("Bench", bench), RULER, ("yz", "yz"), Stepping("Radau5"), ALLOWED)
+    assert screening.axes == ("z", "yz")
+    assert [trial.kept for trial in screening.trials] == [True, False, True]
+
+
+# growth
+
+
+def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_start_was() -> None:
+    """An arm of 4 m, turned by an angle: 4 m · angle off at first, three times as much in the end."""
+    reach, base = 4.0, along_x(0.0, 0.1, 0.2, 0.3)
+    finest = outcome(base)._replace(stepping=Stepping("Radau5", tolerance=1e-9))
+
+    def twin(model: Model, stepping: Stepping, angle: float) -> Outcome:
+        return outcome(base + angle * reach * along_x(1.0, 2.0, 3.0, 2.0))
+
+    bench = SimpleNamespace(chain=lambda _: SimpleNamespace(reach=reach), twin=twin)
+    ladder = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), motion=1.0)
+    found = horizons.growth(cast("Bench", bench), cast("Ladder", ladder), ALLOWED)
+    assert found.factor == pytest.approx(3.0)
+    assert found.e_fold == np.inf
+
+
+# deflections and budgets
+
+
+def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> None:
+    """−ρ A g L⁴ / 8 E I at the tip of 1 m of steel, 1 cm thick: two hinges are off by less than a tenth."""
+    bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
+    steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)
+    still = fl.Motion(link="bar", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    scene = fl.Scene(
+        name="bar", arm=fl.Arm(links=(bar,), materials={"steel": steel}, sections={"square": square}),
+        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(0.0,)), motion=(still,),
+        run=fl.Run(duration=0.02, sample=0.01, step=0.01),
+    )  # fmt: skip
+    bench, seen = Bench(scene, 1.0), []
+
+    def ruler(difference: Array) -> float:
+        seen.append(difference)
+        return 0.0
+
+    rigid.guess(bench, fl.simulate(scene), ("z",), cast("Ruler", ruler))
+    beam = -7850.0 * 1e-4 * 9.81 / (8 * 210e9 * 1e-8 / 12)
+    assert seen[0][:, 1] == pytest.approx(beam, rel=0.1)
+
+
+def test_a_run_ends_where_it_has_used_up_its_budget() -> None:
+    """A tenth of what the whole run takes."""
+    scene, model, steps = bars().varied({"run.duration": 2.0}), (None, None), Stepping("RK4", step=1e-3)
+    whole = Bench(scene, 60.0).run(model, steps)
+    assert whole.whole
+    short = Bench(scene, 0.1 * whole.seconds).run(model, steps)
+    assert short.dear
+    assert "took the budget" in short.why

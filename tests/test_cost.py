@@ -59,3 +59,11 @@ def test_an_implicit_step_takes_about_the_time_that_was_predicted(models, name: 
         steps.append(fl.simulate(part).steps.taken)
         times.append(time.thread_time() - started)
     assert 1 / 4 < (times[1] - times[0]) / (steps[1] - steps[0]) / predicted < 4
+
+
+@pytest.mark.parametrize(("planar", "least", "most"), [(True, 2.7, 6.8), (False, 4.9, 15.0)])
+def test_a_stage_of_an_implicit_step_costs_what_was_measured_of_the_trade_s_scenes(
+    planar: bool, least: float, most: float
+) -> None:
+    stages = 3  # of Radau5
+    assert least < step_time("Radau5", 1e-6, planar=planar) / (stages * 1e-6) < most

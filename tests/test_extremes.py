@@ -96,3 +96,17 @@ def test_the_fastest_decay_is_that_of_the_dampers_alone(chain: fl.Chain, rng: np
     damped = dataclasses.replace(chain, hinges=hinges)
     wanted = linalg.eigh(np.diag(damped.damping), fl.mass_matrix(damped, q), eigvals_only=True)[-1]
     assert fastest_decay(damped, q) == pytest.approx(wanted, rel=2 * ESTIMATE)  # of a square, unlike a frequency
+
+
+def test_the_damper_of_a_led_joint_takes_no_speed_away() -> None:
+    """Its motion is given, whatever its damper; where it is the only one there is no decay at all."""
+    chain = fl.lump(make_scene(flexible("a", segments=4)))
+    hinges, q = chain.hinges.copy(), np.zeros(chain.n)
+    hinges["prescribed"][chain.active], hinges["damping"][chain.active] = 1, 1e9
+    with np.errstate(all="raise"):  # nor 0/0
+        assert fastest_decay(dataclasses.replace(chain, hinges=hinges.copy()), q) == 0.0
+    hinges["damping"] += 1e-3 * hinges["stiffness"]
+    held, rest = dataclasses.replace(chain, hinges=hinges), chain.hinges["stiffness"] > 0
+    M = fl.mass_matrix(chain, q)[np.ix_(rest, rest)]
+    wanted = linalg.eigh(np.diag(held.damping[rest]), M, eigvals_only=True)[-1]
+    assert fastest_decay(held, q) == pytest.approx(wanted, rel=2 * ESTIMATE)

@@ -69,6 +69,21 @@ def test_a_fault_is_killed_survives_or_no_longer_applies_and_the_tree_stays_as_i
     assert not copy.root.exists()
 
 
+@pytest.mark.slow
+def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with_it(tree: Path) -> None:
+    def judged(find: str, replace: str) -> plant.Verdict | None:
+        return copy.judge_as_python(planted(find, replace))
+
+    with plant.copied(tree) as copy:
+        found = judged("a * b", "a + b")
+        assert found is not None and found.outcome == KILLED
+        assert judged("a * b", "-a * b") is None, "no test fails"
+        assert judged("a * b", "a * b / 0") is None, "Python's own error"
+        (copy.root / "area.py").write_text("def area(a, b):\n    return a - b\n", encoding="utf-8")
+        copy._right.clear()
+        assert judged("a - b", "a + b") is None, "the test fails without it"
+
+
 @pytest.mark.parametrize(
     ("answer", "outcome"),
     [

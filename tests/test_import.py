@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -17,9 +20,10 @@ from flexlink.describe.directions import line_of
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.flexible import Flexible, payload
+from flexlink.robots.flexible import Flexible, _prism, bent, payload
 from flexlink.robots.importing import Imported, import_urdf
 from flexlink.robots.robot_file import read_robot
+from flexlink.robots.serial import _positions
 from flexlink.robots.tuning import clamped_frequency
 from validation.benchmarks.original import Original
 
@@ -283,3 +287,40 @@ def test_a_joint_that_cannot_be_at_zero_starts_in_the_middle(tmp_path: Path) -> 
     imported = import_urdf(path, tip="p8", locked={"j4": 1.0})
     assert imported.path.positions["j3"] == 2.0
     assert "j3: starts at 2 rad, the middle of limits that exclude 0" in imported.notes
+
+
+def test_a_beam_is_a_solid_box_turned_along_its_line() -> None:
+    """m/12 times the sums of squares of its sides, 2 m long, 0.3 m along its local y and 0.1 m along z."""
+    section = fl.Section(shape="rectangle", height=0.3, width=0.1)
+    found = _prism(section, 12.0, line_of(((0, 0, 0), (2, 0, 0)), (0, 1, 0), np.array([0, 0, 1.0])))
+    up = _prism(section, 12.0, line_of(((0, 0, 0), (0, 0, 2)), (0, 1, 0), np.array([0, 0, 1.0])))
+    y, z = line_of(((0, 0, 0), (2, 0, 0)), (0, 1, 0), np.array([0, 0, 1.0])).frame[:, 1:].T
+    sides = np.abs(np.column_stack([[1.0, 0.0, 0.0], y, z])) @ [2.0, 0.3, 0.1]
+    squares = sides**2
+    assert np.diag(found.inertia) == pytest.approx(squares.sum() - squares)
+    assert sorted(np.linalg.eigvalsh(up.inertia)) == pytest.approx(sorted(squares.sum() - squares))
+    assert found.center == pytest.approx([1.0, 0.0, 0.0])
+
+
+def test_a_beam_of_the_very_largest_mass_is_refused_for_what_it_would_leave(tmp_path: Path) -> None:
+    """Of a rod of 1 kg, which is its own largest beam: nothing is left at its ends."""
+    rod = body_with(1.0, np.array([0.5, 0.0, 0.0]), np.diag([1 / 12 + 1e-3, 2e-3, 2e-3]))
+    part = SimpleNamespace(body=rod, link="rod", joint=SimpleNamespace(axis=np.array([0, 0, 1.0])))
+    link = fl.Link(name="rod")
+    section = fl.Section(shape="rectangle", height=0.01, width=0.01)
+    largest = largest_mass(rod, _prism(section, 1.0, line_of(((0, 0, 0), (1, 0, 0)), None, part.joint.axis)))
+    for mass, fits in ((0.999 * largest, True), (largest, False)):
+        asked = Flexible(section=section, mass=mass)
+        with contextlib.nullcontext() if fits else pytest.raises(ArgumentError, match="does not fit"):
+            bent(cast("Any", part), link, asked, np.array([1.0, 0.0, 0.0]))
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "stays"), [(-1.0, 3.0, 0.0), (0.0, 2.0, 0.0), (1.0, 3.0, 2.0), (-3.0, -1.0, -2.0)]
+)
+def test_a_joint_of_which_nothing_is_said_is_at_zero_or_in_the_middle_of_limits_without_it(
+    lower: float, upper: float, stays: float
+) -> None:
+    joint = SimpleNamespace(name="j", limits=(lower, upper), mimic=None)
+    robot = SimpleNamespace(joints={"j": joint}, position=lambda joint, leaders: leaders[joint.name])
+    assert _positions(cast("Any", robot), {}) == {"j": stays}

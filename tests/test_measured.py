@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.reporting import building
-from flexlink.reporting.fitting import Comparison, numbers_of
+from flexlink.reporting.fitting import Comparison, _least_squares, numbers_of
 from flexlink.reporting.measured import Measured, read_measured
 from flexlink.reporting.report import report
 
@@ -38,10 +40,17 @@ class TestReading:
         return read_measured(path, dict.fromkeys(KNOWN))
 
     def test_units_of_instruments_become_those_of_the_run(self, tmp_path: Path) -> None:
-        found = self.read(tmp_path, "t [ms],tip x [mm],q upper [deg]\n0,1500,180\n10,,90\n")
+        text = "t [ms],tip x [mm],q upper [deg],qd upper [deg/s]\n0,1500,180,360\n10,,90,-90\n"
+        found = self.read(tmp_path, text)
         assert found.t.tolist() == [0.0, 0.01]
         np.testing.assert_array_equal(found.columns["tip x [m]"], [1.5, np.nan])
         np.testing.assert_allclose(found.columns["q upper [rad]"], [np.pi, np.pi / 2], rtol=1e-15)
+        np.testing.assert_allclose(found.columns["qd upper [rad/s]"], [2 * np.pi, -np.pi / 2], rtol=1e-15)
+
+    @pytest.mark.parametrize(("head", "size"), [("µm", 1e-6), ("um", 1e-6), ("mm", 1e-3), ("m", 1.0)])
+    def test_lengths_are_metres(self, tmp_path: Path, head: str, size: float) -> None:
+        found = self.read(tmp_path, f"t [s],tip x [{head}]\n0,3\n1,4\n")
+        np.testing.assert_allclose(found.columns["tip x [m]"], [3 * size, 4 * size], rtol=1e-15)
 
     @pytest.mark.parametrize(
         ("text", "reason"),
@@ -120,3 +129,24 @@ def test_the_page_says_which_number_and_by_how_much(
     page = found.page.read_text(encoding="utf-8")
     assert "1 outside the run are left out" in page
     assert (tmp_path / "out" / "difference.csv").is_file()
+
+
+def test_runs_that_are_fitted_go_on_to_the_sample_after_the_last_measurement(scene: fl.Scene) -> None:
+    """Samples are 10 ms apart here: of measurements up to 14 ms the run takes 20 ms."""
+    apart = scene.varied({"run.sample": 0.01})
+    run, t = SimpleNamespace(t=np.array([0.0, 0.6])), np.array([0.0, 0.014])
+    beside = Comparison(apart, cast("Any", run), Measured(t, {"tip x [m]": t}))
+    assert beside.scene.run.duration == pytest.approx(0.02)
+
+
+def test_the_spread_of_a_number_is_that_of_what_is_left() -> None:
+    """2 x + noise of ±0.1 at 100 times: White's √Σ a²r² / Σ a² is 0.1 / (2 · 10)."""
+    noise = 0.1 * (-1.0) ** np.arange(100)
+
+    def residual(x: Any) -> np.ndarray:
+        return 2.0 * (x - 0.3) + noise
+
+    found = _least_squares(lambda x: cast("Any", x), residual, residual(0.0))
+    assert found is not None
+    assert found.x == pytest.approx(0.3)
+    assert found.spread == pytest.approx(0.005)

@@ -89,3 +89,13 @@ def test_a_scene_that_starts_from_its_own_joints_has_no_other_cut(thrown: fl.Sce
     assert about.limit is None
     assert [one.label for one in about.choices()][1:3] == ["twice the step", "half the step"]
     assert not any("hinges" in one.label for one in about.choices())
+
+
+def test_where_changes_do_not_fall_the_limit_is_off_by_the_largest_of_them() -> None:
+    """12 mm, then 10 mm, which is no order: the finest cut, and 12 mm."""
+    about = object.__new__(Refinement)
+    paths = {1.0: 0.0, 2.0: 0.012, 4.0: 0.022}
+    about.__dict__["cuts"] = {factor: SimpleNamespace(tip=np.array([[x, 0.0, 0.0]])) for factor, x in paths.items()}
+    assert about.limit is not None
+    assert (about.limit.tip[0, 0], about.limit.error) == (0.022, pytest.approx(0.012))
+    assert np.isnan(about.limit.order)

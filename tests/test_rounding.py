@@ -130,3 +130,36 @@ def test_what_is_not_finite_is_explained_by_nothing() -> None:
         error = rounding.acceleration_error(chain, Q, QD, TAU, solutions=(np.array([bad]), QD))
         assert not (error <= 1).any()
     assert_array_equal(rounding.in_units(np.array([0.0, 1.0, np.nan]), 0.0), [0.0, np.inf, np.nan])
+
+
+def two_rods() -> Chain:
+    """A mass of 3 kg at the end of two massless rods of 1 m."""
+    rods = (Link(name=name, length=1.0) for name in "ab")
+    return lump(make_scene(*rods, tip=Payload(mass=M), gravity=(0.0, -G, 0.0)))
+
+
+def test_the_largest_loads_are_those_of_a_stretched_arm_that_turns_as_fast_as_its_joints_together() -> None:
+    """By hand: 3 kg at 2 m and 1 m from the joints, at 2 + 1 rad/s whatever their signs, and m g beside m Ω² r."""
+    still, none = np.zeros(2), np.zeros(6)
+    assert rounding.largest_loads(two_rods(), still, none) == near([M * G * 2.0, M * G])
+    turning = M * (G + 3.0**2 * 2.0)
+    assert rounding.largest_loads(two_rods(), np.array([2.0, -1.0]), none) == near([turning * 2.0, turning])
+
+
+def test_a_force_on_the_tip_loads_by_its_lever_and_a_moment_loads_all_hinges() -> None:
+    light = dataclasses.replace(two_rods(), gravity=np.zeros(3))
+    still, moment, force = (
+        np.zeros(2),
+        np.array([0.0, 0.0, 0.0, 0.0, 6.0, 8.0]),
+        np.array([3.0, 4.0, 0.0, 0.0, 0.0, 0.0]),
+    )
+    assert rounding.largest_loads(light, still, moment) == near([10.0, 10.0])
+    assert rounding.largest_loads(light, still, force + moment) == near([20.0, 15.0])
+
+
+def test_rounding_leaves_an_energy_balance_a_few_units_in_the_last_place() -> None:
+    """Of 1 + 2 + 3 + 4 J, and of m g L = 58.86 J at an angle below 1 rad: one rounding at least, ten at most."""
+    energy, work = np.array([[1.0], [-2.0], [3.0]]), np.array([-4.0])
+    explained = rounding.of_energy_balance(pendulum(), energy, work, np.array([[0.5]]))
+    assert (explained >= EPS * (10.0 + M * G * L)).all()
+    assert (explained <= 10 * EPS * (10.0 + M * G * L)).all()

@@ -237,3 +237,14 @@ def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> 
     assert [last[f"tip {axis} [m]"][-1] for axis in "xyz"] == fl.tip_position(chain, run.q[-1]).tolist()
     for array in (run.t, run.q, run.qd, run.tau, run.tip, *run.energy):
         assert not array.flags.writeable
+
+
+def test_stages_of_a_method_of_high_order_build_upon_all_before_them() -> None:
+    """A pendulum from the horizontal: a step of order ten of 20 ms ends where a hundred of order four do, to 1e-12."""
+    rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(10.0,), rate_deg=(200.0,)))
+    ends = [
+        fl.simulate(scene, method=name, step=step, sample=0.02, duration=0.02).q[-1, 0]
+        for name, step in (("RK10", 0.02), ("RK4", 2e-4))
+    ]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)

@@ -8,21 +8,25 @@ import os
 import sqlite3
 import subprocess
 import sys
+from collections import Counter, deque
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
-from conftest import ROOT, compiled, make_scene
+from conftest import ROOT, compiled, flexible, make_scene
 from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
+from flexlink.kernels.lanes import LANES
 from flexlink.motion.batch import outcomes
 from flexlink.sweeps import identity, members, sweeping
-from flexlink.sweeps.execution import DEATHS
+from flexlink.sweeps.execution import DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, Quantity
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.ranges import Range, Spread, points
@@ -550,3 +554,49 @@ def test_parquet_reads_back_or_says_what_it_needs(tmp_path: Path, paper: fl.Scen
 def test_a_table_says_what_it_is() -> None:
     assert repr(SweepRows(("number", "x"), ((0, 1.0),))) == "<SweepRows: 1 rows of number, x>"
     assert sweeping.InterruptedSweepError("stopped", 15).signal == 15
+
+
+@pytest.mark.parametrize("take", ["first", "time of max"])
+def test_a_sample_at_the_time_after_which_they_count_counts(take: str) -> None:
+    t = np.array([0.0, 1.0, 2.0])
+    run = SimpleNamespace(t=t, columns={"tip x [m]": np.array([9.0, 5.0, 1.0])})
+    found = Quantity(of="tip x [m]", take=take, after=1.0).measure(cast("Any", run))
+    assert found == {"first": 5.0, "time of max": 1.0}[take]
+
+
+def test_the_place_of_rest_is_that_under_the_last_load() -> None:
+    """A clamped beam under a force that grows to 1 N: F L³ / 3 E I, here of 1.25 m."""
+    clamped = make_scene(flexible("a", segments=5, lumping="gauss", joint=fl.Joint(locked=True)))
+    growing = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
+    run = fl.simulate(clamped.varied({"wrench": growing, "run": fl.Run(duration=1e-3, sample=1e-3, step=1e-5)}))
+    rest = Quantity(of="overshoot [m]", target="rest").place(run)
+    EI = 70e9 * 0.04**4 / 12
+    assert rest[1] == pytest.approx(1.25**3 / (3 * EI), rel=1e-2)
+
+
+def test_spreads_by_the_logarithm_are_dense_where_numbers_are_small() -> None:
+    assert Spread(between=(1, 10_000), spacing="log").value(0.25) == pytest.approx(10)
+    assert Spread(between=(1, 10_000), spacing="log").value(0.0) == 1.0
+
+
+def execution(**state: object) -> Execution:
+    made = object.__new__(Execution)
+    for name, value in {"plan": None, "running": {}, "suspects": deque(), "deaths": Counter(), **state}.items():
+        setattr(made, name, value)
+    return made
+
+
+def test_tasks_of_members_that_go_side_by_side_fill_all_lanes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexlink.sweeps.execution.goes_side_by_side", lambda plan, number: True)
+    missing = iter(range(100))
+    sizes = [len(execution(size=size)._next(missing)) for size in (1, LANES, 2 * LANES + 3)]
+    assert sizes == [LANES, LANES, 2 * LANES]
+    assert next(missing) == 4 * LANES, "none is left out"
+
+
+def test_a_member_alone_may_end_three_workers_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("flexlink.sweeps.execution.lost", lambda plan, number, reason: (number, reason))
+    deadly = execution(pool=SimpleNamespace(replace=lambda: True))
+    answers = [deadly._after_death([7]) for _ in range(DEATHS)]
+    assert answers == [[], [], [(7, "the process that ran it ended 3 times")]]
+    assert list(deadly.suspects) == [[7], [7]], "tried again twice"

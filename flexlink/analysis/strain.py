@@ -81,7 +81,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     with np.errstate(over="ignore", invalid="ignore"):
         for axis in AXES[bent.flex]:
             hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
-            curvature[..., axis - 1] = (angles[..., hinges] - chain.rest[hinges]) / (weights * length)
+            curvature[..., axis - 1] = angles[..., hinges] / (weights * length)
         strain = z * curvature[..., 1] - y * curvature[..., 2]
     if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
         raise beyond_float64("a strain", q=angles, fibre=[y, z])

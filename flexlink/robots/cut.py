@@ -43,7 +43,7 @@ def largest_mass(link: RigidBody, beam: RigidBody) -> float:
         return 0.0
     scale = np.sqrt(squares[there])
     λ = np.linalg.eigvalsh(J1[np.ix_(there, there)] / np.outer(scale, scale))[-1]
-    return min(float(1 / λ), link.mass)
+    return float(1 / λ)
 
 
 def cut(link: RigidBody, beam: RigidBody, line: Pose, length: float) -> tuple[RigidBody, RigidBody]:

@@ -10,9 +10,9 @@ import argparse
 import collections
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
-from tests.faults.plant import KILLED, Copy, Fault, copied, load, select
+from tests.faults.plant import KILLED, Copy, Fault, Verdict, copied, load, select
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -34,17 +34,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     outcomes: collections.Counter[str] = collections.Counter()
     try:
         with copied() as copy:
-            if not is_sound(copy, faults):
-                return 2
-            for number, fault in enumerate(faults, start=1):
-                outcome, told, seconds = copy.judge(fault)
+            for fault, (outcome, told, seconds) in judged(copy, faults):
                 outcomes[outcome] += 1
-                print(f"{number:>4}/{len(faults)} {seconds:>6.1f} s  {outcome:<9} {fault.name:<36} {told}", flush=True)
+                number = f"{outcomes.total():>4}/{len(faults)}"
+                print(f"{number} {seconds:>6.1f} s  {outcome:<9} {fault.name:<36} {told}", flush=True)
+    except NotSoundError:
+        return 2
     except KeyboardInterrupt:
         print(f"interrupted: {summary(outcomes, len(faults))}")
         return 130
     print(summary(outcomes, len(faults)))
     return 0 if outcomes[KILLED] == len(faults) else 1
+
+
+class NotSoundError(Exception):
+    """The tests fail without any fault."""
+
+
+def judged(copy: Copy, faults: Sequence[Fault]) -> Iterator[tuple[Fault, Verdict]]:
+    """Faults with their verdicts: of kernels first as Python, in seconds; compiled, in a minute, what that leaves."""
+    left = []
+    for fault in faults:
+        verdict = copy.judge_as_python(fault) if fault.compiled else None
+        if verdict is None:
+            left.append(fault)
+        else:
+            yield fault, verdict
+    if left and not is_sound(copy, left):
+        raise NotSoundError
+    for fault in left:
+        yield fault, copy.judge(fault)
 
 
 def is_sound(copy: Copy, faults: Sequence[Fault]) -> bool:

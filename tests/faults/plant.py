@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import contextlib
 import fnmatch
 import os
@@ -23,6 +24,7 @@ ROOT = HERE.parent.parent
 KERNELS = "flexlink/kernels/"
 NOT_COPIED = shutil.ignore_patterns(".*_cache", ".git", ".hypothesis", "__pycache__", "*.egg-info", "build", "dist")
 LONGEST = 600.0  # s; tests that take longer on a planted tree hang: the slowest take a minute, compilation included
+LONGEST_AS_PYTHON = 120.0  # s; then compiling the kernels, which takes about as long, is the quicker way
 
 KILLED, SURVIVED, STALE, BROKEN = "killed", "SURVIVED", "does not apply any more", "NO VERDICT"
 
@@ -36,6 +38,11 @@ class Fault(NamedTuple):
     replace: str
     tests: tuple[str, ...]  # as pytest takes them: a file, or file::test
     why: str  # what goes wrong, in one line
+
+    @property
+    def compiled(self) -> bool:
+        """Whether it is in a kernel, so that machine code is made anew."""
+        return self.file.startswith(KERNELS)
 
     def occurrences(self, root: Path) -> int:
         """How often the text is found in the tree; anything but 1 means that the fault cannot be planted."""
@@ -107,13 +114,15 @@ class Copy:
 
     def __init__(self, tree: Path, folder: Path) -> None:
         self.root, self.sound, self.planted = folder / "tree", folder / "sound", folder / "planted"
+        self._right: dict[str, bool] = {}  # whether a test passes as Python without a fault
         shutil.copytree(tree, self.root, ignore=NOT_COPIED)
 
-    def run(self, tests: Sequence[str], cache: Path) -> Answer:
-        """Run tests in the copy up to the first failure, machine code in `cache`."""
+    def run(self, tests: Sequence[str], cache: Path | None, longest: float = LONGEST) -> Answer:
+        """Run tests in the copy up to the first failure, machine code in `cache`; None: kernels as Python."""
         # -B: byte code is matched by seconds and size, a fault of the same length planted at once would not be seen.
         options = ("-x", "-q", "--tb=no", "-rfE", "-p", "no:cacheprovider")
-        environment = os.environ | {"PYTHONPATH": str(self.root), "XDG_CACHE_HOME": str(cache)}
+        kernels = {"NUMBA_DISABLE_JIT": "1"} if cache is None else {"XDG_CACHE_HOME": str(cache)}
+        environment = os.environ | {"PYTHONPATH": str(self.root), "COLUMNS": "1000"} | kernels  # reasons in full
         environment.pop("NUMBA_CACHE_DIR", None)
         process = subprocess.Popen(
             [sys.executable, "-B", "-m", "pytest", *options, *tests],
@@ -121,7 +130,7 @@ class Copy:
             stderr=subprocess.STDOUT, start_new_session=True,
         )  # fmt: skip
         try:
-            output, _ = process.communicate(timeout=LONGEST)
+            output, _ = process.communicate(timeout=longest)
             return Answer(process.returncode, output)
         except subprocess.TimeoutExpired:
             return Answer(None, "")
@@ -147,11 +156,35 @@ class Copy:
         if found != 1:
             return Verdict(STALE, f"its text is found {found} times in {fault.file}", 0.0)
         start = time.monotonic()
-        cache = self.planted if fault.file.startswith(KERNELS) else self.sound
+        cache = self.planted if fault.compiled else self.sound
         with self.holding(fault):
             answer = self.run(fault.tests, cache)
         shutil.rmtree(self.planted, ignore_errors=True)  # 20 MB of machine code that nobody asks for again
         return Verdict(*verdict(answer), time.monotonic() - start)
+
+    def judge_as_python(self, fault: Fault) -> Verdict | None:
+        """Whether its tests notice a fault of a kernel that is not compiled; None where this does not tell.
+
+        A test that fails so, and without the fault does not, would fail compiled: the formula is the same. One that
+        passes, is skipped, takes long, or ends in an error of Python's own (a division by zero, a place outside an
+        array: machine code goes on there), tells nothing.
+        """
+        if fault.occurrences(self.root) != 1:
+            return None
+        start = time.monotonic()
+        with self.holding(fault):
+            answer = self.run(fault.tests, None, LONGEST_AS_PYTHON)
+        outcome, test = verdict(answer)
+        error = re.search(r"^FAILED .*? - (\w+)", answer.output, re.MULTILINE)
+        alike = error is not None and (error[1] == "AssertionError" or not hasattr(builtins, error[1]))
+        if outcome != KILLED or not alike or not self._passes_as_python(test):
+            return None
+        return Verdict(outcome, f"{test}, as Python", time.monotonic() - start)
+
+    def _passes_as_python(self, test: str) -> bool:
+        if test not in self._right:
+            self._right[test] = self.run((test,), None, LONGEST_AS_PYTHON).code == 0
+        return self._right[test]
 
 
 def verdict(answer: Answer) -> tuple[str, str]:

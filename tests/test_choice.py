@@ -1,0 +1,43 @@
+"""method = "auto": what makes an arm stiff, and what keeps the highest order away."""
+
+from __future__ import annotations
+
+import dataclasses
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.analysis.extremes import fastest_frequency
+from flexlink.motion.choice import SMALL, STIFF, cheapest
+
+CHAIN = fl.lump(make_scene(flexible("a", segments=3)))
+FASTEST = fastest_frequency(CHAIN, np.zeros(CHAIN.n))
+
+
+def chosen(duration: float, part: float = 1e-4, **hinges: float) -> str:
+    """The method for a run of this length with an error of this part of the reach, springs like those of `CHAIN`."""
+    changed = CHAIN.hinges.copy()
+    for name, value in hinges.items():
+        changed[name][CHAIN.stiffness > 0] = value
+    chain = dataclasses.replace(CHAIN, hinges=changed)
+    record = SimpleNamespace(
+        chain=chain, q=np.zeros((1, chain.n)), qd=np.zeros((1, chain.n)), run=SimpleNamespace(duration=duration)
+    )
+    return cheapest(cast("Any", record), part * chain.reach, 10.0).method
+
+
+def test_dampers_alone_make_an_arm_stiff() -> None:
+    """A short run, for an explicit method by its springs; dampers a million times as strong as critical ones."""
+    duration = 0.1 * STIFF / FASTEST
+    assert chosen(duration) == "DOP853"
+    assert chosen(duration, damping=1e6 * float(CHAIN.stiffness.max()) / FASTEST) == "Radau5"
+
+
+def test_high_order_is_for_small_tolerances_and_not_for_dry_friction() -> None:
+    duration = 10 * STIFF / FASTEST
+    assert chosen(duration, 10 * SMALL) == "Radau5"
+    assert chosen(duration, 0.1 * SMALL) == "Radau9"
+    assert chosen(duration, 0.1 * SMALL, coulomb=1.0) == "Radau5"

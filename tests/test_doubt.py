@@ -1,0 +1,56 @@
+"""When a second run makes a run doubtful: hand-made paths of the tip, whose errors are known."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.motion.second import Second, doubt, second_runs, turned
+from flexlink.motion.watch import Watch
+
+CHAIN = fl.lump(make_scene(flexible("a")))
+T = np.linspace(0.0, 4.0, 41)
+
+
+def path(off: float) -> np.ndarray:
+    """Of a tip that goes along x by 1 m, off by so much across."""
+    return np.column_stack([T / 4.0, np.full_like(T, off), np.zeros_like(T)])
+
+
+def watch(run: fl.Run, off: float) -> Watch:
+    """Of a run by an implicit method, so far as a second run looks at it."""
+    record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
+    record.run = run
+    return cast(
+        "Watch", SimpleNamespace(run=run, record=record, control=None, explicit=False, moved=1.0, tip_error=0.0)
+    )
+
+
+def test_of_steps_of_order_two_the_error_is_a_third_of_what_twice_the_step_changes() -> None:
+    """Errors of order two grow fourfold with twice the step: 1 cm and 4 cm are 3 cm apart."""
+    of_a_run = watch(fl.Run(step=0.1, sample=0.1, duration=4.0), 0.01)
+    second = next(second_runs(of_a_run, "Gauss4"))
+    assert (second.run.step, second.every) == (0.2, 2)
+    assert "tells an error of 0.01 m at the tip, which moves 1 m" in doubt(of_a_run, second, path(0.04)[::2])
+
+
+@pytest.mark.parametrize(("tolerances", "doubted"), [(1.1, False), (2.0, False), (10.0, True)])
+def test_a_run_is_doubted_before_it_is_off_by_ten_tolerances_and_not_where_two_strict_runs_may_differ(
+    tolerances: float, doubted: bool
+) -> None:
+    run = fl.Run(tolerance=1e-3, sample=0.1, duration=4.0)
+    second = Second(run.__class__(tolerance=1e-4, sample=0.1, duration=4.0), 1, 1.0)
+    assert ("multiplies errors" in doubt(watch(run, tolerances * 1e-3), second, path(0.0))) == doubted
+
+
+def test_the_joint_that_turns_farthest_counts_by_itself_and_a_led_one_does_not() -> None:
+    """3 rad/s forth and back for 4 s are 12 rad; the joint beside it goes through 8, the led one through 400."""
+    rates = np.array([3.0, 2.0, 100.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
+    chain = SimpleNamespace(hinges={"prescribed": np.array([0, 0, 1])})
+    record = SimpleNamespace(t=T, qd=rates, chain=chain)
+    assert turned(cast("Any", record)) == pytest.approx(12.0)

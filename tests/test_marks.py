@@ -1,0 +1,69 @@
+"""Where steps end, beside their own grid: at knots of what is given in time, at samples, at a law's instants."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import ROOT, flexible, make_scene
+
+import flexlink as fl
+from flexlink.describe.methods import method
+from flexlink.motion.actuation import input_arrays
+from flexlink.motion.drives import drive_arrays
+from flexlink.motion.landings import ends_of_steps, instants, landings
+from flexlink.motion.marks import Marks
+from flexlink.motion.result import Record
+
+ARM = make_scene(flexible("a", segments=3))
+
+
+def marks(scene: fl.Scene) -> Marks:
+    chain = fl.lump(scene)
+    t, rows = scene.run.times, (scene.run.samples, chain.n)
+    record = Record(scene, chain, input_arrays(scene, chain), t, np.zeros(rows), np.zeros(rows))
+    return Marks(method(scene.run.method), record, by_drive=True)
+
+
+def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) -> fl.Scene:
+    drive = fl.Drive(kind="table", times=times, torques=tuple((x,) for x in torques))
+    return ARM.varied({"drive": drive, "run": fl.Run(sample=0.1, duration=1.0, **run)})
+
+
+def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -> None:
+    scene = driven((0.0, 0.0125, 1.0), (0.0, 1.0, 0.0), method="Radau5", step=0.01)
+    assert marks(scene).up_to(0.0, 0.1) == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
+
+
+def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
+    """1 % of the largest torque, where 0.1 % of the reach is asked for."""
+    times = np.linspace(0.0, 1.0, 65)
+    torques = times + 0.01 * (np.arange(65) == 33)
+    scene = driven(tuple(times), tuple(torques), method="Radau5", relative_tolerance=1e-3)
+    assert times[33] in marks(scene).given
+
+
+def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
+    """A corner of b, between two others h away, is off by b/2 from the cubic polynomial through these."""
+    times, part = np.linspace(0.0, 1.0, 65), 1e-3
+    for bump, landed in ((1.0, False), (5.0, True)):
+        torques = times + bump * part * (np.arange(65) == 33)
+        scene = driven(tuple(times), tuple(torques))
+        found = landings(drive_arrays(scene, fl.lump(scene)), part)
+        assert (times[33] in found) == landed
+
+
+def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None:
+    drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=10.0)
+    scene = ARM.varied({"drive": drive, "run": fl.Run(sample=0.5, duration=0.5, method="Radau5", tolerance=1e-3)})
+    law = drive_arrays(scene, fl.lump(scene))
+    assert instants(law, 0.0, 0.34) == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert marks(scene).up_to(0.0, 0.34) == pytest.approx([0.1, 0.2, 0.3, 0.34])
+
+
+def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
+    """What holds a bent arm along a move bends more often than the move does."""
+    scene = fl.load_scene(ROOT / "models" / "ptp_move.toml")
+    assert scene.drive.gravity == "static"
+    law = drive_arrays(scene, fl.lump(scene))
+    assert len(law.gravity.knots) > len(law.reference.knots)
+    assert {*law.gravity.knots, *law.reference.knots} <= {*ends_of_steps(law, 1e-3)}

@@ -1,0 +1,83 @@
+"""How numbers of a file differ from right ones, and which differences are told: records made by hand, no engine."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from conftest import flexible, make_scene
+
+import flexlink as fl
+from flexlink.engines import shapes
+from flexlink.engines.differences import differences
+from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines.shapes import Seen
+
+ARM = make_scene(flexible("a", "yz", 3), flexible("b", "z", 3), gravity=(0.0, -9.81, 0.0))
+OURS = of_chain(fl.lump(ARM))
+
+
+def seen(ours: list[float], theirs: list[float]) -> Seen:
+    nowhere = cast("Any", None)
+    return Seen(np.array(ours), np.array(theirs), np.arange(len(ours)), nowhere, nowhere)
+
+
+def fields(theirs: ReadBack) -> list[str]:
+    """First words of what is told."""
+    return [finding.what.partition(" of ")[0] for finding in differences(OURS, theirs, "mjcf")[1]]
+
+
+@pytest.mark.parametrize(("apart", "same"), [(1e-12, True), (1e-7, False), (1e-3, False)])
+def test_a_shape_fits_up_to_rounding_and_not_up_to_digits_of_a_file(apart: float, same: bool) -> None:
+    ours = [1.0, 3.0, 2.0]
+    twice = [2.0, 6.0 * (1 + apart), 4.0]
+    assert shapes.times(2.0)(seen(ours, twice)) == same
+    assert shapes.proportional(seen(ours, twice)) == same
+    assert shapes.moved(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
+
+
+def test_a_shape_is_what_its_name_says() -> None:
+    nothing = [0.0, 0.0]
+    assert shapes.missing(seen([1.0, 2.0], nothing))
+    assert not shapes.missing(seen([1.0, 2.0], [0.0, 1.0]))
+    assert shapes.extra(seen(nothing, [0.0, 1.0]))
+    assert not shapes.extra(seen([0.0, 1.0], [0.0, 1.0]))
+    assert shapes.larger(seen([1.0, 2.0], [1.1, 2.1]))
+    assert not shapes.larger(seen([1.0, 2.0], [1.1, 1.9]))
+    assert shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.988]))
+    assert not shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.98]))
+
+
+def test_the_ball_that_drake_takes_is_one_of_water() -> None:
+    """0.1 m in radius: 4π/3 · 1000 · 0.001 = 4.18879 kg, whose 2/5 m r² are 0.01675516 kg m²."""
+    masses = OURS.masses.copy()
+    masses[0] = 4.1887902047863905
+    them = dataclasses.replace(OURS, masses=masses)
+    where = np.array([0])
+    for moment, is_ball in ((0.016755160819145562, True), (0.02792526803190927, False)):  # 2/3 m r²: a hollow one
+        theirs = moment * np.eye(3)[None]
+        assert shapes.ball_of_water(Seen(OURS.inertias[where], theirs, where, OURS, them)) == is_ball
+
+
+def test_our_own_record_has_no_difference() -> None:
+    assert fields(OURS) == []
+
+
+def test_a_centre_is_compared_to_ten_digits() -> None:
+    """Beyond the rounding of frames that are turned one by one, 1e-11 of the arm."""
+    centers = OURS.centers.copy()
+    centers[OURS.masses.argmax()] += [0.0, 1e-7, 0.0]
+    (told,) = fields(dataclasses.replace(OURS, centers=centers))
+    assert "centre" in told
+
+
+def test_a_rest_angle_without_a_spring_is_no_difference() -> None:
+    stiffness, rest = OURS.stiffness.copy(), OURS.rest.copy()
+    bent = int(np.flatnonzero(stiffness)[0])
+    rest[bent] = 0.1
+    assert len(fields(dataclasses.replace(OURS, rest=rest))) == 1
+    stiffness[bent] = 0.0
+    (told,) = fields(dataclasses.replace(OURS, rest=rest, stiffness=stiffness))
+    assert "stiffness" in told
