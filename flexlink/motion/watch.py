@@ -102,8 +102,8 @@ def allowed_imbalance(
 
     τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
     that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
-    that stay below δ, however fast they are, and all energy may have been theirs, and what drives do on them is as little
-    known: a second run judges.
+    that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: a
+    second run judges.
     """
     if not run.controlled:
         return balance.NOTHING
