@@ -121,31 +121,30 @@ def implicit_step(t, h, inputs, state, allowed, work):
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
     earlier = before = math.inf  # what the last two passes moved
-    fresh, contraction, iterations = True, LIKELY, 0
-    for iteration in range(1, int(work.clock[PASSES]) + 1):
-        iterations = iteration
+    fresh, settled, contraction, error, iteration = True, False, LIKELY, math.nan, 0
+    while not settled:
         residuals(t, h, inputs, q, qd, work)
+        iteration += 1
+        if not math.isnan(error):  # P_i are those of the stages now
+            break
         moved = improve(h, work)
         contraction = likely_contraction(h, moved, work.clock) if iteration == 1 else moved / before
         stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
-        settled = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
-        if stalled or (settled and unsettled(h, work) <= UNSETTLED * accurate):
+        near = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
+        if stalled or (near and unsettled(h, work) <= UNSETTLED * accurate):
             work.clock[CONTRACTION], work.clock[MOVED] = contraction, moved if iteration == 1 else before
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
-            if moved > OLD * tolerance and does_work(inputs, work.chain.hinges):
-                residuals(t, h, inputs, q, qd, work)  # P_i are of the stages before the last pass
-                iterations += 1
-            add_up_work(h, done, work)
-            return error, iterations
-        if not moved < math.inf or (iteration > 3 and moved > earlier):  # one pass of two may gain nothing
-            break
-        earlier, before = before, moved
-        if fresh and iteration > 1 and contraction > SLOW:
+            settled = math.isnan(error) or moved <= OLD * tolerance or not does_work(inputs, work.chain.hinges)
+        elif not moved < math.inf or (iteration > 3 and moved > earlier) or iteration == work.clock[PASSES]:
+            return math.nan, iteration  # one pass of two may gain nothing
+        elif fresh and iteration > 1 and contraction > SLOW:
             fresh = False
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
-    return math.nan, iterations
+        earlier, before = before, moved
+    add_up_work(h, done, work)
+    return error, iteration
 
 
 @inlined
@@ -433,9 +432,9 @@ def estimate(h, qd, qdd, tolerance, work):
         for i in range(work.stages.shape[1]):
             e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
             e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
-    error = damped_error(h, hγ, e_q, e_v, work)
-    if error >= tolerance and (work.clock[REFUSED] > 0.0 or work.clock[LAST] == 0.0):
-        return damped_error(h, hγ, e_q, e_v, work)
+    error, times = math.inf, 2 if work.clock[REFUSED] > 0.0 or work.clock[LAST] == 0.0 else 1
+    while times > 0 and error >= tolerance:
+        error, times = damped_error(h, hγ, e_q, e_v, work), times - 1
     return error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from typing import Any
 
@@ -177,7 +178,12 @@ class Watch:
     @property
     def tolerance(self) -> float:
         """Of its steps, up to now [m]; of no deflection what rounding leaves."""
-        return max(tolerance_of(self.run, self.record.chain, self.deflection), least_tolerance(self.record))
+        return max(tolerance_of(self.run, self.record.chain, self.deflection), self.least)
+
+    @functools.cached_property
+    def least(self) -> float:
+        """The smallest tolerance that the arm can keep [m]."""
+        return least_tolerance(self.record)
 
     @property
     def moved(self) -> float:
@@ -226,7 +232,8 @@ class Watch:
             return balance.NOTHING
         name = self.steps.method  # before the first step it may not be picked yet
         explicit = name != AUTO and method(name).explicit
-        return allowed_imbalance(self.run, self.record.chain, kinetic, self.tolerance, self.moved, explicit)
+        moved = self.moved if explicit else 0.0
+        return allowed_imbalance(self.run, self.record.chain, kinetic, self.tolerance, moved, explicit)
 
     def _steps_up_to(self, rows: slice) -> Array | int:
         """Number of steps up to each of these samples; where steps differ, up to now."""
