@@ -78,6 +78,19 @@ def test_a_loose_tolerance_is_not_dearer_than_a_tight_one() -> None:
 
 
 @pytest.mark.slow
+def test_steps_after_a_jump_are_not_refused_for_vibrations_that_they_damp() -> None:
+    """Errors in stiff vibrations do not become smaller with the step until it resolves them: 196 steps, now 115."""
+    assert fl.simulate(struck(1e-4), method="Radau5").steps.taken < 150
+
+
+@pytest.mark.slow
+def test_an_iteration_that_gains_in_two_passes_goes_on() -> None:
+    """Seed 147, Gauss6: the passes after the blow move 4e-7, 7.1e-10, 7.2e-10, … m."""
+    found = outcome(147)
+    assert (found.method, found.word) == ("Gauss6", "right")
+
+
+@pytest.mark.slow
 def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
     """s + 1 of the rates: samples inside steps of twice the length are off by 2^(s + 1) times as much."""
     scene = struck(1e-3, torque=0.0).varied({"material.aluminium.young": 70e12, "material.aluminium.loss_time": 1e-5})

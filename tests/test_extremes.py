@@ -52,15 +52,18 @@ def test_without_springs_nothing_swings() -> None:
 
 @pytest.mark.parametrize("q", [(0.0, 0.0), (0.5, -1.0)], ids=["stretched, so that M is singular", "bent"])
 @pytest.mark.parametrize("steps", [{"tolerance": 1e-4}, {"method": "Radau5", "step": 1e-4}], ids=["tolerance", "step"])
-def test_links_without_mass_under_a_point_mass_run(q: tuple[float, ...], steps: dict[str, object]) -> None:
-    """What there is of their mass, 20 eps of the payload, swings faster than anything.
+@pytest.mark.parametrize("density", [1e-11, 1e-15], ids=["20 eps of the payload", "less than eps"])
+def test_links_without_mass_under_a_point_mass_run(
+    q: tuple[float, ...], steps: dict[str, object], density: float
+) -> None:
+    """What there is of their mass swings faster than anything.
 
-    Of less than eps rounding decides whether anything is left of it, and without fused multiply-adds often nothing is.
+    Of less than eps rounding decides whether anything is left of it, and without fused multiply-adds often nothing is,
+    and no q̈ at the start: implicit steps need none.
     """
     arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.Payload(mass=1.0))
-    light = arm.varied({"material.aluminium.density": 1e-11, "initial.joint_deg": np.degrees(q)})
+    light = arm.varied({"material.aluminium.density": density, "initial.joint_deg": np.degrees(q)})
     chain = fl.lump(light)
-    assert EPS < chain.bodies["mass"][chain.bodies["mass"] > 0].min() < 100 * EPS
     assert slowest_frequency(chain, fl.initial_state(light, chain)[0]) > 1e6
     run = fl.simulate(light.varied({"run": {"duration": 0.01, "sample": 0.005, **steps}}))
     assert np.isfinite(run.tip).all()

@@ -428,7 +428,7 @@ def estimate(h, qd, qdd, tolerance, work):
         factor(work.factors[0], work.posture)
     e_q, e_v = vectors[MIDDLE], vectors[MIDDLE + 1]
     for k in range(len(qd)):
-        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k]
+        e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M of a start may be singular
         for i in range(work.stages.shape[1]):
             e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
             e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
