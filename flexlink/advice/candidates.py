@@ -15,16 +15,16 @@ from flexlink.advice.ways import Probes
 
 Array = NDArray[np.float64]
 
-TRIES = 16
+TRIES = 32
 """Runs at most."""
 
-WORTH = 0.015
+WORTH = 0.004
 """Part of the best one's cost that a run must be expected to save."""
 
 SHARP = 6.0
 """Of the chance 1/(1 + r^SHARP) that an error predicted to be r of what is allowed is: 0.98 at a half, a half at 1."""
 
-LOOSER = 0.2
+LOOSER = 0.3
 """Least chance that the best model with the next looser steps has."""
 
 LEARN = 0.5
