@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from conftest import compiled, flexible, make_scene
+from random_jumps import random_jump
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
@@ -19,6 +20,7 @@ from flexlink.kernels.law_table import TableLaw
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.references import constant
 from flexlink.motion.single import SingleRun
+from validation.benchmarks.random_arms import Dice
 
 pytestmark = compiled
 CONTROLLED = ("Radau5", "Radau9", "DOP853")
@@ -143,6 +145,21 @@ def test_a_fixed_step_whose_stages_are_not_found_is_an_error_that_says_what_to_t
     wanted = "Newton's iteration does not end .joint '.+'.; try a smaller step than 0.1 s; 1 samples kept"
     with pytest.raises(fl.DivergenceError, match=wanted):
         fl.simulate(scene, method="Radau5", step=0.1, sample=0.1)
+
+
+def test_a_fixed_step_whose_stages_are_not_found_is_taken_in_parts_and_the_run_goes_on_as_its_state_says() -> None:
+    scene = random_jump(Dice(659))
+    run = fl.simulate(scene, method="Gauss6", step=0.005, sample=0.05)
+    exact = fl.simulate(scene, method="Radau9", tolerance=1e-9)
+    assert run.steps is not None
+    assert run.steps.failed > 0
+    assert run.steps.taken > 400  # of 5 ms in 2 s
+    assert not run.warnings
+    assert np.linalg.norm(run.tip - exact.tip, axis=1).max() <= 1e-4 * np.ptp(exact.tip, axis=0).max()
+    t, q, qd = run.state(20)
+    rest = fl.simulate(scene, method="Gauss6", step=0.005, sample=0.05, q0=q, qd0=qd, t0=t, duration=1.0)
+    np.testing.assert_array_equal(rest.q, run.q[20:])
+    np.testing.assert_array_equal(rest.qd, run.qd[20:])
 
 
 def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:

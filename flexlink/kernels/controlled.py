@@ -50,6 +50,7 @@ from flexlink.kernels.thrown import bending
 GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
 SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
 LEAST = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
+NEARLY = 1.01  # steps up to the next knot that are taken in one
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
 
 ALGORITHMS = {ImplicitWork: implicit_step, EmbeddedWork: embedded_step}  # by the scratch they work on
@@ -93,7 +94,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     tau, clock = np.zeros(len(state[0])), work.clock
     for _ in range(most):
         t, end = clock[TIME], knots[count[KNOT]]
-        ends = t + 1.01 * clock[STEP] >= end
+        ends = t + NEARLY * clock[STEP] >= end
         h = end - t if ends else clock[STEP]
         tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, max(LEAST, h / long))
         accurate = min(exact, max(left * tolerance, clock[ROUNDING]))

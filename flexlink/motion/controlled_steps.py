@@ -60,10 +60,13 @@ EXACT = 1e-13
 """What it may leave of a fixed step, as a part of the arm's reach: what is left drives the energy away."""
 
 FEW_PASSES, MANY_PASSES = 12, 50
-"""Iterations before a shorter step is the cheaper way, and those of a fixed step, which has no other way."""
+"""Iterations before a shorter step is the cheaper way, and those of a fixed step, which is better kept."""
 
 EXPLICIT, OFTEN = "DOP853", 20
 """The method with which a run goes on whose iteration fails, and how often it fails before this is thought of."""
+
+PARTS = (2, 4, 8, 16, 32, 64)
+"""Parts in which a fixed step is taken whose stages are not found: Newton's iteration contracts by about h²."""
 
 NEVER = 2**62
 """Steps, or failures, that do not end anything."""
@@ -194,12 +197,45 @@ class ControlledSteps:
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
+        last = int(self.count[clock.TAKEN]) + most
         how = int(self._take_steps(*self._arguments(most)))
+        while how == controlled.STUCK and not self.run.controlled and self._step_in_parts():
+            left = max(0, last - int(self.count[clock.TAKEN]))
+            over = self.count[clock.KNOT] == len(self.knots)
+            how = controlled.ENDED if over else int(self._take_steps(*self._arguments(left)))
         if self._explicit_is_cheaper(how):
             how = self._go_on_explicitly()
         if how == controlled.STUCK:
             self.failure = self._stuck()
         return how
+
+    def _step_in_parts(self) -> bool:
+        """Take a fixed step whose stages are not found in more and more parts; whether that helps."""
+        (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.clock, self.count
+        step, k, start = self.run.step, int(count[clock.KNOT]), float(now[clock.TIME])
+        at_knot = start + controlled.NEARLY * step >= knots[k]
+        end = float(knots[k]) if at_knot else start + step
+        how = controlled.STUCK
+        for part in ((end - start) / parts for parts in PARTS):
+            self.settings, self.knots, count[clock.KNOT] = (*fixed, part, part), np.array([end]), 0
+            self._restart(part)
+            if (how := int(self._take_steps(*self._arguments(NEVER)))) == controlled.ENDED:
+                break
+        self.settings, self.knots, count[clock.KNOT] = (*fixed, step, step), knots, k
+        if how == controlled.STUCK:
+            return False
+        self._restart(step)
+        if at_knot:
+            count[clock.KNOT] += 1
+        if count[clock.KNOT] < len(knots):
+            self._begin(end, self.inputs, self.state, self.tau, self.record.scratch)
+        return True
+
+    def _restart(self, step: float) -> None:
+        """Go on with steps of a length [s], as if none had been taken."""
+        now = self.work.clock
+        now[[clock.LAST, clock.ERROR, clock.CEILING, clock.REFUSED, clock.ACCEPTED, clock.CONTRACTION]] = 0.0
+        now[clock.STEP] = step
 
     def _affordable(self, most: int) -> int:
         """As many of so many steps as the budget allows; 0, and the run has failed: none."""

@@ -1,7 +1,7 @@
 """A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
 
 Fixed steps of an implicit method are compared with a run of twice the step, for about half the cost, and, where the two
-differ or Newton's iteration does not end so, with one that keeps a tolerance. The errors of the steps themselves are
+differ or one of these steps was taken in parts, with one that keeps a tolerance. The errors of the steps themselves are
 bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up. Where joints turn
 round and round, errors grow. There a run with a tenth of the tolerance tells how far; fixed explicit steps, which may
 be far better than they need be, are compared with less and less tolerance, until a run agrees, is itself so strict that

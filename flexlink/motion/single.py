@@ -198,7 +198,8 @@ def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterato
         evaluations = other.steps.steps.evaluations
         if evaluations > GIVEN_UP * own:
             break
-        if not (other.watch.fault or other.steps.failure):
+        in_parts = not second.run.controlled and other.steps.steps.failed > 0  # which may be the first run's steps
+        if not (other.watch.fault or other.steps.failure or in_parts):
             text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
             watch.confirmed = not text
             if not text or second.strict or evaluations > own:
