@@ -5,10 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import ROOT, compiled, flexible, make_scene
+from random_jumps import random_jump
 
 import flexlink as fl
 from flexlink.motion import balance, single
+from flexlink.motion import second as second_run
+from flexlink.motion.second import Second
 from flexlink.motion.watch import Watch
+from validation.benchmarks.random_arms import Dice
 
 pytestmark = compiled
 WRONG = 0.05  # of the tip's motion
@@ -55,6 +59,22 @@ def test_steps_that_pass_over_a_blow_are_doubted_though_twice_as_long_ones_are_w
     exact = fl.simulate(scene, method="Radau5", tolerance=1e-7, sample=0.02, duration=0.4)
     assert off(run, exact) > WRONG
     assert any("tells an error" in told for told in run.warnings)
+
+
+def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_those_of_the_run_were(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    judges = []
+
+    def doubt(watch: Watch, second: Second, tip: np.ndarray) -> str:
+        judges.append(second.run)
+        return second_run.doubt(watch, second, tip)
+
+    monkeypatch.setattr(single, "doubt", doubt)
+    run = fl.simulate(random_jump(Dice(659)), method="Gauss6", step=0.005, sample=0.05)
+    assert run.steps is not None
+    assert run.steps.failed > 0
+    assert [judge.controlled for judge in judges] == [True]
 
 
 def tumbling(step: float) -> fl.Scene:
