@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import compiled, make_scene
+from conftest import ROOT, compiled, make_scene
 from random_jumps import WRONG, outcome
 
 import flexlink as fl
@@ -73,29 +73,17 @@ def test_a_heavy_rotor_that_is_sent_a_degree_on_is_no_alarm(tolerance: float) ->
 
 
 @pytest.mark.slow
-def test_stiff_noise_is_not_extrapolated_into_the_next_step() -> None:
-    """Radau9 took 548 steps after the jump where q̈ of ten and more times the last were predicted, now 275."""
-    assert fl.simulate(struck(1e-4), method="Radau9").steps.taken < 400
-
-
 @pytest.mark.slow
 def test_a_loose_tolerance_is_not_dearer_than_a_tight_one() -> None:
-    """Stiff noise extrapolated into the stages of the next step made 1,659 steps at 1e-2 m of 28 at 3e-3 m."""
+    """It was, 1,659 steps at 1e-2 m for 28 at 3e-3 m, where an error of stiff vibrations stopped every longer step."""
     loose, tight = (fl.simulate(struck(tolerance), method="Radau9").steps for tolerance in (1e-2, 3e-3))
     assert loose.evaluations <= tight.evaluations
 
 
 @pytest.mark.slow
 def test_steps_after_a_jump_are_not_refused_for_vibrations_that_they_damp() -> None:
-    """Errors in stiff vibrations do not become smaller with the step until it resolves them: 196 steps, now 115."""
-    assert fl.simulate(struck(1e-4), method="Radau5").steps.taken < 150
-
-
-@pytest.mark.slow
-def test_an_iteration_that_gains_in_two_passes_goes_on() -> None:
-    """Seed 147, Gauss6: the passes after the blow move 4e-7, 7.1e-10, 7.2e-10, … m."""
-    found = outcome(147)
-    assert (found.method, found.word) == ("Gauss6", "right")
+    """Errors in stiff vibrations stay as large until a step resolves them: 415 evaluations, damped once; now 230."""
+    assert fl.simulate(struck(3e-3), method="Radau9").steps.evaluations < 320
 
 
 @pytest.mark.slow
@@ -117,3 +105,21 @@ def test_random_jumps_leave_every_sample_right(seed: int) -> None:
     found = outcome(seed)
     assert found.word == "right", found
     assert max(found.tip, found.rates, found.work) < WRONG
+
+
+@pytest.mark.parametrize("change", [{"material.stuff.young": 1e3}, {"material.stuff.density": 1e-3}])
+def test_stages_of_stiff_vibrations_are_found_as_exactly_as_the_tolerance_asks(change: dict[str, float]) -> None:
+    """A contraction that was known of small passes, and taken for granted in large ones, let the joints drift.
+
+    Radau9 was off by 31 tolerances, with steps beyond the period of the stiffest vibrations.
+    """
+    (path, times), scene = next(iter(change.items())), fl.load_scene(ROOT / "validation/scenes/extreme_arm.toml")
+    before = getattr(scene.arm.materials["stuff"], path.rsplit(".", 1)[1])
+    arm = scene.varied(
+        {"link.*.flex": "z", "link.fore.mount": {}, "initial.rate_deg": [90.0, -60.0], path: times * before,
+         "run.duration": 0.1, "run.step": 0.005, "run.sample": 0.005}
+    )  # fmt: skip
+    exact = fl.simulate(arm, method="DOP853", relative_tolerance=1e-11)
+    for tolerance in (5e-9, 1e-8, 4e-8):
+        run = fl.simulate(arm, method="Radau9", relative_tolerance=tolerance)
+        assert np.linalg.norm(run.tip - exact.tip, axis=1).max() <= tolerance * run.chain.reach

@@ -27,7 +27,7 @@ def watch(run: fl.Run, off: float) -> Watch:
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run = run
     of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, moved=1.0, tip_error=0.0)
-    of_a_run.tolerance, of_a_run.suspicious = run.tolerance, False
+    of_a_run.tolerance, of_a_run.suspicious, of_a_run.turned = run.tolerance, False, 20.0
     return cast("Watch", of_a_run)
 
 
@@ -53,4 +53,7 @@ def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not()
     rates = np.array([3.0, 2.0, 100.0, 50.0]) * np.where(T < 2.0, 1.0, -1.0)[:, None]
     chain = SimpleNamespace(hinges={"prescribed": np.array([0, 0, 1, 0])}, active=[0, 1, 2])
     record = SimpleNamespace(t=T, qd=rates, chain=chain)
-    assert turned(cast("Any", record)) == pytest.approx(20.0)
+    seen = SimpleNamespace(record=record, turned=0.0)
+    assert turned(cast("Any", seen)) == pytest.approx(20.0)
+    seen.turned = 25.0  # of all steps, where samples are few
+    assert turned(cast("Any", seen)) == 25.0

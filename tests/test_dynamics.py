@@ -15,6 +15,7 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.dynamics.terms import MASS_METHODS
+from flexlink.kernels.solve import solve_cholesky, solve_lu
 from flexlink.motion.actuation import input_arrays
 from flexlink.motion.result import Record
 from flexlink.motion.single import SingleRun
@@ -214,6 +215,15 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     assert len(str(e.value)) < 250
     assert not np.isfinite(SOLVERS[method].accelerations(chain.arrays, np.zeros(6), q, qd, tau)).any()
     assert np.isfinite(fl.forward_dynamics(chain, q, qd, tau)).all()
+
+
+@pytest.mark.parametrize("solve", [solve_lu, solve_cholesky])
+def test_units_of_coordinates_do_not_make_a_matrix_singular(solve) -> None:
+    """D H D of D = diag(1, 1e17), where LU exchanges rows: rounding is that of H, whose x is 1."""
+    H, D = np.array([[1.0, 0.5], [0.5, 1.0]]), np.array([1.0, 1e17])
+    b = D * H.sum(axis=1)
+    solve(D[:, None] * H * D, b, np.empty((3, 2)))
+    np.testing.assert_allclose(D * b, 1.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize("method", ["lu", "cholesky"])

@@ -14,7 +14,7 @@ from flexlink.dynamics.rounding import of_residual
 from flexlink.kernels.inverse import inverse_dynamics_into
 from flexlink.kernels.planar import SIGN, planar_workspace
 from flexlink.kernels.rne import rne_workspace
-from flexlink.kernels.sincos import FAR, OFTEN, less_whole_turns
+from flexlink.kernels.sincos import OFTEN, less_whole_turns
 
 EPS = np.finfo(float).eps
 TIP = fl.Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
@@ -151,7 +151,7 @@ def test_a_chain_side_by_side_with_one_that_turned_often_keeps_its_numbers_to_th
     np.testing.assert_array_equal(calm, turned)
 
 
-@pytest.mark.parametrize("scale", [1.0, 100.0, FAR, 1e12])
+@pytest.mark.parametrize("scale", [1.0, 100.0, 4e8, 1e12])
 def test_angles_less_whole_turns_are_right_to_an_ulp_of_pi(scale: float, rng: np.random.Generator) -> None:
     x = np.concatenate([rng.uniform(-scale, scale, 500), np.rint(rng.uniform(-scale, scale, 500)) * np.pi])
     less = x.copy()

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import signal
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from conftest import ROOT, compiled, flexible, make_scene
 from random_jumps import random_jump
 
 import flexlink as fl
+from flexlink.common.interruption import Stop
 from flexlink.motion import balance, single
 from flexlink.motion import second as second_run
 from flexlink.motion.second import Second
@@ -161,3 +165,40 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     assert len(runs) == 2
     assert runs[0].confirmed
     assert run.warnings == ()
+
+
+def test_how_far_joints_turn_does_not_depend_on_how_often_they_are_looked_at() -> None:
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
+    often, once = (
+        fl.simulate(scene, tolerance=1e-3, sample=sample, duration=2.5, method="Radau5") for sample in (0.01, 2.5)
+    )
+    assert [bool(run.warnings) for run in (often, once)] == [True, True]
+    assert often.steps == once.steps
+
+
+def test_runs_side_by_side_from_rest_are_doubted_for_their_energy_as_single_ones_are() -> None:
+    changes = {"gravity": (0.0, 0.0, 0.0), "initial.joint_deg": (0.0, -80.0, 0.0)}
+    changes |= {"drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 50.0))}
+    h = 4.9e-4  # a hair beyond the stable step
+    run = fl.Run(step=h, sample=20 * h, duration=600 * h, unstable="allow")
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({**changes, "run": run})
+    alone, (beside, _) = fl.simulate(scene), fl.simulate_many([scene, scene])
+    assert any("the energy is out of balance" in told for told in alone.warnings)
+    assert beside.warnings == alone.warnings
+
+
+def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
+    run = single.SingleRun(scene.varied({"run": fl.Run(tolerance=1e-3, sample=0.1, duration=2.5)}))
+    stop, began = Stop(), []
+
+    def stopped(watch: Watch, name: str) -> Iterator[Second]:
+        stop.signal = signal.SIGINT
+        began.append(name)
+        yield from second_run.second_runs(watch, name)
+
+    monkeypatch.setattr(single, "second_runs", stopped)
+    with pytest.raises(fl.InterruptedRunError):
+        run.finish(stop)
+    assert began
+    assert not run.watch.confirmed

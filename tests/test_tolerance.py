@@ -372,3 +372,13 @@ def test_an_arm_at_rest_almost_upright_is_not_doubted(name: str, passive: str) -
     """Next to nothing is exchanged, of which an error as large as the tolerance is a large part."""
     scene = swinging(**{"initial.joint_deg": (179.999, 0.0), "initial.passive": passive})
     assert fl.simulate(scene, method=name, relative_tolerance=1e-3).warnings == ()
+
+
+@pytest.mark.parametrize("method", ["Gauss4", "Gauss6", "Radau5"])
+def test_runs_with_dry_friction_repeat_to_the_bit(method: str) -> None:
+    """Gauss4's A has no real eigenvalue, by whose factors friction's inertia was read, out of bounds."""
+    scene = swinging(**{"link.a.joint.coulomb": 0.5, "run.duration": 0.2})
+    runs = [fl.simulate(scene, method=method, step=5e-4, sample=0.02) for _ in range(6)]
+    for run in runs[1:]:
+        np.testing.assert_array_equal(run.q, runs[0].q)
+        assert run.steps == runs[0].steps

@@ -111,6 +111,18 @@ def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
 # -- the step is judged before the run ---------------------------------------------------------------------------------
 
 
+def test_the_step_that_leaves_the_finite_numbers_is_named(paper: fl.Scene) -> None:
+    ended = []
+    for sample in (0.01, 1.0):
+        run = fl.Run(step=0.01, sample=sample, duration=20.0, unstable="allow")
+        with pytest.raises(fl.DivergenceError) as caught:
+            fl.simulate(paper.varied({"run": run}))
+        ended.append(caught.value)
+    finite = len(ended[0].trajectory.t)  # the first sample is at step 0
+    step = int(str(ended[1]).split("(step ")[1].split(",")[0])
+    assert 0 <= step - finite <= 1  # energies leave them a step before angles
+
+
 def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
     with pytest.raises(fl.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist") as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
@@ -272,9 +284,9 @@ def test_a_tolerance_explains_no_more_of_an_explicit_runs_imbalance_than_its_par
     scene = swung(0.005).scene.varied({"run.tolerance": 0.05})
     run, chain, kinetic, X = scene.run, fl.lump(scene), np.array([1e4]), np.array([10.0])
     for r in (-X, X):
-        capped = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, True)
+        capped = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, explicit=True, compared=False)
         assert capped.of(r, X) == pytest.approx(10.0 * 2 * 3 * 0.05 / 3.0)
-        free = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, False)
+        free = allowed_imbalance(run, chain, kinetic, 0.05, 3.0, explicit=False, compared=True)
         assert free.of(r, X) == pytest.approx(np.where(r < 0, np.inf, free.energy))
         assert balance.NOTHING.of(r, X) == 0.0
 

@@ -5,10 +5,11 @@ TIME, STEP, LAST, ERROR, CEILING, REFUSED, ACCEPTED, WORST = range(8)
 # remembered); largest h after the iteration failed (0: any); why the last step was refused (0: it was not); whether the
 # last stages are those of an accepted step; the joint that moved most in the last iteration.
 
-DEFLECTION, SLOWEST, PASSES, ROUNDING, WORK, POWER, CONTRACTION, MOVED, CLOCK_SIZE = range(8, 17)
+DEFLECTION, SLOWEST, PASSES, ROUNDING, WORK, POWER, CONTRACTION, MOVED, TURNED, CLOCK_SIZE = range(8, 18)
 # The largest deflection so far [m]; 1 / ω₁ [s], ω₁ the lowest frequency; most iterations, and what rounding
 # moves a body by in one [m]; of the step that was just taken the work up to its end, the power there, and by how much
-# its iteration contracted (0: not known) after a pass that moved a body so far [m].
+# its iteration contracted (0: not known) after a pass that moved a body so far [m]; the angle that all free joints
+# went through, forth and back [rad].
 
 TAKEN, REJECTED, FAILED, ITERATIONS, KNOT, ROW, PATIENCE, COUNTS = range(8)
 # Steps, steps refused for their error and for their iteration, passes of it, numbers of the next knot and sample; how

@@ -37,6 +37,7 @@ from flexlink.kernels.clock import (
     TAKEN,
     TIME,
     TOO_FAR_OFF,
+    TURNED,
     WORK,
 )
 from flexlink.kernels.compiler import RECURSION, entry, inlined, kernel, recursion
@@ -168,15 +169,17 @@ def take_on(state, work):
     """The end of the step is the new state."""
     q, qd, qdd, done = state
     for k in range(len(q)):
+        if work.chain.hinges[k].stiffness == 0.0 and not work.chain.hinges[k].prescribed:
+            work.clock[TURNED] += abs(work.new[0, k] - q[k])
         q[k], qd[k], qdd[k] = work.new[0, k], work.new[1, k], work.new[2, k]
     done[0], done[1] = work.clock[WORK], work.clock[POWER]
     work.clock[ACCEPTED] = 1.0
 
 
-@inlined
+@entry
 def forget(clock):
     """The next step is as one that follows none."""
-    clock[LAST] = clock[ERROR] = clock[ACCEPTED] = clock[CONTRACTION] = 0.0
+    clock[LAST] = clock[ERROR] = clock[ACCEPTED] = clock[CONTRACTION] = clock[CEILING] = clock[REFUSED] = 0.0
 
 
 @recursion

@@ -50,18 +50,17 @@ from flexlink.kernels.shifted import INVERSE, A, displacement, factor, place_bod
 from flexlink.kernels.thrown import error_of
 from flexlink.kernels.tip_wrench import put_wrench
 
-LIKELY = 0.3  # contraction that is taken for granted in the first iteration, and
-SIMILAR = 1.5  # to how many times the last step's length that one's tells of it, and
-FARTHER = 10.0  # to how many times what it moved
+LIKELY = 0.3  # contraction that is taken for granted in the first iteration
+SIMILAR = 1.5  # the last step's contraction says nothing of a step more than so many times as long,
+FARTHER = 10.0  # nor of one whose first pass moves a body so many times as far
 UNSETTLED = (
     100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
 )
 ROUNDINGS = 200.0  # of the place of a body, which a step through all joints adds up
 STALLED = 0.5  # contraction from which an iteration that moves no more than rounding does has come to its end
-FARTHEST = 4.0  # a step that is longer than so many times the last is not extrapolated to, nor
-NOISE = 10.0  # to q̈ of so many times the last ones
-OLD = 4.0  # times the error of a step by which the last pass may move a body, so that P_i before it tells the work: all
-# steps together put W off by no more than if the forces acted farther by the tolerance
+FARTHEST = 4.0  # K starts from 0 in a step more than so many times as long as the last
+OLD = 4.0  # the stages' powers are found once more if the last pass moved a body by more than so many times the step's
+# error: all steps together put W off by no more than if the forces acted farther by the tolerance
 SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
 
 
@@ -120,7 +119,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
     follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
-    earlier = before = math.inf  # what the last two passes moved
+    before = math.inf  # what the last pass moved
     fresh, settled, contraction, error, iteration = True, False, LIKELY, math.nan, 0
     while not settled:
         residuals(t, h, inputs, q, qd, work)
@@ -136,13 +135,13 @@ def implicit_step(t, h, inputs, state, allowed, work):
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
             settled = math.isnan(error) or moved <= OLD * tolerance or not does_work(inputs, work.chain.hinges)
-        elif not moved < math.inf or (iteration > 3 and moved > earlier) or iteration == work.clock[PASSES]:
-            return math.nan, iteration  # one pass of two may gain nothing
+        elif not moved < math.inf or (iteration > 3 and contraction > 1.0) or iteration == work.clock[PASSES]:
+            return math.nan, iteration
         elif fresh and iteration > 1 and contraction > SLOW:
             fresh = False
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
-        earlier, before = before, moved
+        before = moved
     add_up_work(h, done, work)
     return error, iteration
 
@@ -171,10 +170,7 @@ def has_dry_friction(hinges):
 
 @inlined
 def predict(h, work):
-    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise.
-
-    So it has where the polynomial grows to many times what it was: from 0 then, too.
-    """
+    """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
     c, qdd, before, last = work.method.weights[C], work.stages[K], work.stages[BEFORE], work.clock[LAST]
     s, n = qdd.shape
     for i in range(s):
@@ -192,20 +188,6 @@ def predict(h, work):
                         weight *= (1.0 + c[i] * h / last - c[m]) / (c[j] - c[m])
                 for k in range(n):
                     qdd[i, k] += weight * before[j, k]
-        if largest(qdd) > NOISE * largest(before):
-            for i in range(s):
-                for k in range(n):
-                    qdd[i, k] = 0.0
-
-
-@inlined
-def largest(qdd):
-    """Largest |q̈| of all stages."""
-    most = 0.0
-    for i in range(len(qdd)):
-        for k in range(qdd.shape[1]):
-            most = max(most, abs(qdd[i, k]))
-    return most
 
 
 @inlined
@@ -348,12 +330,20 @@ def unsettled(h, work):
         return largest
     for i in range(work.stages.shape[1]):
         for k in range(len(δ)):
-            hinge, factors, δ[k] = work.chain.hinges[k], work.factors[0, k], 0.0
+            hinge, δ[k] = work.chain.hinges[k], 0.0
             if hinge.coulomb > 0.0 and not hinge.prescribed:
-                inertia = 1.0 / factors[INVERSE] - factors[A] + hinge.armature
+                inertia = hinge.armature + inertia_beyond(k, work)
                 δ[k] = h * max(h, work.clock[SLOWEST]) * work.stages[RESIDUALS, i, k] / inertia
         largest = max(largest, displacement(δ, work.posture))
     return largest
+
+
+@inlined
+def inertia_beyond(k, work):
+    """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
+    if len(work.factors) > 0:
+        return 1.0 / work.factors[0, k, INVERSE] - work.factors[0, k, A]
+    return abs(1.0 / work.factors_pairs[0, k, INVERSE] - work.factors_pairs[0, k, A])
 
 
 @inlined
@@ -413,7 +403,7 @@ def between_stages(x, h, state, work, angles, rates):
 
 @recursion
 def estimate(h, qd, qdd, tolerance, work):
-    """Error of the step [m], 0 where none is estimated.
+    """Error of the step [m], 0 of a fixed one.
 
     Of a first step, and of one after a refusal, an error beyond the tolerance is damped once more: one of stiff
     vibrations, as after a jump, would not become smaller with h (Hairer & Wanner II, equation IV.8.20, J for f).
@@ -421,7 +411,7 @@ def estimate(h, qd, qdd, tolerance, work):
     hide what turning round did.
     """
     hγ, vectors = h * work.method.γ, work.vectors
-    if hγ == 0.0:
+    if hγ == 0.0 or tolerance == math.inf:  # none is estimated, or none is asked for
         return 0.0
     if has_dry_friction(work.chain.hinges):
         shift_rotors(hγ, work.new[1], work.factors[0], work)

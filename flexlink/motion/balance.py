@@ -38,11 +38,13 @@ class Allowance(NamedTuple):
 
     energy: Array | float = 0.0  # at each sample [J]
     share: float = np.inf  # of the energy exchanged, at most
-    compared: bool = False  # by a second run, which judges in its place: a loss may be that of damped vibrations
+    damped: bool = False  # losses are explained: an implicit method damps fast vibrations
+    compared: bool = False  # the run is never stopped for its energy: a second run judges
 
     def of(self, imbalance: Array, exchanged: Array) -> Array:
         """Of such imbalances where so much was exchanged [J]."""
-        return np.where(self.compared & (imbalance < 0), np.inf, np.minimum(self.energy, self.share * exchanged))
+        most = np.minimum(self.energy, self.share * exchanged) if np.isfinite(self.share) else self.energy
+        return np.where(self.damped & (imbalance < 0), np.inf, most)
 
 
 class Judgement(NamedTuple):

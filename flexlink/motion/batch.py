@@ -192,4 +192,6 @@ def _outcome(member: Member, stop: Stop, steps: Steps, errors: Array, q: Array, 
     if rows < len(record.t):
         return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
     watch.warnings += second_opinion(member.scene, watch, steps.method, stop)
+    if stop.asked:
+        return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
     return watch.trajectory()

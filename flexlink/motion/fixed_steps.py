@@ -29,7 +29,7 @@ Arrays = tuple[Array, Array, Array]
 class FixedSteps:
     """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
 
-    slow, deflection = "", 0.0  # of steps with a tolerance
+    slow, deflection, turned = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
     def __init__(self, watch: Watch) -> None:
         record, run = watch.record, watch.run

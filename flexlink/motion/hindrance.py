@@ -84,6 +84,8 @@ def sampled_growth(record: Record) -> tuple[float, float]:
     both = np.zeros((size, size))
     both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :] = model.A * unit[:, None] / unit, B
     both = linalg.expm(both / drive.rate)
+    if not np.isfinite(both).all():  # it grows beyond all bounds within a period, by itself
+        return np.inf, np.inf
     Φ, Γ = both[: 2 * n, : 2 * n], both[: 2 * n, 2 * n :]
     closed, without = (float(np.abs(np.linalg.eigvals(X)).max()) for X in (Φ - Γ @ (K / unit), Φ))
     return closed, without

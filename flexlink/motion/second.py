@@ -18,7 +18,6 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.describe.situation import AUTO, Run
-from flexlink.motion.result import Record
 from flexlink.motion.watch import DOUBT, TIP_SHARE, TOLERABLE, Watch, least_tolerance
 
 Array = NDArray[np.float64]
@@ -67,18 +66,17 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
     if watch.control is not None:
         return
     if run.controlled:
-        if watch.suspicious or turned(watch.record) > FAR:
+        if watch.suspicious or turned(watch) > FAR:
             yield Second(_stricter(watch, name), 1, 1.0)
     elif watch.explicit:
-        if watch.tip_error <= _tolerance(watch) and turned(watch.record) > FAR:
+        if watch.tip_error <= _tolerance(watch) and turned(watch) > FAR:
             yield from _stricter_and_stricter(watch)
-    else:
+    elif watch.moved > 0:
         if pairs := (run.samples - 1) // 2:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, SURE, strict=False)
-        if watch.moved > 0:
-            yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
+        yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
 
 
 def doubt(watch: Watch, second: Second, tip: Array) -> str:
@@ -88,7 +86,8 @@ def doubt(watch: Watch, second: Second, tip: Array) -> str:
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
     told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
     if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
-        return f"{told}: this motion multiplies errors; {advice(watch)} and compare"
+        grown = ": this motion multiplies errors" if turned(watch) > FAR else ""
+        return f"{told}{grown}; {advice(watch)} and compare"
     if not watch.run.controlled and error > _tolerance(watch):
         grown = ": this motion multiplies errors" if watch.explicit else ""
         return f"{told}, which moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
@@ -100,11 +99,11 @@ def advice(watch: Watch) -> str:
     return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
 
 
-def turned(record: Record) -> float:
-    """Angle [rad] that all links' joints go through, forth and back, by their rates at the samples; led ones apart."""
-    chain = record.chain
+def turned(watch: Watch) -> float:
+    """Angle [rad] that all links' joints go through, forth and back, in all steps, or by their rates at the samples."""
+    record, chain = watch.record, watch.record.chain
     rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
-    return float(np.trapezoid(rates, record.t, axis=0).sum())
+    return max(watch.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
 def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
@@ -120,7 +119,7 @@ def _stricter(watch: Watch, name: str) -> Run:
     """A run with a tolerance that is a part of this one's, of the same kind."""
     run = watch.run
     if run.accuracy == "tip":
-        return _within(run, name, STRICTER * _tolerance(watch))
+        return _within(run, name, max(STRICTER * _tolerance(watch), least_tolerance(watch.record)))
     return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
 
 

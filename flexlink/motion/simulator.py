@@ -170,7 +170,7 @@ class Simulator:
         after = copy.copy(self._balance)
         δ, moved = tolerance_of(run, self.chain, self._steps.deflection), float(np.linalg.norm(tip - record.tip[0]))
         explicit = method(self._steps.steps.method).explicit
-        allowed = allowed_imbalance(run, self.chain, energy[0], δ, moved, explicit)
+        allowed = allowed_imbalance(run, self.chain, energy[0], δ, moved, explicit, compared=False)
         judged = after.judge(energy, work, q[None], self._steps.steps.taken, allowed)
         if np.isfinite(judged.imbalance).all() and not judged.garbage.any():
             self._balance = after

@@ -94,8 +94,9 @@ def simulate(
     UnstableStepError
         The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
     DivergenceError
-        The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged;
-        the error's `trajectory` holds the good samples.
+        The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged
+        (implicit steps with a tolerance: a second run is made, and may mark the run as doubtful instead); the error's
+        `trajectory` holds the good samples.
     EvaluationLimitError
         A DivergenceError, too: steps with a tolerance would take more than `max_evaluations`. Where such a run hangs is
         told, as a RuntimeWarning, a fiftieth of the way to there.
@@ -174,7 +175,8 @@ class SingleRun:
         """As far as the steps go, the samples are good, nobody stops it, and no more than `most` evaluations."""
         watch, steps = self.watch, self.steps
         for reached in steps:
-            if not watch.look(reached.rows, steps.steps, deflection=steps.deflection) or steps.failure:
+            judged = watch.look(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
+            if not judged or steps.failure:
                 break
             told(reached.part)
             if warn and steps.slow:
@@ -198,7 +200,10 @@ def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterato
         evaluations = other.steps.steps.evaluations
         if evaluations > GIVEN_UP * own:
             break
-        in_parts = not second.run.controlled and other.steps.steps.failed > 0  # which may be the first run's steps
+        if stop.asked:
+            return
+        # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
+        in_parts = not second.run.controlled and other.steps.steps.failed > 0
         if not (other.watch.fault or other.steps.failure or in_parts):
             text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
             watch.confirmed = not text
@@ -230,7 +235,7 @@ def room_for(
     Raises
     ------
     SceneError
-        The method is unknown or implicit, or the samples do not fit into memory.
+        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
     UnstableStepError
         As in `simulate`.
     """

@@ -97,21 +97,21 @@ def tolerance_of(run: Run, chain: Chain, deflection: float) -> float:
 
 
 def allowed_imbalance(
-    run: Run, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool
+    run: Run, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
 ) -> balance.Allowance:
     """Energy that an error δ of any body's place as large as the tolerance makes up for, as m g δ and m v δ/τ.
 
     τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
     that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
-    that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them: a
-    second run judges.
+    that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them:
+    it is `compared` with a second run, if there is one, which judges.
     """
     if not run.controlled:
         return balance.NOTHING
     mass = float(chain.bodies["mass"].sum())
     weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
     share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
-    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, compared=not explicit)
+    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, not explicit, compared)
 
 
 class Watch:
@@ -146,18 +146,24 @@ class Watch:
         self.tip_error = 0.0
         self.confirmed = False
         self.explicit = steps_explicitly(run)
-        self.steps, self.deflection = Steps(run.method, 0, 0), 0.0
+        self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
         self._told: set[str] = set()
 
     def look(
-        self, stop: int, steps: Steps | None = None, errors: Array | None = None, *, deflection: float = 0.0
+        self,
+        stop: int,
+        steps: Steps | None = None,
+        errors: Array | None = None,
+        *,
+        deflection: float = 0.0,
+        turned: float = 0.0,
     ) -> bool:
         """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
 
         `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`. `deflection`: the
-        largest so far [m], of steps with a tolerance.
+        largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
         """
-        first, self.steps, self.deflection = self.good, steps or self.steps, deflection
+        first, self.steps, self.deflection, self.turned = self.good, steps or self.steps, deflection, turned
         if stop == first or self.fault:
             return not self.fault
         with np.errstate(all="ignore"):
@@ -233,7 +239,9 @@ class Watch:
         name = self.steps.method  # before the first step it may not be picked yet
         explicit = name != AUTO and method(name).explicit
         moved = self.moved if explicit else 0.0
-        return allowed_imbalance(self.run, self.record.chain, kinetic, self.tolerance, moved, explicit)
+        return allowed_imbalance(
+            self.run, self.record.chain, kinetic, self.tolerance, moved, explicit, compared=not explicit
+        )
 
     def _steps_up_to(self, rows: slice) -> Array | int:
         """Number of steps up to each of these samples; where steps differ, up to now."""
