@@ -9,6 +9,7 @@ from pathlib import Path
 import numba
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, settings
 
 from flexlink import Arm, Chain, Initial, Joint, Link, Material, Mount, Payload, Scene, Section, load_scene, lump
 from flexlink.describe.spec import Vector3
@@ -21,6 +22,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell without job con
     signal.signal(signal.SIGINT, signal.default_int_handler)
 compiled = pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="needs compiled kernels: NUMBA_DISABLE_JIT is set")
 LONGEST_AS_PYTHON = 10.0  # s of processor time
+
+
+settings.register_profile("any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("any machine")  # how fast it is says nothing about the code
 
 
 class _TooSlow(BaseException):

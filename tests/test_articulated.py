@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from conftest import compiled, flexible, make_scene, nasty_scene, random_state
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flexlink import (
@@ -352,7 +352,7 @@ LINKS = st.builds(
 
 @compiled
 @given(st.lists(LINKS, min_size=1, max_size=4), st.integers(0, 2**32 - 1))
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=40)
 def test_any_arm(specs: list[tuple], seed: int) -> None:
     links = [
         flexible(

@@ -298,7 +298,7 @@ def test_unknown_methods_are_listed(models) -> None:
         fl.forward_dynamics(chain, *np.zeros((3, 10)), method="qr")
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=10, max_size=10), st.integers(0, 9), st.integers(-3, 3))
 def test_dynamics_have_the_period_of_a_turn(angles: list[float], joint: int, turns: int) -> None:
     chain = fl.lump(make_scene(fl.Link(name="waist"), *[fl.Link(name=f"l{i}", length=0.3) for i in range(9)],

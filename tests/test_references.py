@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import make_scene
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import flexlink as fl
@@ -59,7 +59,6 @@ def came_to(course: fl.Course, piece: int) -> np.ndarray:
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(moves())
 def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
     """So does its last polynomial: a dozen products, and the end's time, are rounded."""
@@ -80,7 +79,6 @@ def test_a_move_starts_and_ends_at_rest_where_it_is_to(move: Move) -> None:
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(moves(limited=True))
 def test_no_limit_is_exceeded_and_the_slowest_joint_reaches_one(move: Move) -> None:
     """At the exact extremes of every piece, and at times in between; knots are rounded by ε of their time."""
@@ -184,7 +182,6 @@ def test_a_smooth_table_goes_through_all_that_is_known_with_continuous_derivativ
 
 
 @pytest.mark.slow
-@settings(deadline=None)
 @given(st.integers(0, 2**32))
 def test_extremes_are_those_of_every_piece(seed: int) -> None:
     """Against a thousand times a piece, between which a smooth extreme is passed by less than max |r̈| dt²/8."""
