@@ -61,6 +61,7 @@ STALLED = 0.5  # contraction from which an iteration that moves no more than rou
 FARTHEST = 4.0  # K starts from 0 in a step more than so many times as long as the last
 OLD = 4.0  # the stages' powers are found once more if the last pass moved a body by more than so many times the step's
 # error: all steps together put W off by no more than if the forces acted farther by the tolerance
+SLIGHT = 1e-3  # of a fixed step: if it moved a body by more than this part of what the whole step does
 SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
 
 
@@ -134,7 +135,7 @@ def implicit_step(t, h, inputs, state, allowed, work):
             work.clock[CONTRACTION], work.clock[MOVED] = contraction, moved if iteration == 1 else before
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
-            settled = math.isnan(error) or moved <= OLD * tolerance or not does_work(inputs, work.chain.hinges)
+            settled = math.isnan(error) or tells_work(moved, q, allowed, work) or not does_work(inputs, work)
         elif not moved < math.inf or (iteration > 3 and contraction > 1.0) or iteration == work.clock[PASSES]:
             return math.nan, iteration
         elif fresh and iteration > 1 and contraction > SLOW:
@@ -347,8 +348,21 @@ def inertia_beyond(k, work):
 
 
 @inlined
-def does_work(inputs, hinges):
+def tells_work(moved, q, allowed, work):
+    """Whether the stages' powers, found before the last pass moved a body so far, tell the work of the step."""
+    tolerance, accurate = allowed
+    if tolerance < math.inf:
+        return moved <= OLD * tolerance
+    δ = work.vectors[MIDDLE]
+    for k in range(len(q)):
+        δ[k] = work.new[0, k] - q[k]
+    return moved <= max(OLD * accurate, SLIGHT * displacement(δ, work.posture))
+
+
+@inlined
+def does_work(inputs, work):
     """Whether anything has power that has no potential: drives, dampers, friction, prescribed motions, the wrench."""
+    hinges = work.chain.hinges
     works = len(inputs.drive.joints) + len(inputs.motion.joints) > 0 or inputs.table is not None
     for k in range(3, len(inputs.wrench)):
         works = works or inputs.wrench[k] != 0.0
