@@ -102,7 +102,7 @@ def test_samples_between_steps_have_the_order_of_the_error_estimate() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [*range(4, 12), 295, 383])
 def test_random_jumps_leave_every_sample_right(seed: int) -> None:
-    """Of seeds 295 and 383 fixed steps go on from rest: work by powers of before the last pass was all that was seen."""
+    """Of seeds 295 and 383 fixed steps start from rest: the work was that of stages before the last pass."""
     found = outcome(seed)
     assert found.word == "right", found
     assert max(found.tip, found.rates, found.work) < WRONG
