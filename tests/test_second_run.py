@@ -202,3 +202,17 @@ def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.Monke
         run.finish(stop)
     assert began
     assert not run.watch.confirmed
+
+
+@pytest.mark.parametrize(("rate", "grows"), [(400.0, True), (1000.0, False)])
+def test_a_sampled_loop_that_is_unstable_multiplies_errors_and_is_doubted(rate: float, grows: bool) -> None:
+    """An arm without damping, which a motor of limited torque turns by 20°: it swings on, and no joint turns far."""
+    arm = make_scene(flexible("a", segments=4, joint=fl.Joint(armature=0.02)), gravity=(0.0, 0.0, -9.81))
+    pd = fl.Drive(kind="pd", kp=(200.0,), kd=(10.0,), target_deg=(20.0,), rate=rate, effort=(60.0,))
+    scene = arm.varied({"drive": pd, "run": fl.Run(method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.02)})
+    run, exact = fl.simulate(scene), fl.simulate(scene, method="Radau9", relative_tolerance=1e-8)
+    off = np.linalg.norm(run.tip - exact.tip, axis=1).max() / (1e-4 * run.chain.reach)
+    assert (off > 10) == grows
+    assert [
+        f"the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors" in w for w in run.warnings
+    ] == ([True] if grows else [])
