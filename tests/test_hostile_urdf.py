@@ -177,6 +177,7 @@ sys.addaudithook(_hear)  # for good; it hears only while a list is there
 
 
 LONG = {"many elements", "10,000 links"}
+ENDLESS = 20.0  # s of processor time, on any machine: what grows with the square of these files takes minutes
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow if x in LONG else ()) for x in HOSTILE])
@@ -190,7 +191,7 @@ def test_a_hostile_file_is_refused_in_one_line_and_nothing_else_is_touched(
     opened.clear()
     start = time.process_time()
     assert main(["import", "bad.urdf", "-o", "out.toml"]) == 2
-    assert time.process_time() - start < 1
+    assert time.process_time() - start < ENDLESS
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("flexlink: bad.urdf: ")
