@@ -177,7 +177,7 @@ sys.addaudithook(_hear)  # for good; it hears only while a list is there
 
 
 LONG = {"many elements", "10,000 links"}
-ENDLESS = 20.0  # s of processor time, on any machine: what grows with the square of these files takes minutes
+ENDLESS = 5.0  # s of processor time, on any machine: what grows with the square of these files takes minutes
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=pytest.mark.slow if x in LONG else ()) for x in HOSTILE])

@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import flexlink as fl
 from flexlink.common.products import dot, product
 from flexlink.dynamics import rounding
-from flexlink.formats.principal import SWEEPS, principal_axes
+from flexlink.formats.principal import principal_axes
 
 EPS = np.finfo(float).eps
 OTHERS = [machine for machine in FILE.machine if machine.env and not machine.python and machine.name != "no_home"]
@@ -64,16 +64,15 @@ def test_products_are_products(rng: np.random.Generator) -> None:
 
 @pytest.mark.parametrize("moments", [(1.0, 2.0, 2.5), (1.0, 1.0, 1.5), (0.0, 1.0, 1.0), (1e-12, 1.0, 1.0), (2, 2, 2)])
 def test_principal_axes_are_those_of_the_inertia(moments: tuple[float, ...], rng: np.random.Generator) -> None:
-    rounded = 3 * SWEEPS * EPS  # three rotations a sweep; of equal moments the products are noise, which never ends
     for _ in range(20):
         R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         I = R @ np.diag(moments) @ R.T
         I = (I + I.T) / 2
         found, axes = principal_axes(I)
-        assert_allclose(axes @ np.diag(found) @ axes.T, I, rtol=0, atol=rounded * max(moments))
-        assert_allclose(axes.T @ axes, np.eye(3), rtol=0, atol=rounded)
-        assert np.linalg.det(axes) == pytest.approx(1.0, rel=rounded)
-        assert_allclose(found, np.linalg.eigvalsh(I), rtol=0, atol=rounded * max(moments))
+        assert_allclose(axes @ np.diag(found) @ axes.T, I, rtol=0, atol=20 * EPS * max(moments))
+        assert_allclose(axes.T @ axes, np.eye(3), rtol=0, atol=20 * EPS)
+        assert np.linalg.det(axes) == pytest.approx(1.0, rel=20 * EPS)
+        assert_allclose(found, np.linalg.eigvalsh(I), rtol=0, atol=10 * EPS * max(moments))
     assert_array_equal(principal_axes(np.diag([3.0, 1.0, 2.0]))[0], [1.0, 2.0, 3.0])
 
 

@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 NEGLIGIBLE = np.finfo(float).eps ** 2
 """Product of inertia, of the largest element, that moves neither moments nor axes any more."""
 
-SWEEPS = 20
-"""At most; the fifth finds nothing left, as convergence is quadratic from the second on."""
+SWEEPS = 5
+"""At most; the fifth finds nothing left, as convergence is quadratic from the second on. Of equal moments the products
+are rounding, which another sweep makes anew: more of them only add up."""
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
