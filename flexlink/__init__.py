@@ -9,13 +9,6 @@ import flexlink.common.entry  # noqa: F401  first of all
 
 from flexlink.advice.advise import advise
 from flexlink.advice.verdict import Advice
-from flexlink.analysis.equilibrium import Equilibrium, buckling_loads, solve_static
-from flexlink.analysis.linear import LinearModel, linearize
-from flexlink.analysis.loads import InternalLoads, internal_loads
-from flexlink.analysis.modal import Modes, modes, natural_frequencies
-from flexlink.analysis.poles import pd_poles
-from flexlink.analysis.stability import stable_step
-from flexlink.analysis.strain import BeamStrain, beam_strain
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import (
@@ -31,15 +24,16 @@ from flexlink.common.errors import (
     SingularMassError,
     UnstableStepError,
 )
+from flexlink.common.versions import __version__ as __version__
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.course import Course
+from flexlink.describe.conditions import Drive, Initial, Motion, Run, Wrench
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.reference import Reference
+from flexlink.describe.reference_trajectory import Course
 from flexlink.describe.rigid_body import Payload
+from flexlink.describe.rigidified import rigid_twin
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.shaping import Shaper
-from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench
-from flexlink.describe.twin import rigid_twin
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import (
     ForwardDerivatives,
@@ -47,8 +41,11 @@ from flexlink.dynamics.derivatives import (
     forward_dynamics_derivatives,
     inverse_dynamics_derivatives,
 )
+from flexlink.dynamics.equilibrium import Equilibrium, buckling_loads, solve_static
+from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.placement import Frames, Jacobian, frames, jacobian, tip_position
 from flexlink.dynamics.point_motion import PointMotion, point_motion
+from flexlink.dynamics.strain import BeamStrain, beam_strain
 from flexlink.dynamics.terms import (
     Energy,
     bias_torque,
@@ -59,30 +56,34 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
+from flexlink.dynamics.vibration.linear import LinearModel, linearize
+from flexlink.dynamics.vibration.modal import Modes, modes, natural_frequencies
+from flexlink.dynamics.vibration.poles import pd_poles
+from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats import to_mjcf, to_sdf, to_urdf
+from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.batch import simulate_many
-from flexlink.motion.endings import ControlError, DivergenceError, EvaluationLimitError, InterruptedRunError
-from flexlink.motion.result import State, Trajectory
 from flexlink.motion.sensitivity import Sensitivities, sensitivities
-from flexlink.motion.settling import overshoot, residual_vibration, settling_time
+from flexlink.motion.simulate import simulate
 from flexlink.motion.simulator import Simulator
-from flexlink.motion.single import simulate
-from flexlink.motion.start import initial_state
+from flexlink.results.samples import State
+from flexlink.results.settling import overshoot, residual_vibration, settling_time
+from flexlink.results.stop_reasons import ControlError, DivergenceError, EvaluationLimitError, InterruptedRunError
+from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import Flexible
 from flexlink.robots.importing import Imported, import_urdf
 
 if TYPE_CHECKING:
-    from flexlink.engines.comparison import Comparison, compare
-    from flexlink.engines.trajectories import TrajectoryComparison, compare_trajectories
-    from flexlink.reporting.report import report
-    from flexlink.reporting.verdict import Report
+    from flexlink.diagnosis.comparison import Comparison, compare
+    from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories
+    from flexlink.pages.verdict import Report
+    from flexlink.scene_report.report import report
     from flexlink.sweeps.measures import Quantity
     from flexlink.sweeps.plan import Sweep, load_sweep
     from flexlink.sweeps.ranges import Sample
-    from flexlink.sweeps.sweeping import InterruptedSweepError, sweep
+    from flexlink.sweeps.run import InterruptedSweepError, sweep
     from flexlink.sweeps.table import SweepRows
 
-__version__ = "0.1.0"
 
 __all__ = [
     "Advice",
@@ -194,19 +195,19 @@ __all__ = [
 
 
 LATER = {
-    "Comparison": "engines.comparison",
-    "compare": "engines.comparison",
-    "InterruptedSweepError": "sweeps.sweeping",
+    "Comparison": "diagnosis.comparison",
+    "compare": "diagnosis.comparison",
+    "InterruptedSweepError": "sweeps.run",
     "Quantity": "sweeps.measures",
-    "Report": "reporting.verdict",
+    "Report": "pages.verdict",
     "Sample": "sweeps.ranges",
     "Sweep": "sweeps.plan",
     "SweepRows": "sweeps.table",
-    "TrajectoryComparison": "engines.trajectories",
-    "compare_trajectories": "engines.trajectories",
+    "TrajectoryComparison": "diagnosis.trajectories",
+    "compare_trajectories": "diagnosis.trajectories",
     "load_sweep": "sweeps.plan",
-    "report": "reporting.report",
-    "sweep": "sweeps.sweeping",
+    "report": "scene_report.report",
+    "sweep": "sweeps.run",
 }
 """What only those load who ask for it: comparison and sweeps, with the adapters of other engines."""
 

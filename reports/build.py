@@ -13,11 +13,11 @@ import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.reporting.numbers import plural
-from flexlink.reporting.page import make_folder, template
-from flexlink.reporting.picture import Shown
-from flexlink.reporting.style import RC
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.numbers import plural
+from flexlink.pages.page import make_folder, template
+from flexlink.pages.picture import Shown
+from flexlink.pages.style import RC
+from flexlink.pages.tables import table_csv
 from reports import findings, reference, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules

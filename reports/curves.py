@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 

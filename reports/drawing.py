@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
-from flexlink.reporting.picture import Picture, Shown
-from flexlink.reporting.style import RC
+from flexlink.pages.picture import Picture, Shown
+from flexlink.pages.style import RC
 from reports import curves, figures
 from reports.chapters import chapter_of_kinds
 from reports.results import Results

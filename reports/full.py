@@ -16,8 +16,8 @@ from PIL import Image
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.reporting.page import make_folder
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.page import make_folder
+from flexlink.pages.tables import table_csv
 from reports import verdict
 from reports.build import Report, environment_rows, given_up, write
 from reports.results import Results

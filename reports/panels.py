@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from flexlink.reporting.style import CYCLE, INK, MARKERS, stacked_axes
+from flexlink.pages.style import CYCLE, INK, MARKERS, stacked_axes
 from reports.curves import curves
 from reports.results import Results
 from reports.tables import series_csv

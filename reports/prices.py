@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from flexlink.reporting.style import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
+from flexlink.pages.style import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 from reports.results import Results
 from validation.store import Row, Series
 

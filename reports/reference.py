@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.tables import table_csv
 from reports.results import Results
 from reports.tables import state
 from reports.verdict import PASS, correct, measured

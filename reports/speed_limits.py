@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
-from flexlink.reporting.numbers import amount
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.numbers import amount
+from flexlink.pages.tables import table_csv
 from reports.reference import Reference
 from reports.results import Results
 from reports.tables import TIMED, limit

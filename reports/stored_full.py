@@ -23,8 +23,8 @@ import msgspec
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.spec import Spec
-from flexlink.reporting.numbers import plural
-from flexlink.reporting.picture import Shown
+from flexlink.pages.numbers import plural
+from flexlink.pages.picture import Shown
 from reports.chapters import Section
 from reports.finding import Finding
 from validation.sources import changed

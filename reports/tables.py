@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from flexlink.reporting.numbers import amount
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.numbers import amount
+from flexlink.pages.tables import table_csv
 from reports.results import used
 from validation.facts import head, said
 from validation.judgement import BUSY, MET, MISSED, speed_state

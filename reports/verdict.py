@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
-from flexlink.reporting.numbers import amount, plural
+from flexlink.pages.numbers import amount, plural
 from reports.chapters import Number, Wanted
 from reports.results import Results, used
 from reports.tables import FAIL, share, state

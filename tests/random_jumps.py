@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.analysis.extremes import slowest_frequency
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.random_arms import Dice
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.motion.single import prepare
+from flexlink.motion.simulate import prepare
 from validation.benchmarks.random_arms import Dice
 
 WRONG = 0.05  # of the tip's motion

@@ -15,14 +15,14 @@ import flexlink as fl
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.axes import SHARE, Screening
-from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.candidates import HOPELESS, MOST, Pool
 from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Ladder, Level, Limit
+from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Axes, Model, uniform
-from flexlink.advice.parts import Parts
-from flexlink.advice.pool import HOPELESS, MOST, Pool
+from flexlink.advice.model_runner import OF_STABLE, Bench, Outcome, Stepping
 from flexlink.advice.release import release
-from flexlink.advice.ways import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
+from flexlink.advice.step_options import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]

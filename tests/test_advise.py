@@ -10,10 +10,10 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.advice.bench import Bench, Stepping
+from flexlink.advice.cost_model import bodies_of, price, prices
 from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.model import Bend, capped, most_axes, uniform, with_model
-from flexlink.advice.price import bodies_of, price, prices
+from flexlink.advice.model_runner import Bench, Stepping
 from flexlink.advice.rigid import swung
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode

@@ -12,9 +12,9 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 
 import flexlink as fl
+from flexlink.diagnosis.comparison import compare
+from flexlink.dynamics.hints import notes
 from flexlink.engines import load
-from flexlink.engines.comparison import compare
-from flexlink.motion.notes import notes
 
 
 @functools.cache

@@ -30,13 +30,13 @@ from flexlink import (
 )
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import EPS
-from flexlink.kernels import forward
-from flexlink.kernels.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
-from flexlink.kernels.articulated_rows import articulated_lanes_workspace
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.lanes import LANES, put_at
-from flexlink.kernels.planar import planar_lanes_workspace
-from flexlink.kernels.sincos import LIMIT, cos_sin_all
+from flexlink.kernels.bodies.plane import planar_lanes_workspace
+from flexlink.kernels.forward import solvers
+from flexlink.kernels.forward.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
+from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace
+from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.lanes import LANES, put_at
+from flexlink.kernels.tools.sincos import LIMIT, cos_sin_all
 from validation.oracles import spatial_chain
 
 SKEW = Mount(rpy_deg=(-75.0, 20.0, 30.0), xyz=(0.1, -0.2, 0.3))
@@ -45,7 +45,7 @@ ROTOR = Joint(viscous=0.3, coulomb=0.7, armature=0.4)
 
 def spatial(chain: Chain, q: np.ndarray, qd: np.ndarray, tau: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """The spatial recursion, also where the plane one would be chosen."""
-    return forward.ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
+    return solvers.ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
 
 
 def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> None:
@@ -107,9 +107,9 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
     p, f = (np.flatnonzero(hinges["prescribed"] == value) for value in (1, 0))
     q, qd, tau, given = rng.uniform(-0.5, 0.5, (4, chain.n))
     wrench = rng.normal(size=6)
-    solvers = [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar
-    taus, results = ([part.copy() for _ in solvers] for part in (tau, given))
-    for solver, torque, qdd in zip(solvers, taus, results, strict=True):
+    every = [solvers.LU, solvers.ARTICULATED] + [solvers.PLANAR] * chain.is_planar
+    taus, results = ([part.copy() for _ in every] for part in (tau, given))
+    for solver, torque, qdd in zip(every, taus, results, strict=True):
         solve(wrench, q, qd, torque, qdd, solver.workspace(chain.arrays), np.empty(1))
     M, explained = mass_matrix(chain, q), rounding.of_residual(chain, q, qd, results[0], taus[0], tip_wrench=wrench)
     carried = 1 + np.abs(M[np.ix_(p, f)] @ np.linalg.inv(M[np.ix_(f, f)])).sum(axis=1)
@@ -128,7 +128,7 @@ def test_given_accelerations_at_prescribed_hinges(flex: str, rng: np.random.Gene
 
 @kernel
 def solve(wrench, q, qd, tau, qdd, work, power):
-    put_at(power, forward.forward_dynamics(wrench, q, qd, tau, qdd, work), 0)
+    put_at(power, solvers.forward_dynamics(wrench, q, qd, tau, qdd, work), 0)
 
 
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
@@ -144,7 +144,7 @@ def test_the_power_of_drive_friction_and_a_moment_on_the_tip_is_that_of_their_jo
     assert abs(power) > 1e6 * explained
     given = qd @ (tau - friction_torque(chain, qd))
     explained += 10 * chain.n * rounding.EPS * np.abs(qd * tau).sum()
-    for solver in [forward.LU, forward.ARTICULATED] + [forward.PLANAR] * chain.is_planar:
+    for solver in [solvers.LU, solvers.ARTICULATED] + [solvers.PLANAR] * chain.is_planar:
         work = solver.workspace(chain.arrays)
         solve(wrench, q, qd, tau.copy(), np.zeros(chain.n), work, found := np.empty(1))
         assert abs(found[0] - (given + power)) <= explained

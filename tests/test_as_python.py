@@ -15,10 +15,10 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import acceleration_error, of_residual
-from flexlink.kernels.inverse import inverse_dynamics_into
-from flexlink.kernels.lanes import Eight, at, put_at, tanh, zero_of
-from flexlink.kernels.planar import planar_workspace
-from flexlink.kernels.rne import rne_workspace
+from flexlink.kernels.bodies.inverse import inverse_dynamics_into
+from flexlink.kernels.bodies.plane import planar_workspace
+from flexlink.kernels.bodies.rne import rne_workspace
+from flexlink.kernels.tools.lanes import Eight, at, put_at, tanh, zero_of
 
 SCENES = {"spatial": nasty_scene(), "planar": make_scene(flexible("a", segments=3))}
 CHAINS = {name: fl.lump(scene) for name, scene in SCENES.items()}

@@ -22,7 +22,7 @@ from conftest import ROOT, flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.describe.scene import scene_from
-from flexlink.engines.comparison import compare
+from flexlink.diagnosis.comparison import compare
 
 Edit = Callable[[dict], object]
 T3 = tomllib.loads((ROOT / "models" / "t3_spatial.toml").read_text(encoding="utf-8"))
@@ -279,7 +279,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
         if fraction >= 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr("flexlink.cli.terminal.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130

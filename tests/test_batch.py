@@ -15,9 +15,9 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
-from flexlink.kernels.lanes import LANES
+from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.fixed_steps import tip_errors_of_eight
-from flexlink.motion.single import prepare
+from flexlink.motion.simulate import prepare
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -192,7 +192,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
                 stop.signal = signal.SIGINT
             yield done
 
-    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 0.0)  # a piece a step
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr(batch, "pieces", interrupted)
     monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
     with pytest.raises(fl.InterruptedRunError) as caught:

@@ -17,7 +17,7 @@ from flexlink.common.interruption import Stop
 from flexlink.motion.batch import outcomes
 from flexlink.motion.budget import FEWEST, LOOKS, SHORTEST, Budget, Spent
 from flexlink.motion.hindrance import hindrance, sampled_growth
-from flexlink.motion.single import prepare
+from flexlink.motion.simulate import prepare
 
 
 def swinging(**changes: Any) -> fl.Scene:

@@ -31,7 +31,7 @@ from flexlink import (
     to_urdf,
 )
 from flexlink.describe.arm import AXES
-from flexlink.describe.rules import lumping_rule
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
 
 

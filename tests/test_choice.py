@@ -10,8 +10,8 @@ import numpy as np
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.analysis.extremes import fastest_frequency
-from flexlink.motion.choice import SMALL, STIFF, cheapest
+from flexlink.dynamics.vibration.extremes import fastest_frequency
+from flexlink.motion.method_choice import SMALL, STIFF, cheapest
 
 CHAIN = fl.lump(make_scene(flexible("a", segments=3)))
 FASTEST = fastest_frequency(CHAIN, np.zeros(CHAIN.n))

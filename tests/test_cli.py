@@ -18,7 +18,7 @@ import flexlink as fl
 from flexlink.cli import simulate
 from flexlink.cli.main import main
 from flexlink.cli.terminal import announced
-from flexlink.motion import single
+from flexlink.motion import simulate as single
 
 
 @pytest.fixture

@@ -10,12 +10,12 @@ import pytest
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.errors import ArgumentError
+from flexlink.diagnosis.comparison import MOST_SAMPLES, Comparison, compare
+from flexlink.diagnosis.diagnosis import diagnose
+from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
+from flexlink.diagnosis.states import mixed_states, random_states
 from flexlink.dynamics import rounding
-from flexlink.engines import load
-from flexlink.engines.comparison import MOST_SAMPLES, Comparison, compare
-from flexlink.engines.diagnosis import diagnose
-from flexlink.engines.quantities import QUANTITIES, compare_engines
-from flexlink.engines.states import mixed_states, random_states
+from flexlink.engines import ENGINES, load
 
 ROOT = Path(__file__).parent.parent
 MODELS = ROOT / "models"
@@ -71,7 +71,7 @@ def with_stiffness(chain, k, factor):
 ])  # fmt: skip
 def test_a_stiffness_wrong_by_1e_9_in_an_engine_s_file_is_found(scene, k, engine, export, monkeypatch, capsys):
     pytest.importorskip(engine)
-    module = importlib.import_module(f"flexlink.engines.{engine}")
+    module = importlib.import_module(ENGINES[engine].module)
     write = getattr(module, export)
     monkeypatch.setattr(module, export, lambda chain, **how: write(with_stiffness(chain, k, 1 + 1e-9), **how))
     path = ROOT / f"{scene}.toml"

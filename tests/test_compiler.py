@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import os
 import re
+import shutil
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 from conftest import compiled
 
-from flexlink.kernels import compiler, machine_code
+from flexlink.kernels.tools import compiler, machine_code
 
 pytestmark = compiled
 
@@ -168,14 +169,15 @@ def test_a_folder_that_cannot_be_written_is_told_once_and_nothing_is_kept_beside
 def test_an_edit_in_any_kernel_file_changes_the_cache_folder(variable: str, monkeypatch, tmp_path: Path) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv(variable, str(tmp_path / "cache"))
-    for source in [*machine_code.HERE.glob("*.py"), machine_code.HERE.parent / "chain" / "chain.py"]:
-        place = tmp_path / source.relative_to(machine_code.HERE.parent)
-        place.parent.mkdir(exist_ok=True)
-        place.write_bytes(source.read_bytes())
+    shutil.copytree(machine_code.HERE, tmp_path / "kernels", ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(machine_code, "HERE", tmp_path / "kernels")
     before = machine_code.cache_folder()
-    (tmp_path / "kernels" / "vec3.py").write_text("# edited", encoding="utf-8")
-    assert machine_code.cache_folder() != before
+    sources = sorted((tmp_path / "kernels").rglob("*.py"))
+    assert tmp_path / "kernels" / "layout.py" in sources
+    for source in sources:
+        source.write_text("# edited", encoding="utf-8")
+        before, edited = machine_code.cache_folder(), before
+        assert edited != before, source
     assert machine_code.cache_folder().parent == before.parent == tmp_path / "cache" / "flexlink"
 
 

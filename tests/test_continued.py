@@ -10,8 +10,8 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.describe.catalogue import names
-from flexlink.describe.methods import method as load_method
+from flexlink.describe.data_files import names
+from flexlink.describe.schemes.methods import method as load_method
 from flexlink.engines import load
 
 TABLE = {"kind": "table", "times": [0.0, 0.02, 0.06], "torques": [[1.0, 0.0], [-3.0, 1.0], [2.0, 0.5]]}

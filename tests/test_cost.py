@@ -9,7 +9,7 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.analysis.stability import fastest_eigenvalues
+from flexlink.dynamics.vibration.stability import fastest_eigenvalues
 from flexlink.motion.cost import cost, evaluation_time, step_time
 
 

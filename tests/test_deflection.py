@@ -9,11 +9,11 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.advice.bench import Bench, Stepping
 from flexlink.advice.goal import Goal, Ruler
 from flexlink.advice.ladder import Ladder
-from flexlink.motion.deflection import deflections, unbent
-from flexlink.reporting.study import Study
+from flexlink.advice.model_runner import Bench, Stepping
+from flexlink.results.deflection import deflections, unbent
+from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from validation.benchmarks.trade import seen
 

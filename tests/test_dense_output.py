@@ -8,8 +8,8 @@ from conftest import ROOT, compiled, make_scene
 from random_jumps import WRONG, outcome
 
 import flexlink as fl
-from flexlink.describe.methods import method
-from flexlink.motion.controlled_steps import dense_weights
+from flexlink.describe.schemes.methods import method
+from flexlink.motion.adaptive_steps import dense_weights
 
 pytestmark = compiled
 IMPLICIT = ("Radau5", "Radau9")

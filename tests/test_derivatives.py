@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink import ArgumentError, Chain, Joint, Link, Motion, Mount, Payload, SingularMassError
 from flexlink.describe.spec import Vector3
-from flexlink.kernels.forward_slopes import all_forward_slopes
-from flexlink.kernels.planar_slopes import all_planar_slopes
+from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
+from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
 
 Array = NDArray[np.float64]

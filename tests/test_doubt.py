@@ -10,8 +10,8 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.motion.second import Second, doubt, second_runs, turned
-from flexlink.motion.watch import Watch
+from flexlink.motion.monitor import Watch
+from flexlink.motion.verification import Second, doubt, second_runs, turned
 
 CHAIN = fl.lump(make_scene(flexible("a")))
 T = np.linspace(0.0, 4.0, 41)

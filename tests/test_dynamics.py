@@ -15,11 +15,11 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.dynamics.terms import MASS_METHODS
-from flexlink.kernels.solve import solve_cholesky, solve_lu
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.result import Record
-from flexlink.motion.single import SingleRun
-from flexlink.motion.watch import Watch
+from flexlink.inputs.actuation import input_arrays
+from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
+from flexlink.motion.monitor import Watch
+from flexlink.motion.simulate import SingleRun
+from flexlink.results.record import Record
 
 
 def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.Chain, rng) -> None:

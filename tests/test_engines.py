@@ -32,10 +32,10 @@ from flexlink import (
     mass_matrix,
     stable_step,
 )
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
-from flexlink.engines.quantities import QUANTITIES
-from flexlink.engines.states import mixed_states
 
 STATES = 20
 

@@ -10,8 +10,8 @@ from conftest import flexible, make_scene
 from scipy import linalg
 
 import flexlink as fl
-from flexlink.analysis.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 from flexlink.dynamics import rounding
+from flexlink.dynamics.vibration.extremes import CLOSE, fastest_decay, fastest_frequency, slowest_frequency
 
 ESTIMATE = 0.1
 EPS = np.finfo(float).eps

@@ -91,7 +91,7 @@ def test_a_fault_of_a_kernel_is_noticed_as_python_by_a_test_that_fails_only_with
         (Answer(1, "FAILED tests/test_a.py::test_b - assert 1 == 2"), KILLED),
         (Answer(-11, ""), KILLED),  # a segmentation fault
         (Answer(None, ""), KILLED),  # no end
-        (Answer(2, "! flexlink.motion.endings.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
+        (Answer(2, "! flexlink.results.stop_reasons.InterruptedRunError: interrupted at t = 0 s !"), KILLED),  # Ctrl-C
         (Answer(2, "ERROR tests/test_a.py\n!!! Interrupted: 1 error during collection !!!"), BROKEN),
         (Answer(1, "FAILED tests/test_a.py::test_b - numba.core.errors.TypingError: cannot"), BROKEN),
         (Answer(2, "ERROR tests/test_a.py - NameError: name 'x' is not defined"), BROKEN),

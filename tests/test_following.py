@@ -9,8 +9,8 @@ from scipy.linalg import expm
 
 import flexlink as fl
 from flexlink.engines import load
-from flexlink.motion.holding import holding_torque
-from flexlink.motion.references import reference_arrays
+from flexlink.inputs.references import reference_arrays
+from flexlink.inputs.static_feedforward import holding_torque
 
 INERTIA, KP, KD = 4.0, 40.0, 6.0
 ZVD = fl.Shaper(kind="ZVD", frequency_hz=(2.0,), damping=(0.05,))

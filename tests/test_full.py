@@ -12,8 +12,8 @@ from PIL import Image
 from studies import BUSY, REASON, VERSIONS, row, stored, timed
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import stacked_axes
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import stacked_axes
 from reports import __main__, full
 
 

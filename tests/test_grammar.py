@@ -12,8 +12,8 @@ import pytest
 from conftest import MODELS
 
 import flexlink as fl
-from flexlink.analysis import stability
 from flexlink.dynamics import rounding
+from flexlink.dynamics.vibration import stability
 from flexlink.engines import ENGINES, base, load
 
 STATE = ["q", "qd", "qdd", "tau"]
@@ -96,7 +96,7 @@ def test_every_public_name_is_there_and_engines_are_loaded_only_when_asked_for()
         "assert not [name for name in sys.modules if name.startswith('flexlink.engines')]\n"
         "assert set(fl.__all__) <= set(dir(fl))\n"
         "for name in fl.__all__: getattr(fl, name)\n"
-        "assert fl.compare is sys.modules['flexlink.engines.comparison'].compare\n"
+        "assert fl.compare is sys.modules['flexlink.diagnosis.comparison'].compare\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -17,8 +17,8 @@ import flexlink as fl
 from flexlink.chain.rigid import Pose, RigidBody, body_with
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
+from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
-from flexlink.engines.states import random_states
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.flexible import Flexible, _prism, bent, payload
 from flexlink.robots.importing import Imported, import_urdf

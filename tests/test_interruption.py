@@ -121,8 +121,8 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
 def test_pieces_are_short_however_long_the_samples_are(clock, models, monkeypatch) -> None:
     """50,000 steps take 0.1 s or more, at least 100 pieces of 1 ms; 6 if each may only be 8 times the last."""
     seen: list[float] = []
-    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", 1e-3)
-    monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "time", SimpleNamespace(perf_counter=clock))
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 1e-3)
+    monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "time", SimpleNamespace(perf_counter=clock))
     fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=seen.append, duration=5.0, sample=5.0)
     assert len(seen) > (30 if clock() else 5)
 
@@ -131,7 +131,7 @@ def test_pieces_within_samples_change_no_bit(models, monkeypatch) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     whole = fl.simulate(scene, duration=0.02, sample=0.005)
     for breath in (0.0, 1e-3):
-        monkeypatch.setattr(sys.modules["flexlink.motion.pace"], "BREATH", breath)
+        monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", breath)
         for sample in (0.005, 0.02):
             again = fl.simulate(scene, duration=0.02, sample=sample)
             np.testing.assert_array_equal(again.q[-1], whole.q[-1])
@@ -167,7 +167,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
         "running": (terminal.Progress, "__call__"),
-        "saving": (sys.modules["flexlink.motion.saving"].Writer, "__call__"),
+        "saving": (sys.modules["flexlink.results.files"].Writer, "__call__"),
         "before the file is there": (output.Path, "replace"),
         "drawing": (simulate, "draw"),
         "summing up": (simulate, "_summary"),

@@ -12,14 +12,14 @@ from conftest import flexible, make_scene
 from numpy.polynomial import Polynomial
 
 import flexlink as fl
-from flexlink.describe.methods import method
+from flexlink.describe.schemes.methods import method
 from flexlink.engines import base, load
 from flexlink.formats.features import not_held
-from flexlink.kernels.inputs import drive_torque
-from flexlink.kernels.references import reference
-from flexlink.motion import drives
-from flexlink.motion.drives import drive_arrays, gains_of
-from flexlink.motion.references import ReferenceArrays, constant
+from flexlink.inputs import drives
+from flexlink.inputs.drives import drive_arrays, gains_of
+from flexlink.inputs.references import ReferenceArrays, constant
+from flexlink.kernels.inputs.drive_torque import drive_torque
+from flexlink.kernels.inputs.references import reference
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
 TARGET_DEG = (40.0, 35.0, -50.0)

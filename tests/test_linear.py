@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
 from flexlink import ArgumentError, Chain, Damping, Joint, Motion
-from flexlink.analysis.linear import graded
+from flexlink.dynamics.vibration.linear import graded
 
 EPS = np.finfo(float).eps
 PAPER = next(path for path in MODELS if path.stem == "paper_fig5")

@@ -9,9 +9,9 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
-from flexlink.chain.chain import BODY, HINGE
+from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.placement import hinge_bodies
-from flexlink.engines.states import random_states
+from flexlink.kernels.layout import BODY, HINGE
 from validation.benchmarks.random_arms import random_arm
 from validation.kinds.identities import IDENTITIES
 

@@ -9,7 +9,7 @@ from machines.__main__ import main
 from machines.run import FILE, Machine, missing, run_as, select
 from numba.core.registry import cpu_target
 
-from flexlink.kernels.machine_code import DiskCache
+from flexlink.kernels.tools.machine_code import DiskCache
 
 
 def test_machines_have_names_of_their_own_and_name_tests_that_exist() -> None:

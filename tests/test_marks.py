@@ -7,12 +7,12 @@ import pytest
 from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
-from flexlink.describe.methods import method
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.drives import drive_arrays
-from flexlink.motion.landings import ends_of_steps, instants, landings
+from flexlink.describe.schemes.methods import method
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.drives import drive_arrays
+from flexlink.inputs.tstops import ends_of_steps, instants, landings
 from flexlink.motion.marks import Marks
-from flexlink.motion.result import Record
+from flexlink.results.record import Record
 
 ARM = make_scene(flexible("a", segments=3))
 

@@ -11,10 +11,10 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.reporting import building
-from flexlink.reporting.fitting import Comparison, _least_squares, numbers_of
-from flexlink.reporting.measured import Measured, read_measured
-from flexlink.reporting.report import report
+from flexlink.scene_report import building
+from flexlink.scene_report.fitting import Comparison, _least_squares, numbers_of
+from flexlink.scene_report.measured import Measured, read_measured
+from flexlink.scene_report.report import report
 
 KNOWN = ("t [s]", "tip x [m]", "q upper [rad]", "qd upper [rad/s]")
 NOISE = 1e-4  # m

@@ -11,8 +11,8 @@ from scipy.integrate._ivp import dop853_coefficients as published
 
 from flexlink import simulate
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.methods import Method, method
-from flexlink.describe.situation import Run
+from flexlink.describe.conditions import Run
+from flexlink.describe.schemes.methods import Method, method
 from flexlink.describe.spec import decode
 from validation.oracles.collocation import collocation
 

@@ -29,10 +29,10 @@ from flexlink import (
     natural_frequencies,
     tip_position,
 )
-from flexlink.analysis.modal import first_order_matrix
-from flexlink.analysis.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.chain.rotation import matrix_from_rpy_deg
-from flexlink.describe.rules import lumping_rule
+from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
+from flexlink.dynamics.vibration.modal import first_order_matrix
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import bending_chain, hencky

@@ -8,8 +8,8 @@ from conftest import chain_of
 from mpmath import mp, mpf
 
 import flexlink as fl
-from flexlink.analysis.stability_function import stability_function
-from flexlink.describe.methods import method
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.vibration.stability_function import stability_function
 from validation.kinds.energy_drift import modal_loss, released_modes
 from validation.oracles import exact_runge_kutta
 from validation.oracles.common_origin import of_state

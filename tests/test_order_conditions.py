@@ -5,8 +5,8 @@ import math
 import msgspec
 import pytest
 
-from flexlink.describe import methods
-from flexlink.describe.catalogue import names
+from flexlink.describe.data_files import names
+from flexlink.describe.schemes import methods
 from validation.oracles.rooted_trees import coefficients, density, embedded, residuals, trees
 
 ORDERS = {

@@ -10,14 +10,14 @@ import pytest
 from conftest import ROOT, nasty_scene
 
 import flexlink as fl
-from flexlink.analysis.tangent import stiffness_matrix
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe.rules import lumping_rule
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import decode
+from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.engines import load
-from flexlink.kernels.inputs import drive_torque, follow
-from flexlink.motion.actuation import motion_arrays
-from flexlink.motion.drives import drive_arrays
+from flexlink.inputs.actuation import motion_arrays
+from flexlink.inputs.drives import drive_arrays
+from flexlink.kernels.inputs.drive_torque import drive_torque, follow
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
 from validation.benchmarks import formulas, parity, reference_values

@@ -11,10 +11,10 @@ from conftest import flexible, make_scene, random_state
 
 import flexlink as fl
 from flexlink.dynamics.rounding import of_residual
-from flexlink.kernels.inverse import inverse_dynamics_into
-from flexlink.kernels.planar import SIGN, planar_workspace
-from flexlink.kernels.rne import rne_workspace
-from flexlink.kernels.sincos import OFTEN, less_whole_turns
+from flexlink.kernels.bodies.inverse import inverse_dynamics_into
+from flexlink.kernels.bodies.plane import SIGN, planar_workspace
+from flexlink.kernels.bodies.rne import rne_workspace
+from flexlink.kernels.tools.sincos import OFTEN, less_whole_turns
 
 EPS = np.finfo(float).eps
 TIP = fl.Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))

@@ -8,7 +8,7 @@ from conftest import flexible, make_scene
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import flexlink as fl
-from flexlink.motion import plotting
+from flexlink.results import plotting
 
 
 @pytest.fixture

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import flexlink as fl
-from flexlink.describe.course import still
 from flexlink.describe.profiles import PLAIN
-from flexlink.motion.references import reference_arrays
+from flexlink.describe.reference_trajectory import still
+from flexlink.inputs.references import reference_arrays
 
 EPS = np.finfo(float).eps
 MAY_LIMIT = {

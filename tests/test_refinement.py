@@ -10,8 +10,8 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.advice.model import Bend
-from flexlink.reporting.refinement import Refinement, far, scaled
-from flexlink.reporting.study import Study
+from flexlink.scene_report.refinement import Refinement, far, scaled
+from flexlink.scene_report.study import Study
 
 pytestmark = pytest.mark.slow
 

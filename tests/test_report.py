@@ -17,11 +17,11 @@ from test_page import CUT_WORDS, DESK, OFF_SCREEN, PHONE, UNFOLD, VIOLATIONS
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.reporting import building
-from flexlink.reporting.parts import accuracy, energy, statics
-from flexlink.reporting.report import report
-from flexlink.reporting.study import Study
-from flexlink.reporting.tables import Sheet
+from flexlink.pages.tables import Sheet
+from flexlink.scene_report import building
+from flexlink.scene_report.parts import accuracy, energy, statics
+from flexlink.scene_report.report import report
+from flexlink.scene_report.study import Study
 
 pytestmark = pytest.mark.slow
 

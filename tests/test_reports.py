@@ -15,8 +15,8 @@ import pytest
 from studies import REASON, first_screen, page_from, page_of, row, stored, words_from, words_of
 
 from flexlink.common.errors import FlexlinkError
-from flexlink.reporting.numbers import JOIN, number
-from flexlink.reporting.picture import Picture
+from flexlink.pages.numbers import JOIN, number
+from flexlink.pages.picture import Picture
 from reports.__main__ import main
 from reports.build import build
 from reports.curves import curves, panels_of

@@ -7,9 +7,9 @@ import pytest
 from conftest import ALUMINIUM, MODELS, SQUARE, flexible, make_scene, nasty_scene
 
 import flexlink as fl
-from flexlink.describe.methods import method
-from flexlink.describe.rules import lumping_rule
-from flexlink.engines.states import random_states
+from flexlink.describe.schemes.lumping_rules import lumping_rule
+from flexlink.describe.schemes.methods import method
+from flexlink.diagnosis.states import random_states
 
 NAMES = [f"link{k}" for k in range(30)]
 LONG = make_scene(*[flexible(name, segments=9) for name in NAMES])

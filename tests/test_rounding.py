@@ -10,11 +10,11 @@ from conftest import MODELS, flexible, make_scene
 from numpy.testing import assert_array_equal
 
 from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene, lump, mass_matrix
+from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
+from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import EPS
 from flexlink.engines import load
-from flexlink.engines.quantities import QUANTITIES, Difference, compare_engines
-from flexlink.engines.states import mixed_states
 
 M, L, G = 3.0, 2.0, 9.81
 Q, QD, TAU, WRENCH = np.array([0.3]), np.array([-1.5]), np.array([4.0]), np.array([3.0, 0.0, -4.0, 0.0, 6.0, 8.0])

@@ -19,8 +19,8 @@ from flexlink import (
     lump,
     mass_matrix,
 )
-from flexlink.describe.catalogue import names
-from flexlink.describe.rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
+from flexlink.describe.data_files import names
+from flexlink.describe.schemes.lumping_rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load

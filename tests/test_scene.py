@@ -11,8 +11,8 @@ import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
 from flexlink import Arm, Joint, Link, Run, SceneError, Section, load_scene, lump, simulate
-from flexlink.describe import catalogue
-from flexlink.describe.situation import whole
+from flexlink.describe import data_files as catalogue
+from flexlink.describe.conditions import whole
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 

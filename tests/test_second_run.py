@@ -12,10 +12,11 @@ from random_jumps import random_jump
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
-from flexlink.motion import balance, single
-from flexlink.motion import second as second_run
-from flexlink.motion.second import Second
-from flexlink.motion.watch import Watch
+from flexlink.motion import simulate as single
+from flexlink.motion import verification as second_run
+from flexlink.motion.monitor import Watch
+from flexlink.motion.verification import Second
+from flexlink.results import balance
 from validation.benchmarks.random_arms import Dice
 
 pytestmark = compiled

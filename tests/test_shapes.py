@@ -10,10 +10,10 @@ import pytest
 from conftest import flexible, make_scene
 
 import flexlink as fl
-from flexlink.engines import shapes
-from flexlink.engines.differences import differences
+from flexlink.diagnosis import shapes
+from flexlink.diagnosis.differences import differences
+from flexlink.diagnosis.shapes import Seen
 from flexlink.engines.read_back import ReadBack, of_chain
-from flexlink.engines.shapes import Seen
 
 ARM = make_scene(flexible("a", "yz", 3), flexible("b", "z", 3), gravity=(0.0, -9.81, 0.0))
 OURS = of_chain(fl.lump(ARM))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexlink.kernels.solve import solve_cholesky, solve_lu
+from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 
 EPS = np.finfo(float).eps
 

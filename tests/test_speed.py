@@ -15,8 +15,8 @@ from mpmath import mp, mpf
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
+from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error, of_bias_torque, of_mass_matrix
-from flexlink.engines.states import random_states
 from reports.figures import speed_cost
 from reports.findings import speed_times
 from reports.results import Results
@@ -129,7 +129,7 @@ def test_the_loop_over_pinocchio_is_set_up_once(monkeypatch: pytest.MonkeyPatch)
     for costly in (
         "flexlink.chain.lumping.hinges_of",  # of lump
         "flexlink.formats.to_urdf",
-        "flexlink.motion.start.spread",  # of initial_state
+        "flexlink.inputs.initial_state.spread",  # of initial_state
     ):
         monkeypatch.setattr(costly, lambda *_: pytest.fail("set up again"))
     work(2)

@@ -12,13 +12,13 @@ from conftest import flexible, make_scene
 from scipy import linalg
 
 import flexlink as fl
-from flexlink.analysis import stability
-from flexlink.analysis.stability import Gains, eigenvalues, fastest_eigenvalues, stable_step_of
-from flexlink.analysis.stability_function import stability_function, stability_polynomials
 from flexlink.common.interruption import Stop
-from flexlink.describe import methods
-from flexlink.motion.drives import drive_arrays, gains_of
-from flexlink.motion.single import SingleRun, prepare
+from flexlink.describe.schemes import methods
+from flexlink.dynamics.vibration import stability
+from flexlink.dynamics.vibration.stability import Gains, eigenvalues, fastest_eigenvalues, stable_step_of
+from flexlink.dynamics.vibration.stability_function import stability_function, stability_polynomials
+from flexlink.inputs.drives import drive_arrays, gains_of
+from flexlink.motion.simulate import SingleRun, prepare
 
 IMAGINARY_LIMIT = {  # largest y with |R(iy')| ≤ 1 + 1e-6 for all y' ≤ y
     "RK2": 0.05318296562,

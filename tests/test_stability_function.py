@@ -8,7 +8,8 @@ from math import factorial
 import numpy as np
 import pytest
 
-from flexlink.analysis.stability_function import (
+from flexlink.describe.schemes.methods import Method, method
+from flexlink.dynamics.vibration.stability_function import (
     GROWTH,
     is_stable_everywhere,
     stability_function,
@@ -16,7 +17,6 @@ from flexlink.analysis.stability_function import (
     stable_half_disc,
     stable_reach,
 )
-from flexlink.describe.methods import Method, method
 
 g = float(GROWTH)
 FAMILIES = {"Gauss": 0, "Radau IIA": 1}  # by how many degrees P is below Q

@@ -19,7 +19,7 @@ from flexlink import (
     lump,
     mass_matrix,
 )
-from flexlink.engines.states import BALANCE, State, mixed_states, random_states
+from flexlink.diagnosis.states import BALANCE, State, mixed_states, random_states
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 

@@ -27,8 +27,8 @@ from flexlink import (
     solve_static,
     tip_position,
 )
-from flexlink.analysis.equilibrium import LARGEST_ARC
 from flexlink.dynamics import rounding
+from flexlink.dynamics.equilibrium import LARGEST_ARC
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import hencky

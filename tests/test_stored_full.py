@@ -93,15 +93,19 @@ def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Pa
 def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(subprocess, "run", None)
     measured = sources.digests()
-    assert {"flexlink/kernels/rne.py", "validation/runner.py", "validation/cases/pointwise.toml"} <= measured.keys()
+    assert {
+        "flexlink/kernels/bodies/rne.py",
+        "validation/runner.py",
+        "validation/cases/pointwise.toml",
+    } <= measured.keys()
     assert stored_full.since("abc", measured).files == ()
     assert "at commit abc; the files of flexlink/ and validation/ that numbers depend on are the same" in (
         stored_full.since("abc", measured).text
     )
-    older = measured | {"flexlink/kernels/rne.py": "another", "flexlink/gone.py": "any"}
+    older = measured | {"flexlink/kernels/bodies/rne.py": "another", "flexlink/gone.py": "any"}
     del older["validation/runner.py"]
     found = stored_full.since("abc", older)
-    assert found.files == ("flexlink/gone.py", "flexlink/kernels/rne.py", "validation/runner.py")
+    assert found.files == ("flexlink/gone.py", "flexlink/kernels/bodies/rne.py", "validation/runner.py")
     assert "since then 3 files of flexlink/ and validation/" in found.text
     assert "not known" in stored_full.since("", {}).text
 
@@ -113,14 +117,14 @@ def test_digests_are_those_that_git_gives_a_file(tmp_path: Path) -> None:
 def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row())
     environment = Store(results).environment()
-    now = sources.digests() | {"flexlink/kernels/rne.py": "older"}
+    now = sources.digests() | {"flexlink/kernels/bodies/rne.py": "older"}
     Store(results).note_environment(type(environment)(commit="0123456789ab", sources=now))
     folder = full.save(results, tmp_path / "latest", tmp_path / "full").parent
     assert stored_full.read_sources(folder) == now
     text = (folder / "README.md").read_text(encoding="utf-8")
     assert text.startswith("# The full study: PASS\n\n- Correctness: **PASS**. 1 of 1 check")
     assert "measured at commit 0123456789ab; since then 1 file of flexlink/ and validation/" in text
-    assert "- flexlink/kernels/rne.py\n" in text
+    assert "- flexlink/kernels/bodies/rne.py\n" in text
 
 
 def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:

@@ -23,9 +23,11 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
-from flexlink.kernels.lanes import LANES
+from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
-from flexlink.sweeps import identity, members, sweeping
+from flexlink.sweeps import fingerprint as identity
+from flexlink.sweeps import members
+from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, Quantity
 from flexlink.sweeps.plan import Plan

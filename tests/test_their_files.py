@@ -22,12 +22,12 @@ from scipy.spatial.transform import Rotation
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.engines import lines
-from flexlink.engines.diagnosis import Diagnosis, diagnose_file
+from flexlink.diagnosis import joint_axes as lines
+from flexlink.diagnosis.diagnosis import Diagnosis, diagnose_file
+from flexlink.diagnosis.foreign_files import READERS, load_file
+from flexlink.diagnosis.stable_steps import LARGEST
+from flexlink.diagnosis.states import mixed_states
 from flexlink.engines.read_back import of_chain, to_chain
-from flexlink.engines.states import mixed_states
-from flexlink.engines.steps import LARGEST
-from flexlink.engines.theirs import READERS, load_file
 from flexlink.formats import FORMATS
 from flexlink.robots.collection import known_arm
 

@@ -10,12 +10,12 @@ from conftest import compiled, flexible, make_scene
 from scipy.linalg import eigh
 
 import flexlink as fl
-from flexlink.kernels import clock
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.shifted import FACTORS, displacement, place_bodies
-from flexlink.kernels.shifted_plane import plane_posture
-from flexlink.kernels.shifted_space import space_posture
-from flexlink.kernels.thrown import CLOSER, Springs, error_of
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, place_bodies
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.stepping import step_state as clock
+from flexlink.kernels.stepping.error_norm import CLOSER, Springs, error_of
+from flexlink.kernels.tools.compiler import kernel
 
 pytestmark = compiled
 SCENES = {

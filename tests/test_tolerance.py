@@ -15,11 +15,11 @@ from scipy.integrate import solve_ivp
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
-from flexlink.describe.methods import method
-from flexlink.kernels.law_table import TableLaw
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.references import constant
-from flexlink.motion.single import SingleRun
+from flexlink.describe.schemes.methods import method
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.references import constant
+from flexlink.kernels.inputs.law_table import TableLaw
+from flexlink.motion.simulate import SingleRun
 from validation.benchmarks.random_arms import Dice
 
 pytestmark = compiled

@@ -14,7 +14,7 @@ import pytest
 import flexlink as fl
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array

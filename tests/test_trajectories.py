@@ -10,8 +10,8 @@ from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.engines import native, trajectories
-from flexlink.engines.trajectories import AGREE, TWINS
+from flexlink.diagnosis import native, trajectories
+from flexlink.diagnosis.trajectories import AGREE, TWINS
 
 pytestmark = pytest.mark.slow
 SPATIAL = Path(__file__).parent.parent / "models" / "t3_spatial.toml"

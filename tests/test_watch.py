@@ -15,10 +15,10 @@ from random_scenes import verdict
 
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.motion import balance
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.result import Record
-from flexlink.motion.watch import Watch, allowed_imbalance
+from flexlink.inputs.actuation import input_arrays
+from flexlink.motion.monitor import Watch, allowed_imbalance
+from flexlink.results import balance
+from flexlink.results.record import Record, trajectory_from_states
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_many_runs_carry_the_balance_of_single_ones() -> None:
 
 def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.01)
-    other = fl.Trajectory.from_states(paper, run.chain, run.t, run.q, run.qd)
+    other = trajectory_from_states(paper, run.chain, input_arrays(paper, run.chain), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
     with pytest.raises(fl.ArgumentError, match="flexlink's own runs only"):
         _ = other.imbalance
@@ -276,7 +276,7 @@ def test_a_run_is_doubted_for_the_errors_of_its_steps_and_for_its_energy_and_a_s
 
 def test_the_errors_of_all_steps_add_up_however_few_are_probed(monkeypatch) -> None:
     few = told_errors(swung(0.17))
-    monkeypatch.setattr(sys.modules["flexlink.motion.watch"], "APART", 1)  # every step
+    monkeypatch.setattr(sys.modules["flexlink.motion.monitor"], "APART", 1)  # every step
     assert told_errors(swung(0.17)) == pytest.approx(few, rel=0.3)
 
 

@@ -10,7 +10,7 @@ from conftest import flexible, make_scene
 from scipy.integrate import quad
 
 import flexlink as fl
-from flexlink.analysis.stability import eigenvalues
+from flexlink.dynamics.vibration.stability import eigenvalues
 from flexlink.engines import load
 from flexlink.motion.simulator import Simulator
 

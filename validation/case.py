@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from validation.facts import Facts

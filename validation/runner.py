@@ -18,8 +18,8 @@ from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
+from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
-from flexlink.reporting.machine import processor, system, versions
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.sources import ROOT, digests, sources

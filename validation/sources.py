@@ -8,10 +8,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = ("flexlink", "validation")
-SHOWING = {"pictures", "reporting"}
+SHOWING = {"pages", "pictures", "scene_report"}
 """Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
 command line is a reason: cases run it, and time it."""
-NOTED = {"machine.py", "numbers.py"}
+NOTED = {"numbers.py"}
 """What the study takes of these rooms all the same, for its notes."""
 
 

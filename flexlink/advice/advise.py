@@ -8,17 +8,17 @@ from numpy.typing import NDArray
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.axes import Screening
-from flexlink.advice.bench import Bench, Outcome, Stepping
-from flexlink.advice.candidates import Search
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, goal_of, least_tolerance
 from flexlink.advice.ladder import Ladder
+from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Model, judged, most_axes, uniform
-from flexlink.advice.parts import Parts
+from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.advice.search import Search
 from flexlink.advice.verdict import Advice, Limit, length, line, time
 from flexlink.chain.arguments import flag, given, positive
 from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
-from flexlink.motion.deflection import deflections
+from flexlink.results.deflection import deflections
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench, Stepping
 from flexlink.advice.goal import Ruler
 from flexlink.advice.model import FLEX, Axes, capped, uniform
+from flexlink.advice.model_runner import Bench, Stepping
 
 Array = NDArray[np.float64]
 

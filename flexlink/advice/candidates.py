@@ -1,168 +1,159 @@
-"""Models and ways to step, run where that promises most, until it promises nothing any more."""
+"""What is thought of: models and ways to step, what each is expected to cost and to do to the tip."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import OF_STABLE, Bench, Outcome, Stepping
-from flexlink.advice.model import Model, uniform
-from flexlink.advice.parts import Parts
-from flexlink.advice.pool import Pool
-from flexlink.advice.ways import Probes
+from flexlink.advice.cost_model import bodies_of, prices
+from flexlink.advice.goal import OF_STEPS
+from flexlink.advice.link_errors import Parts
+from flexlink.advice.model import Axes, Bend, Model, flexes, is_scene
+from flexlink.advice.model_runner import OF_STABLE, Bench
+from flexlink.advice.step_options import Probes, fixed_ways
+from flexlink.describe.schemes.methods import method
 
 Array = NDArray[np.float64]
 
-TRIES = 32
-"""Runs at most."""
+MOST = 1000
+"""Combinations of choices that are thought of."""
 
-WORTH = 0.004
-"""Part of the best one's cost that a run must be expected to save."""
+HOPELESS = 2.0
+"""Predicted error over what is allowed, beyond which a choice is not thought of."""
 
-SHARP = 6.0
-"""Of the chance 1/(1 + r^SHARP) that an error predicted to be r of what is allowed is: 0.98 at a half, a half at 1."""
+FINE = 0.02
+"""The same below which finer choices are not thought of."""
 
-LOOSER = 0.3
-"""Least chance that the best model with the next looser steps has."""
-
-LEARN = 0.5
-"""Power of what an error or a cost was, over what was predicted, by which others are expected to be larger, too."""
-
-LEAST, MOST = 0.5, 3.0
-"""Of all that is learned."""
-
-HALF = 0.6
-"""Predicted part of what is allowed up to which an error that is too large is laid to fixed steps."""
+SCALED = 4
+"""Hinges up to which the stable step of a link is estimated; beyond, it falls with their square."""
 
 
-class Found(NamedTuple):
-    """A run that is good enough."""
+class Column(NamedTuple):
+    """A way to step: fixed steps, as a part of the stable one, or a tolerance over what is allowed."""
 
-    model: Model
-    outcome: Outcome
-    error: float  # against the limit [m]
+    method: str
+    factor: float
+    error: float  # at the tip [m]; of stable fixed steps it is not known, and small
+    evaluations: float  # of the base; 0 of fixed steps
+
+    @property
+    def fixed(self) -> bool:
+        """Whether steps are fixed."""
+        return not self.evaluations
 
 
-class Search:
-    """The best run so far, `found`, and what was learned.
+class Pool:
+    """Models in rows, ways to step in columns.
 
     Attributes
     ----------
-    of_space, of_steps, of_cost
-        Errors of models, errors of steps by way, costs by model and way, over those that were predicted.
+    space
+        Predicted errors of the models themselves, shape (models,) [m].
+    costs
+        Expected CPU times, shape (models, ways) [s].
     """
 
-    def __init__(self, bench: Bench, parts: Parts, allowed: float, known_to: float) -> None:
-        self.bench, self.parts, self.ruler = bench, parts, parts.ruler
-        self.allowed = allowed - known_to  # of the difference to the limit [m]
-        self.found: Found | None = None
-        self.pool = Pool(bench, parts, self._probes(), self.allowed)
-        self.columns = self.pool.columns
-        models = range(len(self.pool.models))
-        self._known = np.array([self.pool.models[k] in parts.known for k in models], bool)
-        self._open = np.ones(self.pool.costs.shape, bool)
-        fixed = [k for k, column in enumerate(self.columns) if column.fixed]
-        self._open[:, fixed[1:]] = False  # until the larger ones turn out to be too large
-        self.of_space, self.of_steps, self.of_cost = 1.0, np.ones(len(self.columns)), np.ones(self.pool.costs.shape)
+    def __init__(self, bench: Bench, parts: Parts, probes: Probes, allowed: float) -> None:
+        self.bench, self.parts, self.allowed = bench, parts, allowed
+        self.columns = [Column(name, factor, 0.0, 0.0) for name, factor in fixed_ways()]
+        self.columns += [Column(*key, steps.size, steps.evaluations) for key, steps in probes.steps.items()]
+        self._steps: dict[tuple[int, Bend], float] = {}
+        rigid = (None,) * len(bench.scene.arm.links)
+        self._joints = bodies_of(bench.chain(rigid)) if is_scene(bench.scene, rigid) else np.zeros(4, np.intp)
+        self._planar: dict[Axes, bool] = {}
+        self.models = list(dict.fromkeys(self._models()))
+        self.space = np.array([self._error(model) for model in self.models])
+        self.costs = np.array([self._costs(model) for model in self.models]).reshape(-1, len(self.columns))
 
-    def best(self) -> Found | None:
-        """The cheapest that is good enough, as far as was looked."""
-        for _ in range(TRIES):
-            chosen = self._next()
-            if chosen is None:
-                break
-            self._try(*chosen)
-        return self.found
+    def alike(self, row: int) -> NDArray[np.bool_]:
+        """Which models bend about the same axes as one of them, shape (models,)."""
+        return np.array([flexes(model) == flexes(self.models[row]) for model in self.models])
 
-    def accept(self, model: Model, outcome: Outcome) -> bool:
-        """Take a run for the best, if it is good enough and cheaper."""
-        error = self.ruler(outcome.tip - self.parts.limit)
-        good = outcome.whole and error <= self.allowed
-        if good and (self.found is None or outcome.seconds < self.found.outcome.seconds):
-            self.found = Found(model, outcome, error)
-        return good
+    def _error(self, model: Model) -> float:
+        error = self.parts.error(model)
+        return np.inf if error is None else self.parts.ruler(error)
 
-    def _next(self) -> tuple[int, int] | None:
-        """Model and way that are expected to save most of the best one's cost, or, before one is found, to cost least.
+    def _costs(self, model: Model) -> list[float]:
+        step = min((self._step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
+        rates = [
+            prices().evaluation(self._bodies(model), planar=self._is_planar(model), explicit=explicit)
+            for explicit in (False, True)
+        ]
+        effort = self.parts.effort(model)
+        return [
+            self._fixed(column, step) * rates[True]
+            if column.fixed
+            else column.evaluations * effort ** self._strictness(column) * rates[False]
+            for column in self.columns
+        ]
 
-        Both by the chance that the error is allowed.
-        """
-        costs, chances = self.of_cost * self.pool.costs, 1 / (1 + (self._errors() / self.allowed) ** SHARP)
-        costs[~self._open | (costs > self.bench.budget)] = np.inf
-        if self.found is not None:
-            chances[self._looser()] = np.maximum(chances[self._looser()], LOOSER)
-            worth = chances * (1 - costs / self.found.outcome.seconds)
-            k = int(np.argmax(worth)) if worth.size else 0
-            promising = worth.size > 0 and worth.flat[k] > WORTH
-        else:
-            worth = costs / chances
-            k = int(np.argmin(worth)) if worth.size else 0
-            promising = worth.size > 0 and np.isfinite(worth.flat[k]) and chances.flat[k] > WORTH
-        row, column = np.unravel_index(k, costs.shape) if promising else (0, 0)
-        return (int(row), int(column)) if promising else None
+    def _strictness(self, column: Column) -> float:
+        """1 of the steps that `Parts.effort` was measured with, 0 of the loosest, which damp what differs."""
+        loosest = max(way.factor for way in self.columns)
+        return float(np.log(loosest / column.factor) / np.log(loosest / OF_STEPS))
 
-    def _looser(self) -> NDArray[np.bool_]:
-        """The best model with the next looser steps: what steps do was measured on another one."""
-        found = self.found
-        here = np.zeros(self.pool.costs.shape, bool)
-        if found is not None and found.outcome.stepping.tolerance is not None:
-            factors = np.array([0.0 if c.fixed else c.factor for c in self.columns])
-            looser = np.flatnonzero(factors > 1.01 * found.outcome.stepping.tolerance / self.allowed)
-            if looser.size:
-                here[self.pool.models.index(found.model), looser[np.argmin(factors[looser])]] = True
-        return here
+    def _fixed(self, column: Column, step: float) -> float:
+        """Evaluations of fixed steps that are about a part of a stable one [s]."""
+        largest = column.factor * (OF_STABLE * step if np.isfinite(step) else self.bench.scene.run.sample)
+        stepping = self.bench.fixed(largest)
+        if stepping is None or stepping.step is None:
+            return np.inf
+        return method(column.method).stages * round(self.bench.scene.run.duration / stepping.step)
 
-    def _errors(self) -> Array:
-        """Predicted errors, shape (models, ways) [m]; what a model does and what its steps do are unrelated."""
-        space = self.pool.space * np.where(self._known, 1.0, self.of_space)
-        steps = self.of_steps * [column.error for column in self.columns]
-        return np.asarray(np.hypot(space[:, None], steps))
+    def _models(self) -> Iterator[Model]:
+        links = range(len(self.bench.scene.arm.links))
+        lists: list[list[Bend | None]] = [self._efficient(k) if k in self.parts.bending else [None] for k in links]
+        while np.prod([len(choices) for choices in lists], dtype=float) > MOST:
+            longest = max(lists, key=len)
+            longest[1:-1] = longest[1:-1:2] if len(longest) > 3 else []
+        for model in itertools.chain(itertools.product(*lists), self.parts.known):
+            if is_scene(self.bench.scene, model):
+                yield model
 
-    def _try(self, row: int, column: int) -> None:
-        """Run a model and learn from it; one whose fixed steps are dearer than was thought is put back."""
-        model, way = self.pool.models[row], self.columns[column]
-        if way.fixed:
-            stepping = self.bench.fixed(way.factor * OF_STABLE * self.bench.stable(model))
-            exact = np.inf if stepping is None else self.bench.fixed_cost(model, stepping)
-            if exact > 1.05 * self.pool.costs[row, column]:
-                self.pool.costs[row, column] = exact
-                return
-        else:
-            stepping = Stepping(way.method, tolerance=way.factor * self.allowed)
-        assert stepping is not None
-        self._open[row, column] = False
-        outcome = self.bench.run(model, stepping)
-        self._learn(row, column, outcome)
-        self.accept(model, outcome)
+    def _efficient(self, k: int) -> list[Bend | None]:
+        """Choices for a link that are not both dearer and worse than another one, by either kind of steps."""
+        choices = [(self.parts.ruler(error), bend) for bend, error in self.parts.choices(k).items()]
+        choices = [(error, bend) for error, bend in choices if error <= HOPELESS * self.allowed]
+        kept: dict[Bend | None, None] = {}
+        for explicit in (False, True):
+            least = np.inf
+            for error, bend in sorted(choices, key=lambda choice: (self._weight(k, choice[1], explicit), choice[0])):
+                if error < 0.98 * least:
+                    kept[bend] = None
+                    least = error
+                if least < FINE * self.allowed:
+                    break
+        return sorted(kept, key=lambda bend: self._weight(k, bend, True))
 
-    def _learn(self, row: int, column: int, outcome: Outcome) -> None:
-        way, error = self.columns[column], self.ruler(outcome.tip - self.parts.limit)
-        predicted = float(self._errors()[row, column])
-        if way.fixed and error > self.allowed and self.pool.space[row] <= HALF * self.allowed:
-            if column + 1 < len(self.columns) and self.columns[column + 1].fixed:
-                self._open[row, column + 1] = True
-            return
-        if not np.isfinite(error):
-            return
-        off, of_steps = (error / predicted) ** LEARN, float(self.of_steps[column]) * way.error
-        if of_steps > predicted / np.sqrt(2):
-            self.of_steps[column] = np.clip(off * self.of_steps[column], LEAST, MOST)
-        elif not self._known[row]:
-            self.of_space = float(np.clip(off * self.of_space, LEAST, MOST))
-            self._known[row], self.pool.space[row] = True, np.sqrt(max(error**2 - of_steps**2, (error / 2) ** 2))
-        if not way.fixed:  # Newton's iteration is slow by these axes, or by this tolerance
-            dearer = (outcome.seconds / (self.of_cost * self.pool.costs)[row, column]) ** LEARN
-            self.of_cost[self.pool.alike(row)] *= dearer
-            self.of_cost[:, column] *= dearer
+    def _weight(self, k: int, bend: Bend | None, explicit: bool) -> float:
+        """What a choice costs, beside others for the same link."""
+        if bend is None:
+            return 0.0
+        return len(bend.flex) * bend.hinges / (self._step(k, bend) if explicit else 1.0)
 
-    def _probes(self) -> Probes:
-        """Of the base, whose runs may be good enough."""
-        ladder = self.parts.ladder
-        model = uniform(ladder.axes, self.parts.base)
-        tip = self.bench.run(model, ladder.stepping).tip
-        probes = Probes(self.bench, self.ruler, model, tip, self.allowed, ladder.motion)
-        for outcome in probes.runs:
-            self.accept(model, outcome)
-        return probes
+    def _step(self, k: int, bend: Bend) -> float:
+        """About the stable step with this choice for a link [s]."""
+        if (k, bend) not in self._steps:
+            if bend.hinges > SCALED:
+                step = self._step(k, bend._replace(hinges=SCALED)) * (SCALED / bend.hinges) ** 2
+            else:
+                step = self.bench.estimated_step(k, bend)
+            self._steps[k, bend] = step
+        return self._steps[k, bend]
+
+    def _bodies(self, model: Model) -> NDArray[np.intp]:
+        bodies = self._joints.copy()
+        for bend in filter(None, model):
+            bodies[len(bend.flex)] += bend.hinges
+        return bodies
+
+    def _is_planar(self, model: Model) -> bool:
+        axes = flexes(model)
+        if axes not in self._planar:
+            plane = all(flex in {"rigid", "z"} for flex in axes)
+            self._planar[axes] = plane and self.bench.chain(model).is_planar
+        return self._planar[axes]

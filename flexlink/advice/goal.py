@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.situation import Run
+from flexlink.describe.conditions import Run
 from flexlink.describe.spec import short
 from flexlink.dynamics import rounding
 

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import GROWN, NUDGE, Bench
 from flexlink.advice.goal import Ruler
 from flexlink.advice.ladder import Ladder
+from flexlink.advice.model_runner import GROWN, NUDGE, Bench
 
 Array = NDArray[np.float64]
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench, Outcome, Stepping
 from flexlink.advice.goal import Goal, Ruler, farthest
 from flexlink.advice.model import Axes, Model, uniform
-from flexlink.motion.deflection import deflections
+from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.results.deflection import deflections
 
 Array = NDArray[np.float64]
 

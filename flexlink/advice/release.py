@@ -15,13 +15,13 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import Bench, Outcome
 from flexlink.advice.model import Model
+from flexlink.advice.model_runner import Bench, Outcome
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 
 Array = NDArray[np.float64]
 

@@ -17,14 +17,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import GROWN, NUDGE, Bench, Outcome, Stepping
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
 from flexlink.advice.model import Axes, Model, is_scene, uniform
+from flexlink.advice.model_runner import GROWN, NUDGE, Bench, Outcome, Stepping
 from flexlink.advice.release import release
-from flexlink.analysis.extremes import slowest_frequency
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.dynamics.vibration.extremes import slowest_frequency
 
 Array = NDArray[np.float64]
 

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 import sys
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import meant, numbers, plain, short
-from flexlink.kernels.finite import is_finite
-
-if TYPE_CHECKING:
-    from flexlink.chain.chain import Chain
+from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 T = TypeVar("T")
-Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
-"""Joints of a chain: see `joint_indices`."""
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
 
@@ -102,54 +96,6 @@ def sequence(name: str, values: object, item: str) -> list[Any]:
     raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {item}")
 
 
-def joint_indices(name: str, value: Joints, chain: Chain) -> NDArray[np.intp]:
-    """Sequential indices of the joints that `value` means.
-
-    A boolean mask, shape (n,), one index, name of a joint (`Chain.joint_name`: "boom", "boom.2.z") or name of a link,
-    whose active joint is meant, or a sequence of them. Where the joint of a link is locked in the scene, its name means
-    none.
-
-    Raises
-    ------
-    ArgumentError
-        `value` holds something that is no joint; the message says what is allowed.
-    """
-    one = (
-        isinstance(value, str) or not isinstance(value, Iterable) or (isinstance(value, np.ndarray) and not value.ndim)
-    )
-    items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
-    if items and all(isinstance(item, bool | np.bool_) for item in items):
-        if len(items) != chain.n:
-            raise ArgumentError(f"{name}: a mask of {len(items)} booleans; expected one per joint, {chain.n}")
-        return np.flatnonzero(np.array(items, dtype=bool))
-    found = [joint_index(name, item, chain, perhaps_locked=True) for item in items]
-    return np.array([k for k in found if k >= 0], dtype=np.intp)
-
-
-def joint_index(name: str, value: object, chain: Chain, *, perhaps_locked: bool = False) -> int:
-    """Sequential index of the joint that `value`, an index or a name, means; −1 for a link whose joint is locked.
-
-    Raises
-    ------
-    ArgumentError
-        `value` is no joint, or, unless `perhaps_locked`, one that is locked.
-    """
-    wanted, names = _number(value), chain.joint_names
-    if type(wanted) is int and 0 <= wanted < chain.n:
-        return wanted
-    if isinstance(wanted, str) and wanted in names:
-        return names.index(wanted)
-    if perhaps_locked and isinstance(wanted, str) and wanted in chain.link_names:
-        return -1
-    close = difflib.get_close_matches(wanted, [*chain.link_names, *names], n=1) if isinstance(wanted, str) else []
-    hint = f"; did you mean {close[0]!r}?" if close else ""
-    links = short(", ".join(chain.link_names)).strip("'")
-    raise ArgumentError(
-        f"{name} = {short(value)}: no joint of this chain; allowed are 0 … {chain.n - 1}, "
-        f"names such as {names[-1]!r}, and links: {links}{hint}"
-    )
-
-
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
     """`value` as an int from `least` to `most`.
 
@@ -158,7 +104,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     ArgumentError
         It is no whole number, or out of range; the message names the range.
     """
-    number = _number(value)
+    number = number_of(value)
     if type(number) is not int:
         raise ArgumentError(f"{name} = {short(value)}: must be a whole number, got {type(value).__name__}")
     if number < least or (most is not None and number > most):
@@ -169,7 +115,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
 
 def positive(name: str, value: object) -> float:
     """`value` as a finite float > 0; errors as in `integer`."""
-    number = _number(value)
+    number = number_of(value)
     if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
         raise ArgumentError(f"{name} = {short(value)}: must be a finite number > 0")
     return float(number)  # type: ignore[arg-type]
@@ -189,7 +135,7 @@ def real(name: str, value: object, wanted: str) -> float:
         raise ArgumentError(f"{name} = {short(value)}: expected {wanted}") from None
 
 
-def _number(value: object) -> object:
+def number_of(value: object) -> object:
     """Python's number for a NumPy scalar or an array of no dimension; anything else as it is."""
     return plain(value) if isinstance(value, np.generic | np.ndarray) else value
 

@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import BODY, Coordinate
+from flexlink.chain.chain import Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
 from flexlink.common.products import product
 from flexlink.describe.rigid_body import Payload
+from flexlink.kernels.layout import BODY
 
 Array = NDArray[np.float64]
 

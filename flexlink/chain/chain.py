@@ -9,63 +9,28 @@ tip wrench acts.
 from __future__ import annotations
 
 import dataclasses
+import difflib
 import functools
 from collections.abc import Iterable
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given, integer, joint_index
+from flexlink.chain.arguments import given, integer, number_of
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.names import link_number
+from flexlink.describe.links import link_number
 from flexlink.describe.spec import short
+from flexlink.kernels.layout import ChainArrays
 
 Array = NDArray[np.float64]
 
-BODY = np.dtype(
-    [
-        ("first", np.int64),  # its hinges are first … stop − 1
-        ("stop", np.int64),
-        ("turned", np.int64),  # 1 if `rotation` is not the identity
-        ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
-        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
-        ("mass", np.float64),  # [kg]
-        ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
-        ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
-    ],
-    align=True,
-)
-
-HINGE = np.dtype(
-    [
-        ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
-        ("stiffness", np.float64),  # k [N m/rad]
-        ("rest", np.float64),  # θ₀ [rad]
-        ("damping", np.float64),  # d, viscous and structural [N m s/rad]
-        ("coulomb", np.float64),  # dry friction torque [N m]
-        ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
-        ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
-        ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
-        ("upper", np.float64),
-        ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
-    ],
-    align=True,
-)
-
-
-# Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
 EPS = float(np.finfo(np.float64).eps)
-BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
 
 
-class ChainArrays(NamedTuple):
-    """What the kernels see of a chain."""
-
-    bodies: NDArray[np.void]
-    hinges: NDArray[np.void]
-    gravity: Array
+Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
+"""Joints of a chain: see `Chain.joint_indices`."""
 
 
 class Coordinate(NamedTuple):
@@ -224,18 +189,66 @@ class Chain:
         ArgumentError
             There is no such joint.
         """
-        return self.coordinates[joint_index("k", k, self)]
+        return self.coordinates[self.joint_index("k", k)]
 
     def joint_name(self, k: int | str) -> str:
         """Unique readable name of joint `k`: "upper", "upper.2.z" for a passive hinge, "upper.gear"; errors as above.
 
         Where a link is called like another one's hinge, the hinge is numbered: "upper.2.z_2".
         """
-        return self.joint_names[joint_index("k", k, self)]
+        return self.joint_names[self.joint_index("k", k)]
 
     def body(self, k: int | str) -> int:
         """Number in `bodies` of the one that hangs on joint `k`, given by index or name; errors as above."""
-        return int(np.searchsorted(self.bodies["stop"], joint_index("k", k, self), side="right"))
+        return int(np.searchsorted(self.bodies["stop"], self.joint_index("k", k), side="right"))
+
+    def joint_indices(self, name: str, value: Joints) -> NDArray[np.intp]:
+        """Sequential indices of the joints that `value` means.
+
+        A boolean mask, shape (n,), one index, name of a joint (`joint_name`: "boom", "boom.2.z") or name of a link,
+        whose active joint is meant, or a sequence of them. Where the joint of a link is locked in the scene, its name
+        means none.
+
+        Raises
+        ------
+        ArgumentError
+            `value` holds something that is no joint; the message says what is allowed.
+        """
+        one = (
+            isinstance(value, str)
+            or not isinstance(value, Iterable)
+            or (isinstance(value, np.ndarray) and not value.ndim)
+        )
+        items: list[Any] = [value] if one else list(value)  # type: ignore[arg-type]
+        if items and all(isinstance(item, bool | np.bool_) for item in items):
+            if len(items) != self.n:
+                raise ArgumentError(f"{name}: a mask of {len(items)} booleans; expected one per joint, {self.n}")
+            return np.flatnonzero(np.array(items, dtype=bool))
+        found = [self.joint_index(name, item, perhaps_locked=True) for item in items]
+        return np.array([k for k in found if k >= 0], dtype=np.intp)
+
+    def joint_index(self, name: str, value: object, *, perhaps_locked: bool = False) -> int:
+        """Sequential index of the joint that `value`, an index or a name, means; −1 for a link whose joint is locked.
+
+        Raises
+        ------
+        ArgumentError
+            `value` is no joint, or, unless `perhaps_locked`, one that is locked.
+        """
+        wanted, names = number_of(value), self.joint_names
+        if type(wanted) is int and 0 <= wanted < self.n:
+            return wanted
+        if isinstance(wanted, str) and wanted in names:
+            return names.index(wanted)
+        if perhaps_locked and isinstance(wanted, str) and wanted in self.link_names:
+            return -1
+        close = difflib.get_close_matches(wanted, [*self.link_names, *names], n=1) if isinstance(wanted, str) else []
+        hint = f"; did you mean {close[0]!r}?" if close else ""
+        links = short(", ".join(self.link_names)).strip("'")
+        raise ArgumentError(
+            f"{name} = {short(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
+            f"names such as {names[-1]!r}, and links: {links}{hint}"
+        )
 
     @functools.cached_property
     def joint_names(self) -> tuple[str, ...]:

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given
 from flexlink.chain.builder import Builder, Piece, recorded
-from flexlink.chain.chain import HINGE, Chain, Coordinate
+from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import RigidBody
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
-from flexlink.describe.rules import LumpingRule, hinges_of, lumping_rule
+from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
+from flexlink.kernels.layout import HINGE
 
 Array = NDArray[np.float64]
 TWIST, GEAR = 1, 3  # axes of coordinates

@@ -9,8 +9,8 @@ from flexlink.cli.shared import about, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines.comparison import compare
-from flexlink.engines.trajectories import compare_trajectories
+from flexlink.diagnosis.comparison import compare
+from flexlink.diagnosis.trajectories import compare_trajectories
 
 SAMPLES = 200
 OF_STATES, OF_RUNS = ("file", "samples", "seed"), ("duration",)

@@ -18,7 +18,7 @@ from flexlink.formats import FORMATS
 from flexlink.formats.document import Array
 from flexlink.formats.features import not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 
 
 def export_scenes(options: argparse.Namespace) -> int:

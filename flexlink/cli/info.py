@@ -9,19 +9,19 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.extremes import slowest_frequency
-from flexlink.analysis.modal import modes
-from flexlink.analysis.stability import fastest_eigenvalues, stable_step_of
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import about, varied_scene
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.hints import notes
+from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.dynamics.vibration.modal import modes
+from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.cost import cost, evaluation_time, step_time
-from flexlink.motion.notes import notes
-from flexlink.motion.start import initial_state
-from flexlink.motion.tip_wrench import initial_wrench
 
 Complex = NDArray[np.complex128]
 

@@ -13,7 +13,6 @@ from typing import NoReturn
 
 import numpy as np
 
-from flexlink import __version__
 from flexlink.cli.advise import advise_scene
 from flexlink.cli.compare import SAMPLES, compare_engines
 from flexlink.cli.export import export_scenes
@@ -29,10 +28,11 @@ from flexlink.cli.sweep import add_options, sweep_members
 from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import finish, word
-from flexlink.describe import catalogue
+from flexlink.common.versions import __version__
+from flexlink.describe import data_files as catalogue
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.formats import FORMATS
-from flexlink.motion.endings import InterruptedRunError
+from flexlink.results.stop_reasons import InterruptedRunError
 
 EXAMPLES = """examples:
   flexlink info models/paper_fig5.toml

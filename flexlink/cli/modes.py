@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 
-from flexlink.analysis.modal import Modes, modes
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import about, draw, require_picture, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.motion.result import plotting
-from flexlink.motion.start import initial_state
-from flexlink.motion.tip_wrench import initial_wrench
+from flexlink.dynamics.vibration.modal import Modes, modes
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.results.trajectory import plotting
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:

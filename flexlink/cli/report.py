@@ -7,7 +7,7 @@ import shlex
 import sys
 
 from flexlink.cli.shared import about, varied_scene
-from flexlink.reporting.report import building, report
+from flexlink.scene_report.report import building, report
 
 
 def report_scene(options: argparse.Namespace) -> int:

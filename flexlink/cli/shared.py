@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.output import write_or_keep
 from flexlink.describe.scene import Scene, load_scene
-from flexlink.motion.result import plotting
-from flexlink.motion.saving import picture_format
+from flexlink.results.files import picture_format
+from flexlink.results.trajectory import plotting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -10,8 +10,8 @@ from pathlib import Path
 
 from flexlink.cli.shared import about, require_place, varied_scene
 from flexlink.cli.terminal import Progress
-from flexlink.motion.notes import notes
-from flexlink.motion.single import simulate
+from flexlink.dynamics.hints import notes
+from flexlink.motion.simulate import simulate
 from flexlink.pictures.animate import COLOURS, FORMATS, animate, shot
 from flexlink.pictures.film import frame_count
 

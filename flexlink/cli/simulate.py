@@ -14,13 +14,13 @@ from flexlink.cli.shared import about, draw, require_picture, require_place, var
 from flexlink.cli.terminal import Progress
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
+from flexlink.describe.conditions import Run
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
-from flexlink.motion.endings import DivergenceError, InterruptedRunError
-from flexlink.motion.notes import notes
-from flexlink.motion.result import Trajectory
-from flexlink.motion.saving import output_format
-from flexlink.motion.single import SingleRun
+from flexlink.dynamics.hints import notes
+from flexlink.motion.simulate import SingleRun
+from flexlink.results.files import output_format
+from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
+from flexlink.results.trajectory import Trajectory
 
 
 def simulate_scene(options: argparse.Namespace) -> int:

@@ -12,11 +12,11 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import integer
 from flexlink.cli.shared import about, assignments, require_place
 from flexlink.cli.terminal import Progress, clock
-from flexlink.sweeps.identity import identity
+from flexlink.sweeps.fingerprint import identity
 from flexlink.sweeps.plan import Plan, load_sweep
-from flexlink.sweeps.possible import require_possible
+from flexlink.sweeps.preflight import require_possible
+from flexlink.sweeps.run import fill
 from flexlink.sweeps.store import Store
-from flexlink.sweeps.sweeping import fill
 from flexlink.sweeps.table import FORMATS, export, require_parquet
 from flexlink.sweeps.workers import MOST
 

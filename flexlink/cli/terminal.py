@@ -10,7 +10,7 @@ import time
 import warnings
 from collections.abc import Iterator
 
-from flexlink.kernels.compiler import watched
+from flexlink.kernels.tools.compiler import watched
 
 REDRAWN = 0.1  # at least so long a line stays [s]
 

@@ -1,1 +1,1 @@
-"""What the user describes, as plain data: arms, situations, lumping rules, Runge-Kutta methods."""
+"""What the user writes down, checked: arm, loads, motions, run settings, as plain data."""

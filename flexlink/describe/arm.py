@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
-from flexlink.describe.names import link_number
+from flexlink.describe.links import link_number
 from flexlink.describe.rigid_body import Payload
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import profiles
-from flexlink.describe.course import Course, apart, from_rest_to_rest, side_by_side, still
+from flexlink.describe.reference_trajectory import Course, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, Shaper
 from flexlink.describe.spec import NonNegative, Positive, Spec, rising, short
 

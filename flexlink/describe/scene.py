@@ -14,13 +14,12 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.course import Course
-from flexlink.describe.methods import check_method
+from flexlink.describe.conditions import Drive, Initial, Motion, Run, Wrench, check_method, implied, whole
+from flexlink.describe.hinges import hinges_of
 from flexlink.describe.reference import refuse_beyond
-from flexlink.describe.rules import hinges_of
-from flexlink.describe.situation import Drive, Initial, Motion, Run, Wrench, implied, whole
+from flexlink.describe.reference_trajectory import Course
 from flexlink.describe.spec import Spec, Vector3, assembled, check_keys, decode, fields_of, short
 from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
 from flexlink.describe.writing import said, toml_of

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.spec import NonNegative, Positive, Spec, short
 
 Array = NDArray[np.float64]

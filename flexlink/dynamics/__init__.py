@@ -1,1 +1,1 @@
-"""The terms of the equation of motion at a state, checked, and what rounding explains of them."""
+"""The equation of motion at a state, and what follows from it for an arm at rest."""

@@ -12,18 +12,18 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.situation import Dynamics
+from flexlink.describe.conditions import Dynamics
 from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
-from flexlink.kernels import forward
-from flexlink.kernels.finite import is_finite
-from flexlink.kernels.lanes import LANES
+from flexlink.kernels.forward import solvers
+from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.lanes import LANES
 
 Array = NDArray[np.float64]
-SOLVERS: dict[Dynamics, forward.Solver] = {
-    "articulated": forward.ARTICULATED,
-    "lu": forward.LU,
-    "cholesky": forward.CHOLESKY,
+SOLVERS: dict[Dynamics, solvers.Solver] = {
+    "articulated": solvers.ARTICULATED,
+    "lu": solvers.LU,
+    "cholesky": solvers.CHOLESKY,
 }
 
 
@@ -89,7 +89,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 
 
 def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: forward.Solver, tip_wrench: ArrayLike | None, *state: ArrayLike
+    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, *state: ArrayLike
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
@@ -109,7 +109,7 @@ def _forward_dynamics_of_many(
     return qdd
 
 
-def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, states: Sequence[Array]) -> Array:
+def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Sequence[Array]) -> Array:
     """Of wrenches (b, 6), angles, rates and torques (b, n)."""
     if solver.lanes_workspace is None:
         singles = zip(itertools.cycle(chains), zip(*states, strict=True), strict=False)
@@ -118,12 +118,12 @@ def _side_by_side(chains: Sequence[Chain], solver: forward.Solver, states: Seque
     size = b if len(chains) == 1 else LANES  # states that one scratch serves
     parts = [slice(start, start + size) for start in range(0, b, size)]
     works = (lanes_workspace(solver, chains[part]) for part in parts)
-    many = forward.accelerations_of_many
+    many = solvers.accelerations_of_many
     qdd = [many(work, *(s[part] for s in states)) for part, work in zip(parts, works, strict=True)]
     return np.concatenate(qdd)
 
 
-def lanes_workspace(solver: forward.Solver, chains: Sequence[Chain]) -> Any:
+def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
     if solver.lanes_workspace is None:
         raise ArgumentError("method: only 'articulated' takes chains side by side")
@@ -133,7 +133,7 @@ def lanes_workspace(solver: forward.Solver, chains: Sequence[Chain]) -> Any:
     )
 
 
-def solver_for(chain: Chain, method: str) -> forward.Solver:
+def solver_for(chain: Chain, method: str) -> solvers.Solver:
     """The solver that `method` means for this chain.
 
     Raises
@@ -142,4 +142,4 @@ def solver_for(chain: Chain, method: str) -> forward.Solver:
         The method is unknown.
     """
     solver = choice("method", method, SOLVERS)
-    return forward.PLANAR if solver is forward.ARTICULATED and chain.is_planar else solver
+    return solvers.PLANAR if solver is solvers.ARTICULATED and chain.is_planar else solver

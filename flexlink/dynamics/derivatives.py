@@ -11,9 +11,9 @@ from flexlink.chain.arguments import beyond_float64, given, vector, wrench_vecto
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each, is_batch
-from flexlink.kernels.forward_slopes import all_forward_slopes
-from flexlink.kernels.inverse_slopes import all_inverse_slopes
-from flexlink.kernels.planar_slopes import all_planar_slopes
+from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
+from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_slopes
+from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, integer, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch, rows
-from flexlink.kernels.kinematics import forward_kinematics, tip_points
+from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
 
 Array = NDArray[np.float64]
 

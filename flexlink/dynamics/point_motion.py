@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import beyond_float64, given, integer, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
-from flexlink.kernels.finite import is_finite
-from flexlink.kernels.kinematics import forward_kinematics
+from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 

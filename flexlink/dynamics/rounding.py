@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.terms import elastic_torque, friction_torque, mass_matrix
-from flexlink.kernels.kinematics import forward_kinematics
+from flexlink.kernels.bodies.kinematics import forward_kinematics
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
-from flexlink.kernels.forward import ARTICULATED, Solver
-from flexlink.kernels.mass import mass_composite
+from flexlink.kernels.bodies.mass import mass_composite
+from flexlink.kernels.forward.solvers import ARTICULATED, Solver
 
 Array = NDArray[np.float64]
 

@@ -19,10 +19,10 @@ from flexlink.chain.arguments import beyond_float64, choice, given, vector, wren
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.batches import each, is_batch
-from flexlink.kernels import mass
-from flexlink.kernels.energy import energies
-from flexlink.kernels.finite import is_finite
-from flexlink.kernels.rne import inverse_dynamics as inverse_dynamics_kernel
+from flexlink.kernels.bodies import mass
+from flexlink.kernels.bodies.energy import energies
+from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
+from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 

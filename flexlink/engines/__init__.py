@@ -13,21 +13,22 @@ from flexlink.engines.isolated import IsolatedEngine
 
 
 class Adapter(NamedTuple):
-    """Which class an engine is, which extra it needs, and whether it takes a process of its own."""
+    """Where the class of an engine is, which extra it needs, and whether it takes a process of its own."""
 
+    module: str
     factory: str
     extra: str = ""
     isolated: bool = False
 
 
 ENGINES = {
-    "native": Adapter("NativeEngine"),
-    "pinocchio": Adapter("PinocchioEngine", "engines"),
-    "mujoco": Adapter("MujocoEngine", "engines"),
-    "exudyn": Adapter("ExudynEngine", "witness"),
-    "drake": Adapter("DrakeEngine", "witness", isolated=True),
+    "native": Adapter("flexlink.diagnosis.native", "NativeEngine"),
+    "pinocchio": Adapter("flexlink.engines.pinocchio", "PinocchioEngine", "engines"),
+    "mujoco": Adapter("flexlink.engines.mujoco", "MujocoEngine", "engines"),
+    "exudyn": Adapter("flexlink.engines.exudyn", "ExudynEngine", "witness"),
+    "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", isolated=True),
 }
-"""By name, which is that of a module of this package: the class in it, and the extra that installs what it imports."""
+"""By name: the class, and the extra that installs what its module imports."""
 
 __all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
@@ -60,7 +61,7 @@ def load_here(name: str, source: Chain | File) -> Engine:
     """As `load`, also of a file of somebody else's, in this process, whatever the engine does to it."""
     adapter = choice("engine", name, ENGINES)
     try:
-        module = importlib.import_module(f"flexlink.engines.{name}")
+        module = importlib.import_module(adapter.module)
     except ImportError as error:
         raise MissingDependencyError(
             f"engine {name!r} cannot be imported ({error}); "

@@ -10,7 +10,7 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ACTUATORS, Array, Indices, ReadBack, no_actuators
-from flexlink.motion.drives import effort_of, of_joints
+from flexlink.inputs.drives import effort_of, of_joints
 
 SERVO = ("servo_stiffness", "servo_damping", "push")
 OPEN = frozenset({"control"})

@@ -18,18 +18,18 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import steps_explicitly
+from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ReadBack
-from flexlink.kernels.inputs import ask, drive_torque
-from flexlink.kernels.tip_wrench import put_given
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.drives import Drive, drive_arrays
-from flexlink.motion.endings import DivergenceError
-from flexlink.motion.result import Trajectory
-from flexlink.motion.start import initial_state
-from flexlink.motion.tip_wrench import initial_wrench, wrench_table
-from flexlink.motion.watch import judge_step
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.drives import Drive, drive_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.step_check import judge_step
+from flexlink.inputs.tip_wrench import initial_wrench, wrench_table
+from flexlink.kernels.inputs.drive_torque import ask, drive_torque
+from flexlink.kernels.inputs.tip_wrench import put_given
+from flexlink.results.record import trajectory_from_states
+from flexlink.results.stop_reasons import DivergenceError
 
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array, Array]
@@ -226,5 +226,6 @@ def start(scene: Scene) -> Samples:
 def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:
     """The error of a run whose sample `row` is the first that is not finite."""
     message = f"{scene.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
+    chain = lump(scene)
     kept = (array[:row].copy() for array in samples)
-    return DivergenceError(message, Trajectory.from_states(scene, lump(scene), *kept))
+    return DivergenceError(message, trajectory_from_states(scene, chain, input_arrays(scene, chain), *kept))

@@ -28,8 +28,8 @@ from exudyn.itemInterface import (
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.describe.conditions import Run
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
 from flexlink.engines.base import (
     Array,
     Samples,

@@ -21,15 +21,15 @@ from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.engines import pinocchio_reader
 from flexlink.engines.base import Array, File, Samples, TipWrench, diverged, drive_function, start, wrench_function
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
-from flexlink.kernels.inputs import follow
-from flexlink.motion.actuation import motion_arrays
+from flexlink.inputs.actuation import motion_arrays
+from flexlink.kernels.inputs.drive_torque import follow
 
 OWN = ("stiffness", "rest", "coulomb_width", "armature")
 

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import BODY, Chain
+from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.placement import frames
+from flexlink.kernels.layout import BODY
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

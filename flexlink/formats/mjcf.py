@@ -20,14 +20,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.arguments import flag, given, sequence, vector
-from flexlink.chain.chain import HINGE, Chain, Coordinate
+from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
 from flexlink.describe.rigid_body import ROUNDING
+from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats.capsules import Capsule, capsules, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
@@ -42,6 +42,7 @@ from flexlink.formats.document import (
     xml_link_names,
 )
 from flexlink.formats.principal import principal_axes
+from flexlink.kernels.layout import HINGE
 
 SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
 MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements

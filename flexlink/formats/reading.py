@@ -16,10 +16,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.chain import BODY, HINGE, Chain, Coordinate
+from flexlink.chain.chain import Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
+from flexlink.kernels.layout import BODY, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
 STRETCH = 1e-13  # that a product of a hundred rotations may have

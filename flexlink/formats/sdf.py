@@ -16,7 +16,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from flexlink.chain.arguments import flag, given
-from flexlink.chain.chain import BODY, Chain, unique
+from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.capsules import Capsule, capsule_behind
 from flexlink.formats.document import (
@@ -31,6 +31,7 @@ from flexlink.formats.document import (
     text,
     valid,
 )
+from flexlink.kernels.layout import BODY
 
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}

@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flexlink.chain.chain import HINGE, Chain
+from flexlink.chain.chain import Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, read
 from flexlink.formats.sdf import DYNAMICS, HELD, NAMESPACES, to_sdf
+from flexlink.kernels.layout import HINGE
 
 DRAKE, OWN = (f"{{{uri}}}" for uri in NAMESPACES.values())  # as parsers spell prefixes
 

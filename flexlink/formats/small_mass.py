@@ -13,9 +13,10 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import given, positive
-from flexlink.chain.chain import BODY, Chain
+from flexlink.chain.chain import Chain
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.formats.document import Array, places
+from flexlink.kernels.layout import BODY
 
 RADIUS = 0.1  # m, of gyration
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from flexlink.chain.chain import HINGE, Chain
+from flexlink.chain.chain import Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
 from flexlink.formats.urdf import DYNAMICS, HELD, to_urdf
+from flexlink.kernels.layout import HINGE
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:

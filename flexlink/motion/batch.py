@@ -17,14 +17,15 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
-from flexlink.kernels.lanes import LANES
+from flexlink.inputs.drives import same_law
+from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
-from flexlink.motion.drives import same_law
-from flexlink.motion.endings import DivergenceError, InterruptedRunError
 from flexlink.motion.fixed_steps import pieces, steps_up_to, tip_errors_of_eight
-from flexlink.motion.result import Steps, Trajectory
-from flexlink.motion.single import SingleRun, room_for, second_opinion
-from flexlink.motion.watch import Watch
+from flexlink.motion.monitor import Watch
+from flexlink.motion.simulate import SingleRun, room_for, second_opinion
+from flexlink.results.samples import Steps
+from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
+from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Ended = Trajectory | DivergenceError | InterruptedRunError

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.stability import stable_step_of
 from flexlink.chain.chain import Chain
-from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import solver_for
-from flexlink.kernels.runge_kutta import NEVER, integrate
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.stability import stable_step_of
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
 Complex = NDArray[np.complex128]
 

@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.describe.methods import method
-from flexlink.describe.situation import Run
-from flexlink.kernels.kinematics import tip_points
-from flexlink.kernels.machine_code import direct
-from flexlink.kernels.runge_kutta import NEVER, integrate
-from flexlink.motion.actuation import Inputs
-from flexlink.motion.endings import Failure
-from flexlink.motion.pace import Pace, Reached
-from flexlink.motion.result import Steps
-from flexlink.motion.watch import Watch
+from flexlink.describe.conditions import Run
+from flexlink.describe.schemes.methods import method
+from flexlink.kernels.bodies.kinematics import tip_points
+from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
+from flexlink.kernels.tools.machine_code import direct
+from flexlink.motion.chunk_size import Pace, Reached
+from flexlink.motion.monitor import Watch
+from flexlink.results.samples import Steps
+from flexlink.results.stop_reasons import Failure
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.analysis.linear import linearize
-from flexlink.analysis.tangent import load_torque
 from flexlink.common.errors import FlexlinkError
+from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
-from flexlink.kernels.inputs import SampledLaw
-from flexlink.motion.drives import gains_of
-from flexlink.motion.result import Record
+from flexlink.dynamics.vibration.linear import linearize
+from flexlink.inputs.drives import gains_of
+from flexlink.kernels.inputs.drive_torque import SampledLaw
+from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from bisect import bisect_left, bisect_right
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.describe.methods import Method
-from flexlink.describe.situation import parts
-from flexlink.motion.landings import corners, ends_of_steps, instants
-from flexlink.motion.result import Record
+from flexlink.describe.conditions import parts
+from flexlink.describe.schemes.methods import Method
+from flexlink.inputs.tstops import corners, ends_of_steps, instants
+from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
 

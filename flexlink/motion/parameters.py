@@ -17,15 +17,16 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
-from flexlink.analysis.tangent import stiffness_matrix
-from flexlink.chain.chain import BODY, HINGE, Chain
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec, default_of, fields_of, short
-from flexlink.kernels.inverse_slopes import Arrays
-from flexlink.kernels.sensitivity import EPSILON, Parametric, U, V, W, torque_slopes
-from flexlink.motion.start import initial_state, spread
+from flexlink.dynamics.tangent import stiffness_matrix
+from flexlink.inputs.initial_state import initial_state, spread
+from flexlink.kernels.derivatives.inverse_derivatives import Arrays
+from flexlink.kernels.derivatives.sensitivity import EPSILON, Parametric, U, V, W, torque_slopes
+from flexlink.kernels.layout import BODY, HINGE
 
 Array = NDArray[np.float64]
 

@@ -9,15 +9,17 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import given, sequence
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import method, steps_explicitly
+from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.placement import jacobian
-from flexlink.kernels.sensitivity import integrate_slopes, tip_slopes
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.endings import DivergenceError
+from flexlink.inputs.actuation import input_arrays
+from flexlink.kernels.derivatives.sensitivity import integrate_slopes, tip_slopes
 from flexlink.motion.parameters import parametric
-from flexlink.motion.result import Record, Trajectory
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
+from flexlink.results.record import Record
+from flexlink.results.stop_reasons import DivergenceError
+from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, positive, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.methods import method
+from flexlink.describe.conditions import parts, whole
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import parts, whole
-from flexlink.kernels.samples import tips_and_energies
-from flexlink.motion import balance
-from flexlink.motion.drives import effort_of, held, remembered
-from flexlink.motion.endings import DivergenceError, Failure
-from flexlink.motion.result import State, Trajectory
-from flexlink.motion.single import prepare, starting_from, steps_of
-from flexlink.motion.watch import allowed_imbalance, tolerance_of
+from flexlink.describe.schemes.methods import method
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.drives import effort_of, held, remembered
+from flexlink.kernels.stepping.samples import tips_and_energies
+from flexlink.motion.monitor import allowed_imbalance, tolerance_of
+from flexlink.motion.simulate import prepare, starting_from, steps_of
+from flexlink.results import balance
+from flexlink.results.record import trajectory_from_states
+from flexlink.results.samples import State
+from flexlink.results.stop_reasons import DivergenceError, Failure
 
 Array = NDArray[np.float64]
 
@@ -186,5 +188,7 @@ class Simulator:
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
-            Trajectory.from_states(self._scene, self.chain, np.array([t]), q[None], qd[None]),
+            trajectory_from_states(
+                self._scene, self.chain, input_arrays(self._scene, self.chain), np.array([t]), q[None], qd[None]
+            ),
         )

@@ -15,14 +15,14 @@ from flexlink.chain.arguments import callable_or_none, choice, integer, positive
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.interruption import deferred, word
 from flexlink.common.output import write_or_keep
-from flexlink.describe.catalogue import given_path
+from flexlink.describe.data_files import given_path
 from flexlink.pictures.colouring import Colour
 from flexlink.pictures.film import Film, film_of
 from flexlink.pictures.page import page
 from flexlink.pictures.video import require_ffmpeg, write_gif, write_mp4
 
 if TYPE_CHECKING:
-    from flexlink.motion.result import Trajectory
+    from flexlink.results.trajectory import Trajectory
 
 Progress = Callable[[float], None]
 

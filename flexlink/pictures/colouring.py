@@ -13,8 +13,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.loads import InternalLoads
 from flexlink.describe.arm import Arm
+from flexlink.dynamics.loads import InternalLoads
 from flexlink.pictures.outline import Outline, has_rectangle_instead
 
 Array = NDArray[np.float64]

@@ -17,7 +17,7 @@ from flexlink.pictures.outline import Outline, outline_of
 from flexlink.pictures.view import View, view_of
 
 if TYPE_CHECKING:
-    from flexlink.motion.result import Trajectory
+    from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

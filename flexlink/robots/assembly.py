@@ -11,9 +11,9 @@ from flexlink.chain.rigid import Array, Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.arm import Arm, Link
+from flexlink.describe.conditions import Initial, Run
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Initial, Run
 from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.flexible import Flexible, Made, bent, payload
 from flexlink.robots.serial import Part, SerialPath

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.describe.catalogue import read_toml
+from flexlink.describe.data_files import read_toml
 from flexlink.describe.spec import Spec, decode, meant, short, short_list
 from flexlink.robots.flexible import Flexible
 from flexlink.robots.importing import Imported, import_urdf

@@ -20,7 +20,7 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular
-from flexlink.describe.catalogue import given_path
+from flexlink.describe.data_files import given_path
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import meant, short
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint

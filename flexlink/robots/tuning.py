@@ -10,11 +10,11 @@ import math
 import msgspec
 import numpy as np
 
-from flexlink.analysis.modal import natural_frequencies
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import short
+from flexlink.dynamics.vibration.modal import natural_frequencies
 
 CLOSE = 1e-6
 

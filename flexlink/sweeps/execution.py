@@ -11,8 +11,8 @@ import msgspec
 
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop
-from flexlink.kernels.lanes import LANES
-from flexlink.sweeps.identity import version
+from flexlink.kernels.tools.lanes import LANES
+from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.members import Row, Rows, goes_side_by_side, greet, lost, rows_of
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.workers import Pool

@@ -8,13 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.equilibrium import solve_static
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
+from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
-from flexlink.motion.deflection import deflections
-from flexlink.motion.result import Trajectory
-from flexlink.motion.settling import overshoot, residual_vibration, settling_time
+from flexlink.results.deflection import deflections
+from flexlink.results.settling import overshoot, residual_vibration, settling_time
+from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,15 @@ import msgspec
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.methods import steps_explicitly
+from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
+from flexlink.inputs.actuation import input_arrays
 from flexlink.motion.batch import Outcome, outcomes
-from flexlink.motion.endings import InterruptedRunError
-from flexlink.motion.result import Trajectory
-from flexlink.sweeps.identity import version
+from flexlink.results.record import trajectory_from_states
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.measures import measured
 from flexlink.sweeps.plan import Plan, Sweep
 
@@ -125,7 +127,7 @@ def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
 def _integrated(scene: Scene, engine: str) -> Trajectory:
     """The run of another engine."""
     chain = lump(scene)
-    return Trajectory.from_states(scene, chain, *load(engine, chain).integrate(scene))
+    return trajectory_from_states(scene, chain, input_arrays(scene, chain), *load(engine, chain).integrate(scene))
 
 
 def _row(plan: Plan, number: int, outcome: Outcome) -> Row:

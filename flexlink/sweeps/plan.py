@@ -11,7 +11,7 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import FIELDS, Scene, load_scene
 from flexlink.describe.spec import Spec, check_keys, decode, fields_of, meant, short
 from flexlink.describe.vary import changed

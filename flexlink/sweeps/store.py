@@ -19,7 +19,7 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import ArgumentError, OutputError
-from flexlink.sweeps.identity import Identity, differences
+from flexlink.sweeps.fingerprint import Identity, differences
 from flexlink.sweeps.members import FAILED, Row
 from flexlink.sweeps.plan import RESERVED, Plan
 

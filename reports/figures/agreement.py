@@ -5,8 +5,8 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
 from reports.results import Results
 from reports.tables import rows_csv
 from validation.store import Finished, Row

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import CYCLE, INK, legend_above, stacked_axes
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, INK, legend_above, stacked_axes
 from reports.curves import curves
 from reports.results import Results
 from reports.tables import series_csv

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from numpy.typing import NDArray
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.tables import table_csv
 from reports.results import Results
 from validation.store import Series
 

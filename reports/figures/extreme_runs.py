@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from numpy.typing import NDArray
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import GREEN, GREY, PAPER, VERMILION, stacked_axes
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import GREEN, GREY, PAPER, VERMILION, stacked_axes
+from flexlink.pages.tables import table_csv
 from reports.results import Results
 
 SECTION = "extremes"

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.reporting.numbers import number
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
 from reports.curves import curves
 from reports.results import Results
 from reports.tables import series_csv

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.curves import floats, groups
 from reports.results import Results
 from reports.tables import series_csv

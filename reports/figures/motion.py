@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
+from flexlink.pages.picture import Picture
 from reports.figures import paper_fig5
 from reports.panels import TAKES, caption, data, draw_tall, motions
 from reports.results import Results

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import BLUE, INK, VERMILION, legend_above, stacked_axes
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, INK, VERMILION, legend_above, stacked_axes
 from reports.results import Results
 from reports.tables import rows_csv
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
+from flexlink.pages.tables import table_csv
 from reports.results import Results
 
 SECTION = "extremes"

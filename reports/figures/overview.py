@@ -5,8 +5,8 @@ from __future__ import annotations
 import zlib
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, INK, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.chapters import chapter_of_kinds, sections
 from reports.results import Results, used
 from reports.tables import rows_csv

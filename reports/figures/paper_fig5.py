@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
+from flexlink.pages.picture import Picture
 from reports.panels import TAKES, Motion, caption, data, draw_tall, draw_wide, motions
 from reports.results import Results
 

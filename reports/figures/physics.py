@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import (
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import (
     BLUE,
     GREEN,
     GREY,

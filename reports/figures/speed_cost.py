@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from flexlink.reporting.numbers import number
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, legend_above, stacked_axes, tidy_logs
 from reports.curves import curves, panels_of
 from reports.results import Results
 from reports.tables import series_csv

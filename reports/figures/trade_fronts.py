@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from matplotlib.axes import Axes
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import legend_above, stacked_axes, tidy_logs
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
+from flexlink.pages.tables import table_csv
 from reports.prices import AIMS, LOOKS, OURS, SAID, Run, front, runs, works
 from reports.results import Results
 

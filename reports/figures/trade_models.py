@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.tables import table_csv
 from reports.prices import Run, front
 from reports.results import Results
 from validation.store import Series

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.numbers import number
-from flexlink.reporting.picture import Picture
-from flexlink.reporting.style import INK, legend_above, stacked_axes, tidy_logs
-from flexlink.reporting.tables import table_csv
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import INK, legend_above, stacked_axes, tidy_logs
+from flexlink.pages.tables import table_csv
 from reports.prices import LOOKS, OURS, SAID, Price, errors, prices, works
 from reports.results import Results
 

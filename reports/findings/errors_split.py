@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from flexlink.reporting.numbers import number, plural
+from flexlink.pages.numbers import number, plural
 from reports.finding import Finding
 from reports.results import Results
 from validation.store import Series

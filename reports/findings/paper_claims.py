@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from flexlink.reporting.numbers import amount, plural
+from flexlink.pages.numbers import amount, plural
 from reports.finding import Finding
 from reports.results import Results
 from validation.store import Row

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.reporting.numbers import amount, number
+from flexlink.pages.numbers import amount, number
 from reports.curves import floats, groups
 from reports.finding import Finding
 from reports.results import Results

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from flexlink.reporting.numbers import JOIN, number
+from flexlink.pages.numbers import JOIN, number
 from reports.finding import Finding
 from reports.results import Results
 

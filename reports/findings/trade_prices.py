@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.reporting.numbers import number
+from flexlink.pages.numbers import number
 from reports.finding import Finding
 from reports.prices import AIMS, LOOKS, OURS, SAID, Price, errors, prices, works
 from reports.results import Results

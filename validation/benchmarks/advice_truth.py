@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.bench import OF_STABLE, Bench, Stepping
 from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
+from flexlink.advice.model_runner import OF_STABLE, Bench, Stepping
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]

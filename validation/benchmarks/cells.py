@@ -10,12 +10,12 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.analysis.extremes import fastest_frequency
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.describe.vary import parsed
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.extremes import fastest_frequency
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.trade import Varied, varied_scene
 from validation.case import Case
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.single import simulate
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
 
 Array = NDArray[np.float64]
 Type = Literal["rigid", "z", "yz", "xyz"]

@@ -38,7 +38,7 @@ from exudyn.itemInterface import (
 from numpy.typing import NDArray
 
 from flexlink.common.output import write_whole
-from flexlink.describe.situation import Run
+from flexlink.describe.conditions import Run
 from validation.benchmarks.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.benchmarks.formulas import pulse
 from validation.benchmarks.reference_values import FOLDER

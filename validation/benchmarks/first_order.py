@@ -21,7 +21,7 @@ from scipy.interpolate import BPoly, CubicSpline
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from flexlink.describe.scene import Scene
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 
 Array = NDArray[np.float64]
 OfTime = Callable[[float], Array]

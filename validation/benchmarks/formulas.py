@@ -9,12 +9,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.describe.conditions import Drive, Motion
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Drive, Motion
 from flexlink.dynamics.terms import inverse_dynamics
-from flexlink.kernels.inputs import follow
-from flexlink.motion.actuation import motion_arrays
-from flexlink.motion.start import initial_state
+from flexlink.inputs.actuation import motion_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.inputs.drive_torque import follow
 
 Array = NDArray[np.float64]
 

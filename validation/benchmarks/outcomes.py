@@ -26,10 +26,10 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import deferred
 from flexlink.describe.scene import Scene
-from flexlink.motion.endings import InterruptedRunError
-from flexlink.motion.result import Trajectory
-from flexlink.motion.single import SingleRun
-from flexlink.motion.watch import DOUBT, TIP_SHARE
+from flexlink.motion.monitor import DOUBT, TIP_SHARE
+from flexlink.motion.simulate import SingleRun
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Run
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
-from flexlink.motion.result import Trajectory
+from flexlink.inputs.actuation import input_arrays
+from flexlink.results.record import trajectory_from_states
+from flexlink.results.trajectory import Trajectory
 from validation.facts import Fact
 from validation.store import Series
 
@@ -61,7 +63,9 @@ def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[S
 def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
     """An engine's samples thinned to what a figure can show as points on our lines."""
     every = slice(None, None, max(1, len(t) // POINTS))
-    return Trajectory.from_states(scene, chain, t[every].copy(), q[every].copy(), qd[every].copy())
+    return trajectory_from_states(
+        scene, chain, input_arrays(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy()
+    )
 
 
 def _joint_places(run: Trajectory) -> dict[int, Any]:

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import choice
 from flexlink.chain.chain import Chain
-from flexlink.describe import catalogue
+from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position
-from flexlink.motion.deflection import unbent
+from flexlink.results.deflection import unbent
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.reference_values import reference_array

@@ -21,7 +21,7 @@ import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.reference_values import FOLDER, look_up
 from validation.benchmarks.trade import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
 

@@ -9,8 +9,8 @@ import msgspec
 
 from flexlink.chain.arguments import choice
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.rules import lumping_rule
 from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.case import Case
 from validation.facts import Facts

@@ -13,8 +13,8 @@ from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.rounding import EPS, acceleration_error
-from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import spatial_chain

@@ -13,8 +13,8 @@ from flexlink.advice.verdict import Advice
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
-from flexlink.motion.endings import DivergenceError
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
+from flexlink.results.stop_reasons import DivergenceError
 from validation.benchmarks.advice_scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
 from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured

@@ -10,11 +10,11 @@ from mpmath import mp, mpf
 from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
-from flexlink.describe import methods
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.single import simulate
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import exact_runge_kutta

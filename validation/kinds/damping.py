@@ -15,9 +15,9 @@ import numpy as np
 from scipy import linalg
 
 import flexlink as fl
-from flexlink.analysis.stability import largest_frequency
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
+from flexlink.dynamics.vibration.stability import largest_frequency
 from flexlink.engines.mujoco import MujocoEngine
 from validation.benchmarks.parity import springs
 from validation.benchmarks.variant import Rule, Variant

@@ -22,9 +22,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import State
 from flexlink.dynamics.rounding import EPS
-from flexlink.engines.quantities import QUANTITIES
-from flexlink.engines.states import State
 from validation.benchmarks.cells import Cell, Map, recipe
 from validation.case import Case, Measured
 from validation.facts import said

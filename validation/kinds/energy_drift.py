@@ -13,15 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.analysis.stability_function import stability_function
 from flexlink.chain.lumping import lump
-from flexlink.describe import methods
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
-from flexlink.motion.single import simulate
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.stability_function import stability_function
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table

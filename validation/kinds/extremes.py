@@ -11,12 +11,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.beside import outcome_beside
 from validation.benchmarks.cells import Cell as Corner
 from validation.benchmarks.cells import Map, recipe

@@ -13,7 +13,7 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.describe.rules import lumping_rule
+from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
 from validation.benchmarks.reference_values import look_up, reference_array

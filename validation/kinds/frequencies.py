@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink import engines
-from flexlink.analysis.modal import natural_frequencies
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.modal import natural_frequencies
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference_values import reference_array

@@ -9,9 +9,9 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.engines import Engine, load
-from flexlink.engines.states import State, random_states
 from flexlink.formats import FORMATS
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import MASS_METHODS
-from flexlink.engines.states import State, random_states
 from validation.case import Case, Measured
 
 Array = NDArray[np.float64]

@@ -8,14 +8,14 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from flexlink.analysis.stability import stable_step
-from flexlink.describe import methods
+from flexlink.describe.conditions import Run
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
+from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.endings import DivergenceError
-from flexlink.motion.result import Trajectory
-from flexlink.motion.single import simulate
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.motion.simulate import simulate
+from flexlink.results.stop_reasons import DivergenceError
+from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.engines.quantities import QUANTITIES
-from flexlink.engines.states import State, random_states
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import State, random_states
 from validation.case import Case, Measured
 from validation.kinds import pointwise
 from validation.oracles.planar_chain import DIGITS, PlanarChain

@@ -16,8 +16,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.motion.result import Trajectory
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
+from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table

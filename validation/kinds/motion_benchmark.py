@@ -21,9 +21,9 @@ from flexlink.chain.arguments import choice
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
-from flexlink.kernels.inputs import follow
-from flexlink.motion.actuation import motion_arrays
-from flexlink.motion.result import Trajectory
+from flexlink.inputs.actuation import motion_arrays
+from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.results.trajectory import Trajectory
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.reference_values import look_up, reference_array

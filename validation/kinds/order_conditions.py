@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from mpmath import mp
 
-from flexlink.describe import methods
-from flexlink.describe.methods import Method
+from flexlink.describe.schemes import methods
+from flexlink.describe.schemes.methods import Method
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
 from validation.benchmarks.first_order import FirstOrder, Solved
 from validation.benchmarks.trade import trade_scene
 from validation.case import Case, Measured

@@ -9,7 +9,7 @@ import numpy as np
 import flexlink as fl
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
-from flexlink.reporting.numbers import number
+from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing.families import timed_states

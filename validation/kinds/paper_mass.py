@@ -13,7 +13,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
-from flexlink.reporting.numbers import number
+from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table

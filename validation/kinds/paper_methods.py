@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 from msgspec.structs import replace
 
 import flexlink as fl
-from flexlink.describe import methods
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.start import initial_state
-from flexlink.reporting.numbers import number
+from flexlink.inputs.initial_state import initial_state
+from flexlink.pages.numbers import number
 from validation.benchmarks.error_parts import Fine, Path, Setup, Type, apart
 from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured

@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 import msgspec
 
 import flexlink as fl
-from flexlink.describe import methods
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.rounding import EPS
-from flexlink.motion.start import initial_state
-from flexlink.reporting.numbers import number
+from flexlink.inputs.initial_state import initial_state
+from flexlink.pages.numbers import number
 from validation.benchmarks.error_parts import Fine, Setup, apart, rounding
 from validation.case import Case, Measured
 from validation.facts import Facts

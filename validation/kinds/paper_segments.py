@@ -13,8 +13,8 @@ import flexlink as fl
 from flexlink.chain.arguments import choice
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.motion.start import initial_state
-from flexlink.reporting.numbers import number
+from flexlink.inputs.initial_state import initial_state
+from flexlink.pages.numbers import number
 from validation.benchmarks.error_parts import Fine, Setup, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -9,7 +9,7 @@ import msgspec
 
 from flexlink.chain.arguments import choice
 from flexlink.describe.spec import Spec
-from flexlink.reporting.numbers import number
+from flexlink.pages.numbers import number
 from validation.benchmarks.error_parts import Fine, Path, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.describe.spec import Spec
-from flexlink.engines.comparison import compare
+from flexlink.diagnosis.comparison import compare
 from validation.case import Case, Measured
 from validation.facts import Facts
 
 
 class Settings(Spec, frozen=True):
-    """Engines, number of states and seed, as in `flexlink.engines.comparison.compare`."""
+    """Engines, number of states and seed, as in `flexlink.diagnosis.comparison.compare`."""
 
     engines: tuple[str, ...]
     samples: int

@@ -10,9 +10,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
+from flexlink.diagnosis.states import State, mixed_states
 from flexlink.engines import Engine, load
-from flexlink.engines.quantities import QUANTITIES, compare_engines
-from flexlink.engines.states import State, mixed_states
 from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured
 from validation.facts import Facts

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Spec
+from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error
-from flexlink.engines.states import random_states
 from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.tuning import tuned
 from validation.benchmarks.original import Original

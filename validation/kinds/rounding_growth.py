@@ -16,7 +16,7 @@ from flexlink import engines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
 from validation.benchmarks.runs import motion_series, points_of
 from validation.case import Case, Measured
 from validation.facts import Fact

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.kernels.lanes import LANES
+from flexlink.kernels.tools.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.timing import steps

@@ -19,8 +19,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.engines.mujoco import MujocoEngine
+from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulator import Simulator
-from flexlink.motion.start import initial_state
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing.stopwatch import Work, race

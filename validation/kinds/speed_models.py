@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.arguments import choice
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.error_parts import Fine, Setup, Type, apart
 from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured

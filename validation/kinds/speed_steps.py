@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.kinds.speed_calls import Time, exponents, series

@@ -20,17 +20,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from flexlink.analysis.linear import linearize
-from flexlink.analysis.stability import stable_step, stable_step_of
-from flexlink.analysis.stability_function import GROWTH
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ConvergenceError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.terms import bias_torque, elastic_torque
-from flexlink.motion.endings import DivergenceError
-from flexlink.motion.single import simulate
-from flexlink.motion.start import initial_state
+from flexlink.dynamics.vibration.linear import linearize
+from flexlink.dynamics.vibration.stability import stable_step, stable_step_of
+from flexlink.dynamics.vibration.stability_function import GROWTH
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import simulate
+from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
 from validation.store import Series, table
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from flexlink import engines
 from flexlink.describe.spec import Spec
-from flexlink.motion.single import simulate
+from flexlink.motion.simulate import simulate
 from validation.benchmarks.runs import motion_series, points_of, told
 from validation.case import Case, Measured
 from validation.store import Series

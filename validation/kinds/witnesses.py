@@ -16,8 +16,8 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.engines.quantities import QUANTITIES
-from flexlink.engines.states import random_states
+from flexlink.diagnosis.quantities import QUANTITIES
+from flexlink.diagnosis.states import random_states
 from validation.benchmarks.runs import told
 from validation.case import Case, Measured
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from mpmath import mp, mpf
 
-from flexlink.describe.methods import Method
+from flexlink.describe.schemes.methods import Method
 
 Vector = list[Any]
 

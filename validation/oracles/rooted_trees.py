@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 from mpmath import mp, mpf
 
-from flexlink.describe.methods import Method
+from flexlink.describe.schemes.methods import Method
 from validation.oracles.collocation import collocation
 
 Tree: TypeAlias = "tuple[Tree, ...]"

@@ -15,7 +15,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 
 from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.trade import errors, seen, trade_scene
 from validation.timing.work_precision import Point
 

@@ -16,7 +16,7 @@ from exudyn.itemInterface import SensorNode
 import flexlink as fl
 from flexlink.chain.lumping import lump
 from flexlink.engines.exudyn import INITIAL, ExudynEngine, _settings
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
 from validation.timing.work_precision import Point, ladder
 

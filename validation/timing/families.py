@@ -8,12 +8,12 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.analysis.stability import stable_step
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.describe.conditions import Run
 from flexlink.describe.scene import Scene
-from flexlink.describe.situation import Run
 from flexlink.describe.spec import Spec
+from flexlink.dynamics.vibration.stability import stable_step
 from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
 

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.forward import forward_dynamics
-from flexlink.kernels.mass import composite, composite_workspace, mass_columns, mass_lower, mass_upper
-from flexlink.kernels.rne import rne, rne_workspace
-from flexlink.kernels.vec3 import vector
+from flexlink.kernels.bodies.mass import composite, composite_workspace, mass_columns, mass_lower, mass_upper
+from flexlink.kernels.bodies.rne import rne, rne_workspace
+from flexlink.kernels.forward.solvers import forward_dynamics
+from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.vec3 import vector
 
 
 @kernel

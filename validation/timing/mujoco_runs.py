@@ -24,10 +24,10 @@ import flexlink as fl
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
-from flexlink.kernels.law_pd import PdLaw
-from flexlink.kernels.law_table import TableLaw
-from flexlink.motion.drives import drive_arrays
-from flexlink.motion.start import initial_state
+from flexlink.inputs.drives import drive_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.inputs.law_pd import PdLaw
+from flexlink.kernels.inputs.law_table import TableLaw
 
 Array = NDArray[np.float64]
 

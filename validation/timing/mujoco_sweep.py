@@ -16,7 +16,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.timing.stopwatch import Work
 
 

@@ -17,8 +17,8 @@ import flexlink as fl
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.motion.single import SingleRun
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import SingleRun
 from validation.benchmarks.trade import OUTPUTS, Seen, errors, motion_of, reference, seen, trade_scene
 from validation.timing.work_precision import Point, ladder
 

@@ -21,7 +21,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.motion.start import initial_state
+from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.first_order import FirstOrder, Solved
 from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
 from validation.timing.families import timed_states

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.methods import method
 from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.kernels.lanes import LANES
-from flexlink.kernels.runge_kutta import integrate
-from flexlink.motion.actuation import input_arrays
-from flexlink.motion.start import initial_state
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.stepping.runge_kutta import integrate
+from flexlink.kernels.tools.lanes import LANES
 from validation.timing.stopwatch import Work
 
 Array = NDArray[np.float64]

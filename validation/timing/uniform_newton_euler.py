@@ -1,9 +1,9 @@
 """Recursive Newton-Euler as for any arm, nothing left out: what removing redundant operations is measured against.
 
-The formulation is that of `flexlink/kernels/rne.py`, body frames and the same terms. But every hinge is a joint of its
-own, with a body that may have no mass, a rotation matrix of nine numbers, an axis and an offset of three: products with
-0 and 1 and sums with 0 are made like all others. M takes a whole inverse dynamics a column, with gravity, rates and tip
-wrench set to zero.
+The formulation is that of `flexlink/kernels/bodies/rne.py`, body frames and the same terms. But every hinge is a joint
+of its own, with a body that may have no mass, a rotation matrix of nine numbers, an axis and an offset of three:
+products with 0 and 1 and sums with 0 are made like all others. M takes a whole inverse dynamics a column, with gravity,
+rates and tip wrench set to zero.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.kernels.compiler import kernel
-from flexlink.kernels.vec3 import ZERO, add, apply, apply_transposed, cos_sin, cross, dot, put, scale, vector
+from flexlink.kernels.tools.compiler import kernel
+from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_sin, cross, dot, put, scale, vector
 
 Array = NDArray[np.float64]
 

@@ -1,1 +1,0 @@
-"""Of a posture: tangent, modes, equilibrium and buckling, the largest stable step."""

@@ -1,0 +1,34 @@
+"""Where a number was computed, and with what."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+from collections.abc import Iterable
+from pathlib import Path
+
+__version__ = "0.1.0"
+
+
+def versions(packages: Iterable[str]) -> dict[str, str]:
+    """Installed versions; "" for what is absent."""
+    found = {}
+    for name in packages:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            found[name] = ""
+    return found
+
+
+def processor() -> str:
+    """Name of the processor."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(encoding="utf-8").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or platform.machine()
+
+
+def system() -> str:
+    """Operating system and kind of machine."""
+    return f"{platform.system()} {platform.machine()}"

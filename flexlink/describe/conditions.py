@@ -1,0 +1,351 @@
+"""What is done to an arm: initial state, drive, prescribed motion, wrench at the tip, and how to integrate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
+from flexlink.describe import data_files as catalogue
+from flexlink.describe.reference import Reference
+from flexlink.describe.schemes.methods import method
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, rising, short
+
+Array = NDArray[np.float64]
+AUTO = "auto"  # in place of a method's name
+Dynamics = Literal["articulated", "lu", "cholesky"]
+"""Solvers of forward dynamics."""
+Unstable = Literal["refuse", "allow"]
+"""What becomes of a run that is not stable."""
+Accuracy = Literal["tip", "deflection"]
+"""What a relative tolerance is a part of."""
+
+
+class Initial(Spec, frozen=True):
+    """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
+
+    passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
+    `q` [rad] and `qd` [rad/s], one number per joint of the chain in sequential order, take the place of all that, as
+    `time` [s] does of t = 0: the state from which another run is continued. Beside `q`, `joint_deg` is where the locked
+    joints stay, and may be left out: zero in a scene.
+    """
+
+    joint_deg: tuple[float, ...] = ()
+    rate_deg: tuple[float, ...] | None = None  # default: at rest
+    passive: Literal["zero", "static"] = "zero"
+    q: tuple[float, ...] | None = None  # rad
+    qd: tuple[float, ...] | None = None  # rad/s
+    time: NonNegative = 0.0  # s
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.joint_deg and self.q is None:
+            raise SceneError("joint_deg: missing; this key is required where q is not given")
+        if self.q is not None and self.passive == "static":
+            raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
+        if self.qd is not None and self.rate_deg is not None:
+            raise SceneError(f"qd = {short(self.qd)}: rate_deg is given, too; give one of both")
+
+    @property
+    def rates(self) -> tuple[float, ...]:
+        """Rate of every joint [deg/s]; zero unless given."""
+        return self.rate_deg or (0.0,) * len(self.joint_deg)
+
+
+class Drive(Spec, frozen=True):
+    """Drive torque T_EX at the active joints, one column per link.
+
+    constant: T_EX = torque [N m].  table: `torques`, one row per time, held outside, in between linear or, if `smooth`,
+    a cubic spline, which keeps the order of the integrator; or, if `hold`, each row held until the next time.
+    pd: T_EX = kp (r − q) + kd (ṙ − q̇) + g, r the `target_deg`, or in time the `reference` [N m/rad, N m s/rad]; g by
+    `gravity`: "none", the torque that holds the rigid arm at r against gravity ("rigid"), or that holds the arm as
+    gravity bends it, its joints at r ("static").
+    computed_torque: T_EX = M (r̈ + kd (ṙ − q̇) + kp (r − q)) + T_GC of the rigid arm, q and q̇ the driven joints'
+    [1/s², 1/s].
+    `effort`: the largest torque of each drive [N m], beyond which it stays there; also of laws in Python.
+    With `rate` [Hz] the law is asked at instants t = k / rate, and what it gives is held in between.
+    """
+
+    kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
+    torque: tuple[float, ...] | None = None
+    times: tuple[float, ...] | None = None  # s
+    torques: tuple[tuple[float, ...], ...] | None = None
+    kp: tuple[NonNegative, ...] | None = None
+    kd: tuple[NonNegative, ...] | None = None
+    target_deg: tuple[float, ...] | None = None
+    reference: Reference | None = None
+    gravity: Literal["none", "rigid", "static"] = "none"
+    smooth: bool = False
+    hold: bool = False
+    effort: tuple[Positive, ...] | None = None  # N m
+    rate: Positive | None = None  # Hz
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        towards = "target_deg" if self.reference is None else "reference"
+        wanted = {
+            "none": (), "constant": ("torque",), "table": ("times", "torques"),
+            "pd": ("kp", "kd", towards), "computed_torque": ("kp", "kd", towards),
+        }[self.kind]  # fmt: skip
+        for name in ("torque", "times", "torques", "kp", "kd", "target_deg", "reference"):
+            if (getattr(self, name) is not None) != (name in wanted):
+                takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
+                takes = takes.replace("target_deg", "target_deg or reference")
+                said = ": missing;" if value is None else f" = {short(value)}:"
+                raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
+        check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
+        if self.gravity != "none" and self.kind != "pd":
+            raise SceneError(f"gravity = {self.gravity!r}: takes drive kind 'pd'")
+        if self.rate is not None and self.kind == "none":
+            raise SceneError(f"rate = {self.rate!r}: drive kind 'none' has no law that could be sampled")
+
+
+class Motion(Spec, frozen=True):
+    """Prescribed motion of a link's active joint: its torque becomes an output.
+
+    Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
+    between, then on at the last rate.
+    """
+
+    link: str | int  # name, or number from 1
+    times: Annotated[tuple[float, ...], msgspec.Meta(min_length=1)]  # s
+    angle_deg: tuple[float, ...]
+    rate_deg: tuple[float, ...]
+    acceleration_deg: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.times[0] != 0:
+            raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
+        rising("times", self.times)
+        for name in ("angle_deg", "rate_deg", "acceleration_deg"):
+            if len(getattr(self, name)) != len(self.times):
+                raise SceneError(
+                    f"{name} has {len(getattr(self, name))} values: expected one per time, {len(self.times)}"
+                )
+
+
+class Wrench(Spec, frozen=True):
+    """Force [N] and moment [N m] on the tip, acting at the tip frame's origin.
+
+    Their components are in axes of frame = "world", frame 0, or "tip", with which they turn. They are constant, `force`
+    and `moment`, or a table: `forces`, `moments` or both, one row per time [s], held outside, in between as a drive's.
+    """
+
+    force: Vector3 = (0.0, 0.0, 0.0)
+    moment: Vector3 = (0.0, 0.0, 0.0)
+    frame: Literal["world", "tip"] = "world"
+    times: tuple[float, ...] | None = None  # s
+    forces: tuple[Vector3, ...] | None = None
+    moments: tuple[Vector3, ...] | None = None
+    smooth: bool = False
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        tables = {"forces": self.forces, "moments": self.moments}
+        check_table(self.times, tables, smooth=self.smooth, hold=self.hold)
+        if self.times is None:
+            for name, rows in tables.items():
+                if rows is not None:
+                    raise SceneError(f"{name} = {short(rows)}: needs times, one per row")
+            return
+        if self.forces is None and self.moments is None:
+            raise SceneError(f"times = {short(self.times)}: takes forces, moments or both, one row per time")
+        for name in ("force", "moment"):
+            if any(getattr(self, name)):
+                raise SceneError(f"{name} = {short(getattr(self, name))}: times are given, too; a table takes {name}s")
+
+    @property
+    def varies(self) -> bool:
+        """Whether it may change in frame 0."""
+        return self.times is not None or (self.frame == "tip" and self.acts)
+
+    @property
+    def acts(self) -> bool:
+        """Whether anything pulls or turns at any time."""
+        return any(self.force) or any(self.moment) or any(map(any, (*(self.forces or ()), *(self.moments or ()))))
+
+
+class Run(Spec, frozen=True):
+    """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
+
+    Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
+    of any body's place, or `relative_tolerance`, a part of the arm's reach (accuracy = "tip") or of how far all springs
+    have moved any body so far, at most (accuracy = "deflection"); `step` then has no effect. method = "auto", the
+    default then, takes the cheapest method. Vibrations too small to matter for the tip's path may be damped away by
+    accuracy = "tip".
+
+    Such a run may take `max_evaluations` of forward or inverse dynamics: a hundred times what dry friction of the
+    stiffest arms has taken, and half a minute of ten joints. One that would take more tells where it hangs, then stops.
+
+    `unstable` = "allow" insists on a step beyond the largest stable one, and on a run whose energy does not balance.
+    """
+
+    method: str = ""  # default: RK4, or, with a tolerance, auto
+    step: Positive = 1e-4  # s
+    duration: NonNegative = 5.0  # s
+    sample: Positive = 0.005  # s
+    dynamics: Dynamics = "articulated"
+    unstable: Unstable = "refuse"
+    tolerance: Positive | None = None  # m
+    relative_tolerance: Positive | None = None
+    accuracy: Accuracy = "tip"
+    max_evaluations: Positive = 1e7
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.method:
+            msgspec.structs.force_setattr(self, "method", "auto" if self.controlled else "RK4")
+        msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
+        if self.controlled:
+            self._check_tolerance()
+        else:
+            whole("sample", self.sample, "step", self.step)
+        whole("duration", self.duration, "sample", self.sample)
+
+    def _check_tolerance(self) -> None:
+        if self.tolerance is not None and self.relative_tolerance is not None:
+            raise SceneError(
+                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too"
+            )
+        if self.accuracy == "deflection" and self.relative_tolerance is None:
+            raise SceneError("accuracy = 'deflection': takes relative_tolerance, a part of the deflection")
+
+    @property
+    def controlled(self) -> bool:
+        """Whether steps follow from a tolerance."""
+        return self.tolerance is not None or self.relative_tolerance is not None
+
+    def tolerance_within(self, length: float) -> float:
+        """The tolerance [m], a relative one of this length."""
+        return self.tolerance or (self.relative_tolerance or 0.0) * length
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Number of fixed steps between two stored samples."""
+        return round(self.sample / self.step)
+
+    @property
+    def between(self) -> float:
+        """Time between two stored samples [s]: of fixed steps what their number takes."""
+        return self.sample if self.controlled else self.steps_per_sample * self.step
+
+    @property
+    def samples(self) -> int:
+        """Number of stored samples, the initial one included."""
+        return round(self.duration / self.sample) + 1
+
+    @property
+    def times(self) -> Array:
+        """Times of the stored samples [s] of a run that starts at t = 0, shape (samples,)."""
+        return self.times_from(0.0)
+
+    def times_from(self, start: float) -> Array:
+        """Times of the stored samples [s]: whole multiples of the time between them, if the start is one."""
+        return multiples(start, self.between, self.samples)
+
+
+def check_table(
+    times: tuple[float, ...] | None, tables: Mapping[str, Sequence[object] | None], *, smooth: bool, hold: bool
+) -> None:
+    """Check that times increase, each with a row of every table by name, and how the rows are joined.
+
+    Raises
+    ------
+    SceneError
+        The message names the row.
+    """
+    if times is not None:
+        rising("times", times)
+    if smooth and len(times or ()) < 2:
+        raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times")
+    if hold and (smooth or times is None):
+        raise SceneError(f"hold = {hold}: takes a table that is not smooth")
+    for name, rows in tables.items():
+        if times is not None and rows is not None and len(rows) != len(times):
+            raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
+
+
+def multiples(start: float, between: float, count: int) -> Array:
+    """Times [s] from a start, so far apart: whole multiples of the time between them, if the start is one."""
+    return (parts(start, between) + np.arange(count, dtype=np.float64)) * between
+
+
+def parts(value: float, unit: float) -> float:
+    """How many `unit`s a value is: a whole number, if it is one up to the rounding of decimal input."""
+    ratio = value / unit
+    return round(ratio) if abs(ratio - round(ratio)) <= 1e-9 * max(1.0, ratio) else ratio
+
+
+def whole(name: str, value: float, unit_name: str, unit: float, error: type[FlexlinkError] = SceneError) -> int:
+    """How many `unit`s `value` is, which must be a whole number, up to the rounding of decimal input.
+
+    Raises
+    ------
+    SceneError
+        It is not, or the number is beyond the integers of float64; in its place `error`.
+    """
+    if not value / unit < 2**53:
+        raise error(f"{name} = {value!r}: more than 2**53 times {unit_name} = {unit!r}")
+    number = parts(value, unit)
+    if number != round(number) or (value > 0 and number == 0):
+        raise error(f"{name} = {value!r}: must be a multiple of {unit_name} = {unit!r}")
+    return round(number)
+
+
+def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
+    """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
+
+    Raises
+    ------
+    SceneError
+        Both are given.
+    """
+    said = {path for path, value in changes.items() if value is not None}
+    tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
+    if tolerances and step:
+        raise SceneError(f"run.step = {short(changes['run.step'])}: {min(tolerances)} is given, too")
+    gone: list[str] = []
+    if tolerances or step:
+        gone += ["run.tolerance", "run.relative_tolerance"]
+    if step:
+        gone += ["run.accuracy"]
+    if (tolerances and not run.controlled) or (step and run.method == AUTO):
+        gone += ["run.method"]
+    return dict.fromkeys(gone)
+
+
+def steps_explicitly(run: Run) -> bool:
+    """Whether a run takes fixed steps of an explicit method."""
+    return not run.controlled and method(run.method).explicit
+
+
+def check_method(run: Run) -> None:
+    """The method of a run is there, and it can do what the run asks of it.
+
+    Raises
+    ------
+    SceneError
+        The message names the key, the value and what is allowed.
+    DataFileError
+        The method's own file is not valid.
+    """
+    if run.method == AUTO:
+        if not run.controlled:
+            raise SceneError(f"run.method = {AUTO!r}: picks a method for a tolerance; give run.tolerance, or a method")
+        return
+    try:
+        able = method(run.method).controlled or not run.controlled
+    except (ArgumentError, DataFileError) as error:
+        kind = DataFileError if isinstance(error, DataFileError) else SceneError
+        raise kind(f"run.{error}") from None
+    if not able:
+        allowed = ", ".join([AUTO, *(name for name in catalogue.names("methods") if method(name).controlled)])
+        raise SceneError(
+            f"run.method = {short(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
+        )

@@ -1,0 +1,74 @@
+"""Where the links of an arm have hinges, by their lumping rules."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.describe.arm import Arm, Link
+from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
+
+Array = NDArray[np.float64]
+
+
+def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
+    """Nodes and weights, (segments − 1,) each, of every link of an arm by its rule; none on a rigid link.
+
+    Raises
+    ------
+    SceneError
+        No such rule, it does not exist for that many hinges, or a hinge would have no inertia on one of its sides.
+    DataFileError
+        A rule's own file is not valid.
+    """
+    found = []
+    for k, link in enumerate(arm.links):
+        try:
+            found.append(_hinges_of(link))
+        except (ArgumentError, SceneError, DataFileError) as error:
+            kind = DataFileError if isinstance(error, DataFileError) else SceneError
+            raise kind(f"link[{k}].{error}") from None
+    return found
+
+
+def _hinges_of(link: Link) -> tuple[Array, Array]:
+    rule = lumping_rule(link.lumping)
+    if link.flex == "rigid":
+        return np.empty(0), np.empty(0)
+    nodes, weights = _hinges(rule, link)
+    if nodes[0] == 0 and not _stands_alone(link):
+        raise SceneError(
+            f"lumping = {link.lumping!r}: puts a hinge on the free joint itself, with no inertia between the two; "
+            "lock the joint, with a rigid gear, or give it an armature or a hub"
+        )
+    if nodes[-1] == 1:
+        raise SceneError(f"lumping = {link.lumping!r}: puts a hinge at the link's end, where it carries no inertia")
+    return nodes, weights
+
+
+def _stands_alone(link: Link) -> bool:
+    """Whether a hinge at the root of the beam has a fixed place or inertia on its other side."""
+    joint = link.joint
+    held = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
+    return held or link.hub.about(joint.direction) > 0
+
+
+def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:
+    count = link.segments - 1
+    try:
+        return _placed(rule, count)
+    except ArgumentError as error:
+        raise SceneError(f"segments = {link.segments}, so {count} hinges: rule {link.lumping!r} {error}") from None
+
+
+@functools.lru_cache(maxsize=64)
+def _placed(rule: LumpingRule, count: int) -> tuple[Array, Array]:
+    """Nodes and weights, read-only: scenes of a sweep share them."""
+    nodes, weights = rule.hinges(count)
+    if not ((np.diff(nodes) > 0).all() and np.isfinite([nodes, weights]).all() and (weights > 0).all()):
+        raise ArgumentError("puts them closer, or gives them less weight, than float64 can tell from zero")
+    nodes.flags.writeable = weights.flags.writeable = False
+    return nodes, weights

@@ -1,0 +1,54 @@
+"""The arm as a controller knows it, who knows nothing of its bending."""
+
+from __future__ import annotations
+
+import math
+
+from msgspec.structs import replace
+
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.arm import Link
+from flexlink.describe.conditions import Initial
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import short
+
+
+def rigid_twin(scene: Scene) -> Scene:
+    """The same scene with all links and gears rigid, so that its chain has the driven joints only.
+
+    All that has mass stays, and so do friction and rotors of the joints; hinges, their friction and damping go. It
+    starts with the joints' angles and rates, `initial.joint_deg` and `rate_deg`.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+
+    Returns
+    -------
+    Scene
+        Its twin, without drive, motions and wrench.
+
+    Raises
+    ------
+    ArgumentError
+        `scene` is no Scene.
+
+    Examples
+    --------
+    >>> model = fl.lump(fl.rigid_twin(scene))
+    >>> tau = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], qdd)
+    """
+    if not isinstance(scene, Scene):
+        raise ArgumentError(f"scene = {short(scene)}: expected a Scene, got {type(scene).__name__}")
+    angles, rates, links = scene.initial.joint_deg, scene.initial.rate_deg, scene.arm.links
+    free = [math.radians(angle) for angle, link in zip(angles, links, strict=True) if not link.joint.locked]
+    q = None if scene.initial.q is None else tuple(free)  # then the angles may lie beyond the limits
+    initial = Initial(joint_deg=angles, rate_deg=rates, q=q, time=scene.initial.time)
+    arm = replace(scene.arm, links=tuple(map(_rigid, links)))
+    return Scene(name=scene.name, arm=arm, initial=initial, about=scene.about, gravity=scene.gravity, run=scene.run)
+
+
+def _rigid(link: Link) -> Link:
+    joint = replace(link.joint, gear_stiffness=None, gear_damping=0.0)
+    return replace(link, joint=joint, flex="rigid", segments=1, damping=None, friction=None)

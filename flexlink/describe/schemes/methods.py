@@ -1,0 +1,287 @@
+"""Runge-Kutta methods as data: a family and its stages, or exact coefficient strings; order, source."""
+
+from __future__ import annotations
+
+import functools
+import re
+from fractions import Fraction
+from itertools import chain
+from typing import Annotated, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.describe import data_files as catalogue
+from flexlink.describe.schemes import collocation
+from flexlink.describe.spec import Spec, short
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
+"""Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
+
+CLOSE = Fraction(1, 10**15)
+"""How far sums of coefficients may be from what they must be: decimals are rounded."""
+
+MOST_STAGES = 9
+"""Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
+
+WORST_CONDITION = 1e7
+"""Of the eigenvectors of A: Newton's corrections pass through them and keep 9 digits, where one would do."""
+
+
+class Modes(NamedTuple):
+    """A = T_real diag(real) Tinv_real + 2 Re(T_complex diag(complex) Tinv_complex), and products of A."""
+
+    real: Array  # (r,) real eigenvalues of A
+    complex: Complex  # (p,) one of each pair of the others, Im > 0
+    T_real: Array  # (s, r)
+    T_complex: Complex  # (s, p)
+    Tinv_real: Array  # (r, s)
+    Tinv_complex: Complex  # (p, s)
+    A2: Array  # (s, s) A A
+    bA: Array  # noqa: N815  (s,) b A
+
+
+class Embedded(NamedTuple):
+    """Σ_i d_i c_i^(k−1) = −γ δ_k1 for k = 1 … s: the weights of Hairer & Wanner's error estimate, II, IV.8."""
+
+    γ: float  # the real eigenvalue of A
+    d: Array  # (s,)
+
+
+class Method(Spec, frozen=True):
+    """A Runge-Kutta method: `family` and `stages`, or the Butcher tableau A, b, c.
+
+    Coefficients are decimal strings or fractions such as "1/6". A is a strictly lower triangle (rows of 0, 1, 2, …
+    numbers: explicit) or square (implicit). `error` of an explicit method: rows of weights of the stages, and of q̈ at
+    the end of the step if there is one more, whose sums estimate the error of the step. Of two rows the first counts
+    and the second one scales it, as in DOP853.
+
+    Raises
+    ------
+    SceneError
+        A coefficient is not a number, or the coefficients do not make a method: shapes, Σ_j a_ij = c_i, Σ b_j = 1,
+        Σ_j e_j = 0; a family without such a method; an A without eigenvectors, or singular iterations.
+    """
+
+    about: str
+    source: str
+    order: Annotated[int, msgspec.Meta(ge=1)]
+    family: Literal["Radau IIA", "Gauss"] | None = None
+    stages: Annotated[int, msgspec.Meta(ge=0)] = 0  # of a tableau they are counted
+    c: tuple[str, ...] | None = None
+    b: tuple[str, ...] | None = None
+    A: tuple[tuple[str, ...], ...] | None = None
+    error_rows: tuple[tuple[str, ...], ...] = msgspec.field(default=(), name="error")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.family is None:
+            self._check_tableau()
+        else:
+            self._check_family(self.family)
+        self._check_error()
+        if not self.explicit:
+            _modes(self)
+
+    @property
+    def explicit(self) -> bool:
+        """Whether every stage needs the stages before it only."""
+        return _explicit(self)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether the method estimates the error of its steps.
+
+        An explicit one by its rows `error`; an implicit one, as Radau IIA of 3, 5, … stages, if it ends on its last
+        stage and A has one real eigenvalue.
+        """
+        if self.explicit:
+            return bool(self.error_rows)
+        A, b, c = self.exact
+        return A[-1] == b and len(set(c)) == len(c) and len(self.modes.real) == 1
+
+    @property
+    def exact(self) -> collocation.Tableau:
+        """A (square), b and c as exact fractions: of their strings, or within 2^−255 of a family."""
+        return _exact(self)
+
+    @property
+    def arrays(self) -> tuple[Array, Array, Array]:
+        """A (s, s), b (s,), c (s,), each rounded once to float64."""
+        return _rounded(self)
+
+    @property
+    def error(self) -> Array:
+        """The rows `error` of an explicit method over its stages and q̈ at the end of the step (rows, s + 1)."""
+        return _error(self)
+
+    @property
+    def modes(self) -> Modes:
+        """Eigenvalues and eigenvectors of A of an implicit method.
+
+        Raises
+        ------
+        ArgumentError
+            The method is explicit.
+        """
+        if self.explicit:
+            raise ArgumentError(f"{self.about}: explicit; only implicit methods have modes of A")
+        return _modes(self)
+
+    @property
+    def embedded(self) -> Embedded:
+        """Weights of an implicit method's error estimate.
+
+        The polynomial through values at the nodes is Σ_i ℓ_i(0) f_i at 0, so that d_i = −γ ℓ_i(0).
+
+        Raises
+        ------
+        ArgumentError
+            The method is explicit, or has no such estimate.
+        """
+        if self.explicit or not self.controlled:
+            raise ArgumentError(f"{self.about}: no error estimate by nodes; Radau IIA of 3, 5, … stages has one")
+        return _embedded(self)
+
+    def _check_family(self, family: str) -> None:
+        for name in ("A", "b", "c"):
+            if getattr(self, name) is not None:
+                raise SceneError(f"family, {name}: a method is of a family or has A, b, c, not both")
+        if not 1 <= self.stages <= MOST_STAGES:
+            raise SceneError(f"stages = {self.stages}: family {family!r} takes 1 to {MOST_STAGES}")
+        order = collocation.ORDER[family](self.stages)
+        if self.order != order:
+            raise SceneError(f"order = {self.order}: {family} of {self.stages} stages has order {order}")
+
+    def _check_tableau(self) -> None:
+        if self.A is None or self.b is None or self.c is None:
+            raise SceneError("family, A, b, c: a method is of a family or has all of A, b, c")
+        stages = len(self.c)
+        if self.stages not in {0, stages}:
+            raise SceneError(f"stages = {self.stages}: c has {stages}")
+        lengths = [len(row) for row in self.A]
+        if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
+            raise SceneError(
+                f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1} (explicit) or all "
+                f"of {stages} (implicit)"
+            )
+        for x in chain(self.b, self.c, *self.A):
+            _check_number("A, b, c", x)
+        msgspec.structs.force_setattr(self, "stages", stages)
+        if stages > MOST_STAGES and not self.explicit:
+            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
+        A, b, c = self.exact
+        if abs(sum(b, Fraction(0)) - 1) > CLOSE:
+            raise SceneError(f"b = {short(self.b)}: must sum to 1")
+        for i, row in enumerate(A):
+            if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
+                raise SceneError(f"A[{i}] = {short(self.A[i])}: must sum to c[{i}] = {short(self.c[i])}")
+
+    def _check_error(self) -> None:
+        if self.error_rows and not self.explicit:
+            raise SceneError("error: only explicit methods take rows; implicit ones estimate by their nodes")
+        for i, row in enumerate(self.error_rows):
+            if len(row) not in {self.stages, self.stages + 1}:
+                raise SceneError(
+                    f"error[{i}] has {len(row)} weights: expected one per stage, {self.stages}, or one more for q̈ at "
+                    "the end of the step"
+                )
+            for x in row:
+                _check_number(f"error[{i}]", x)
+            if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
+                raise SceneError(f"error[{i}] = {short(row)}: must sum to 0")
+
+
+def method(name: str) -> Method:
+    """Load a method that comes with flexlink ("RK4", "Radau5", …), or the user's own TOML file.
+
+    Raises
+    ------
+    ArgumentError
+        Unknown name.
+    DataFileError
+        A file that is not a valid method.
+    """
+    return catalogue.load("methods", "method", name, Method)
+
+
+def _check_number(where: str, x: str) -> None:
+    if not COEFFICIENT.fullmatch(x):
+        raise SceneError(f"{where}: {short(x)}: a coefficient is a decimal or a fraction such as '1/6'")
+
+
+@functools.lru_cache(maxsize=64)
+def _rounded(method: Method) -> tuple[Array, Array, Array]:
+    A, b, c = method.exact
+    return _float64(A), _float64(b), _float64(c)
+
+
+@functools.lru_cache(maxsize=64)
+def _explicit(method: Method) -> bool:
+    return not any(any(row[i:]) for i, row in enumerate(method.exact[0]))
+
+
+@functools.lru_cache(maxsize=64)
+def _error(method: Method) -> Array:
+    weights = np.zeros((len(method.error_rows), method.stages + 1))
+    for row, given in zip(weights, method.error_rows, strict=True):
+        row[: len(given)] = _float64([Fraction(x) for x in given])
+    return weights
+
+
+@functools.lru_cache(maxsize=64)
+def _embedded(method: Method) -> Embedded:
+    γ = float(method.modes.real[0])
+    return Embedded(γ, -γ * _float64(collocation.weights_at(method.exact[2], Fraction(0))))
+
+
+@functools.lru_cache(maxsize=64)
+def _exact(method: Method) -> collocation.Tableau:
+    if method.family is not None:
+        return collocation.tableau(method.family, method.stages)
+    rows = [[Fraction(x) for x in row] for row in method.A or ()]
+    b, c = [Fraction(x) for x in method.b or ()], [Fraction(x) for x in method.c or ()]
+    return [row + [Fraction(0)] * (len(c) - len(row)) for row in rows], b, c
+
+
+@functools.lru_cache(maxsize=64)
+def _modes(method: Method) -> Modes:
+    """Modes of an implicit method.
+
+    Raises
+    ------
+    SceneError
+        A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
+    """
+    exact, b, _ = method.exact
+    A = _float64(exact)
+    λ, T = np.linalg.eig(A)
+    if not np.linalg.cond(T) < WORST_CONDITION:
+        raise SceneError("A: no basis of eigenvectors (a diagonal that repeats has none); take another method")
+    wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
+    if wrong.size:
+        first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex
+        raise SceneError(f"A: eigenvalue {first:.3g}: its real part must be positive, else some steps are singular")
+    Tinv = np.linalg.inv(T)
+    real, pair = λ.imag == 0, λ.imag > 0
+    columns = list(zip(*exact, strict=True))
+    return Modes(
+        real=λ[real].real.copy(), complex=λ[pair].astype(complex),
+        T_real=np.ascontiguousarray(T[:, real].real), T_complex=np.ascontiguousarray(T[:, pair].astype(complex)),
+        Tinv_real=np.ascontiguousarray(Tinv[real].real), Tinv_complex=np.ascontiguousarray(Tinv[pair].astype(complex)),
+        A2=_float64([[_dot(row, column) for column in columns] for row in exact]),
+        bA=_float64([_dot(b, column) for column in columns]),
+    )  # fmt: skip
+
+
+def _dot(x: list[Fraction], y: tuple[Fraction, ...]) -> Fraction:
+    return sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0))
+
+
+def _float64(exact: list[Fraction] | list[list[Fraction]]) -> Array:
+    return np.array(exact, dtype=np.float64)

@@ -1,0 +1,55 @@
+"""flexlink itself as an engine."""
+
+from __future__ import annotations
+
+from flexlink.chain.chain import Chain
+from flexlink.common.versions import __version__
+from flexlink.describe.scene import Scene
+from flexlink.dynamics import accelerations, terms
+from flexlink.engines.base import Array, Samples
+from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.motion.simulate import simulate
+
+
+class NativeEngine:
+    """The functions of `flexlink.dynamics` and `flexlink.simulate` for one chain."""
+
+    name = "native"
+    version = __version__
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        self.n = chain.n
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M(q) by composite rigid bodies."""
+        return terms.mass_matrix(self.chain, q)
+
+    def bias_torque(self, q: Array, qd: Array, *, tip_wrench: Array | None = None) -> Array:
+        """T_GC by recursive Newton-Euler."""
+        return terms.bias_torque(self.chain, q, qd, tip_wrench=tip_wrench)
+
+    def gravity_torque(self, q: Array) -> Array:
+        """T_G by recursive Newton-Euler."""
+        return terms.gravity_torque(self.chain, q)
+
+    def elastic_torque(self, q: Array) -> Array:
+        """T_FL."""
+        return terms.elastic_torque(self.chain, q)
+
+    def friction_torque(self, qd: Array) -> Array:
+        """T_FR."""
+        return terms.friction_torque(self.chain, qd)
+
+    def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
+        """q̈ by the default method of `flexlink.forward_dynamics`."""
+        return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
+
+    def read_back(self) -> ReadBack:
+        """The chain itself."""
+        return of_chain(self.chain)
+
+    def integrate(self, scene: Scene) -> Samples:
+        """`flexlink.simulate`."""
+        run = simulate(scene)
+        return run.t, run.q, run.qd

@@ -1,0 +1,55 @@
+"""The largest stable step of an integrator that a file names, about a slightly bent arm, where no two axes line up.
+
+Semi-implicit Euler, v' = v + h a(x, v), x' = x + h v', of a mode with λ² + d λ + ω² = 0 is stable for
+
+    h² ω² + 2 h d < 4        h < 4 / (d + √(d² + 4 ω²))
+
+and with the damping implicit, v' = v + h (−ω² x − d v'), for h² ω² − 2 h d < 4, h < (d + √(d² + 4 ω²)) / ω².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy import linalg
+
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.tangent import stiffness_matrix
+from flexlink.dynamics.vibration.modal import regular_mass
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.engines.read_back import Array
+
+
+def _modes(chain: Chain) -> tuple[Array, Array]:
+    """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; one that falls away counts with its rate."""
+    q = _bent(chain)
+    M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
+    square, φ = linalg.eigh((K + K.T) / 2, M)
+    return np.sqrt(np.abs(square)), np.einsum("im,i,im->m", φ, chain.damping, φ)
+
+
+def _bent(chain: Chain) -> Array:
+    return np.linspace(0.1, 0.4, chain.n)
+
+
+def _euler(chain: Chain) -> float:
+    ω, d = _modes(chain)
+    rate = d + np.sqrt(d**2 + 4 * ω**2)
+    return float(4 / rate.max()) if rate.any() else np.inf
+
+
+def _damped_implicitly(chain: Chain) -> float:
+    ω, d = _modes(chain)
+    ω, d = ω[ω > 0], d[ω > 0]
+    return float(((d + np.sqrt(d**2 + 4 * ω**2)) / ω**2).min(initial=np.inf))
+
+
+LARGEST: dict[str, Callable[[Chain], float]] = {
+    "RK4": lambda chain: stable_step(chain, _bent(chain), method="RK4"),
+    "Euler": _damped_implicitly,
+    "Euler without eulerdamp": _euler,
+    "Implicit": _damped_implicitly,
+    "Implicitfast": _damped_implicitly,
+}
+"""By the names of `ReadBack.integrator`; others are not judged."""

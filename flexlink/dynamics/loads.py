@@ -1,0 +1,110 @@
+"""Internal loads: what the parts of an arm do to each other where it is cut, in motion or at rest.
+
+Cut before body i, at its hinge point. All that lies beyond, bodies j ≥ i, moves as gravity, the tip wrench, and force
+f_i and moment n_i of what lies before make it (Newton and Euler):
+
+    F = m (a + α × c + ω × (ω × c) − g)        f_i = Σ F_j − f_tip
+    N = I α + ω × I ω + c × F                  n_i = Σ (N_j + r_j × f_{j+1}) − n_tip        r_j = p_{j+1} − p_j
+
+The loads of a section have the opposite sign: they act on the face that looks outward, as in beam theory.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import beyond_float64, given, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.placement import hinge_bodies
+from flexlink.dynamics.point_motion import body_motion
+from flexlink.kernels.tools.finite import is_finite
+
+Array = NDArray[np.float64]
+
+
+class InternalLoads(NamedTuple):
+    """Force and moment of what lies beyond a cut on what lies before it, at the hinge point of every body.
+
+    In axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension, force[1],
+    force[2] are shear; moment[0] is the torque, GJ φ', moment[1], moment[2] the bending moments about y and z, EI κ.
+    The last body is the tip frame, where the loads are the tip wrench.
+    """
+
+    force: Array  # (…, bodies, 3) [N]
+    moment: Array  # (…, bodies, 3) [N m]
+    hinge_moment: Array  # (…, n), the moment about the axis of each hinge [N m]
+
+    def __repr__(self) -> str:
+        *states, bodies, _ = self.force.shape
+        return f"<InternalLoads: {bodies} cuts{f' in {states[0]} states' if states else ''}>"
+
+
+def internal_loads(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
+) -> InternalLoads:
+    """Axial force, shear, torque and bending moment at every hinge and joint.
+
+    They are those of the given motion, whatever drives it; along a run, `run.loads`. With q̈ of `forward_dynamics` the
+    moment about the axis of a hinge is k (θ − θ₀) + T_FR + I_a q̈, that about a driven joint's T_FR + I_a q̈ − T_EX, I_a
+    the armature. At a joint the axes are those of the body there: z is the joint's axis unless the scene names another.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd, qdd
+        Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    InternalLoads
+        `force` and `moment`, shape (bodies, 3), one row for each of `chain.bodies`: at a joint or hinge
+        `force[chain.body("upper.2.z")]`; `hinge_moment`, shape (n,); or with a leading b.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or a load is beyond float64.
+    """
+    if is_batch(q, qd, qdd):
+        return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
+    n = given("chain", chain, Chain).n
+    q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
+    wrench = wrench_vector(tip_wrench)
+    found = _cut(chain, q, qd, qdd, wrench)
+    if not all(is_finite(part.reshape(-1)) for part in found):
+        raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    return found
+
+
+def _cut(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Array) -> InternalLoads:
+    bodies = chain.bodies
+    R, p, axes, _, ω, a, α = body_motion(chain, q, qd, qdd)
+    with np.errstate(over="ignore", invalid="ignore"):
+        c = _each_by(R, bodies["center"])
+        F = bodies["mass"][:, None] * (a + np.cross(α, c) + np.cross(ω, np.cross(ω, c)) - chain.gravity)
+        inertia = R @ bodies["inertia"] @ R.transpose(0, 2, 1)
+        N = _each_by(inertia, α) + np.cross(ω, _each_by(inertia, ω)) + np.cross(c, F)
+        F[-1], N[-1] = -wrench[:3], -wrench[3:]  # the tip frame has no inertia
+        f = _from_the_tip(F)
+        N[:-1] += np.cross(np.diff(p, axis=0), f[1:])
+        n = _from_the_tip(N)
+        inward = -R.transpose(0, 2, 1)
+        about_axes = -(axes * n[hinge_bodies(chain)]).sum(axis=1)
+        return InternalLoads(_each_by(inward, f), _each_by(inward, n), about_axes)
+
+
+def _each_by(matrices: Array, vectors: Array) -> Array:
+    """Each vector by its matrix."""
+    return np.asarray(np.einsum("ijk,ik->ij", matrices, vectors))
+
+
+def _from_the_tip(terms: Array) -> Array:
+    """Sums of all from each one on."""
+    return np.cumsum(terms[::-1], axis=0)[::-1]

@@ -1,0 +1,88 @@
+"""Curvature and surface strain of a link, as strain gauges read them, from the angles of its hinges.
+
+A hinge of weight w stands for a length w L of the beam, k = EI/(w L): its angle is the curvature of this length,
+κ = θ/(w L), so that EI κ = k θ. At rest k θ is the bending moment at the hinge itself, whatever the lumping: there the
+curvature is that of the beam. Between hinges it is for the reader to interpolate.
+
+    ε = z κ_y − y κ_z
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import beyond_float64, given, vector
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.arm import AXES
+from flexlink.describe.hinges import hinges_of
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.batches import is_batch, rows
+from flexlink.kernels.tools.finite import is_finite
+
+Array = NDArray[np.float64]
+
+
+class BeamStrain(NamedTuple):
+    """How a link bends, at its hinges."""
+
+    x: Array  # (hinges,), distance from the root of the beam [m]
+    curvature: Array  # (…, hinges, 3), rate of twist φ', then κ about the section's y and z [rad/m]
+    strain: Array  # (…, hinges), along the beam, positive in tension [1]
+
+    def __repr__(self) -> str:
+        *states, hinges = self.strain.shape
+        return f"<BeamStrain: {hinges} hinges{f' in {states[0]} states' if states else ''}>"
+
+
+def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike) -> BeamStrain:
+    """Curvature of a link and bending strain of a fibre at its hinges.
+
+    κ = θ/(w L), off by θ² where a hinge bends and twists at once. A chain does not stretch: to the strain of bending a
+    gauge adds that of the axial force N, N/(EA), N = `internal_loads(…).force[…, 0]`. At the root of the beam, where no
+    hinge is, κ = M/EI with the moment there.
+
+    Parameters
+    ----------
+    scene
+        The scene: a chain does not know the lengths that its hinges stand for.
+    q
+        Angles [rad], shape (n,), or (b, n) for b states; along a run `run.q`.
+    link
+        A link that bends, by name, or number from 1.
+    fibre
+        Place (y, z) of the fibre in the section, from the line through its centroid, shape (2,) [m].
+
+    Returns
+    -------
+    BeamStrain
+        `x` (hinges,), `curvature` (hinges, 3), `strain` (hinges,), the last two with a leading b.
+
+    Raises
+    ------
+    ArgumentError
+        `q` or `fibre` has the wrong shape, is not real or not finite; there is no such link, or it is rigid; a strain
+        is beyond float64.
+    SceneError, DataFileError
+        As of `lump`.
+    """
+    chain, arm = lump(given("scene", scene, Scene)), scene.arm
+    number = arm.number(link)
+    bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
+    if not AXES[bent.flex]:
+        raise ArgumentError(f"link = {link!r}: is rigid; expected one that bends, with flex of z, yz or xyz")
+    angles = rows(chain.n, {"q": q})[0] if is_batch(q) else vector("q", q, chain.n, many=True)
+    nodes, weights = hinges_of(arm)[number - 1]
+    length = bent.beam.length
+    curvature = np.zeros((*angles.shape[:-1], len(nodes), 3))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for axis in AXES[bent.flex]:
+            hinges = [chain.index(number, segment, axis) for segment in range(1, len(nodes) + 1)]
+            curvature[..., axis - 1] = angles[..., hinges] / (weights * length)
+        strain = z * curvature[..., 1] - y * curvature[..., 2]
+    if not (is_finite(curvature.reshape(-1)) and is_finite(strain.reshape(-1))):
+        raise beyond_float64("a strain", q=angles, fibre=[y, z])
+    return BeamStrain(nodes * length, curvature, strain)

@@ -1,0 +1,119 @@
+"""Slopes of the torques about a state: what modal analysis and Newton's method for statics need (`kernels.slopes`)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain, Joints
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.spec import short
+from flexlink.dynamics import rounding
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.terms import bias_torque
+from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
+
+Array = NDArray[np.float64]
+
+
+class Stiffness(NamedTuple):
+    """K of the free coordinates, and what is needed to tell its zeros from rounding.
+
+    Attributes
+    ----------
+    K
+        Tangent stiffness [N m/rad], shape (n, n).
+    S
+        Square root of what each row is made of, springs and loads, shape (n,): K̂ = S⁻¹ K S⁻¹ is of order 1.
+    conservative
+        K is symmetric up to rounding: the loads have a potential.
+    rounding
+        Largest eigenvalue of K̂ that rounding explains.
+    """
+
+    K: Array
+    S: Array
+    conservative: bool
+    rounding: float
+
+    @property
+    def symmetric(self) -> Array:
+        """The symmetric part; of a K that should be symmetric by its rows of outer hinges, which sum fewer terms."""
+        return np.tril(self.K) + np.tril(self.K, -1).T if self.conservative else (self.K + self.K.T) / 2
+
+    @property
+    def scaled(self) -> Array:
+        """K̂ of the symmetric part."""
+        return np.asarray(self.symmetric / np.outer(self.S, self.S))
+
+    @property
+    def falls(self) -> bool:
+        """Some eigenvalue of K̂ has a negative real part that rounding does not explain."""
+        if self.conservative:
+            return bool((np.linalg.eigvalsh(self.scaled) < -self.rounding).any())
+        return bool((np.linalg.eigvals(self.K / np.outer(self.S, self.S)).real < -self.rounding).any())
+
+
+def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
+    """Sequential indices of the coordinates that may move: neither `locked` nor moving as prescribed.
+
+    Raises
+    ------
+    ArgumentError
+        `locked` holds something that is no joint, or leaves nothing to move.
+    """
+    held = chain.joint_indices("locked", locked)
+    free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
+    if not len(free):
+        raise ArgumentError(f"locked = {short(locked)}: nothing is left to move; prescribed joints do not, either")
+    return free
+
+
+def load_torque(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
+    """T_GC with a dead or a follower wrench, shape (n,) [N m]; T_EX − T_FL in (relative) equilibrium.
+
+    `wrench` (6,) [N, N m] acts on the tip in axes of frame 0 and keeps its direction there; with `follower` its
+    components are in axes of the tip frame and it turns with the tip.
+    """
+    if follower:
+        wrench = turned_with_tip(chain.arrays, wrench, q)
+    return bias_torque(chain, q, qd, tip_wrench=wrench)
+
+
+def stiffness_matrix(chain: Chain, q: Array, qd: Array, wrench: Array, follower: bool = False) -> Array:
+    """K = ∂(T_GC + T_FL)/∂q at constant rates, shape (n, n) [N m/rad], exact up to rounding.
+
+    Elastic + gravity + load + centrifugal stiffness; not symmetric under a follower wrench or a spatial moment.
+    """
+    K = np.diag(chain.stiffness)
+    add_load_stiffness(chain.arrays, wrench, follower, q, qd, K)
+    return K
+
+
+def tangent(
+    chain: Chain, q: Array, qd: Array, wrench: Array, free: NDArray[np.intp], follower: bool = False
+) -> Stiffness:
+    """`stiffness_matrix` of the coordinates `free`, with the sizes that its rounding is judged by."""
+    K = stiffness_matrix(chain, q, qd, wrench, follower)[np.ix_(free, free)]
+    load, entry = rounding.largest_loads(chain, qd, wrench)[free], rounding.of_load_stiffness(chain)
+    S = np.sqrt(chain.stiffness[free] + load)
+    S[S == 0] = 1.0  # a row of zeros
+    conservative = bool((np.abs(K - K.T) <= entry * np.add.outer(load, load)).all())
+    return Stiffness(K, S, conservative, len(free) * entry)
+
+
+def gyroscopic_matrix(chain: Chain, q: Array, qd: Array) -> Array:
+    """G = ∂T_GC/∂q̇, shape (n, n) [N m s/rad]; zero at rest, since T_GC is quadratic in the rates."""
+    G = np.zeros((chain.n, chain.n))
+    add_gyroscopic(chain.arrays, q, qd, G)
+    return G
+
+
+def point_jacobian(chain: Chain, q: Array) -> Array:
+    """∂p/∂q of the body origins and the tip, frame 0, shape (bodies, n, 3) [m/rad]; Riesz's formula for degree 1."""
+    J = np.empty((len(chain.bodies), chain.n, 3))
+    for j, quarter in enumerate(np.pi / 2 * np.eye(chain.n)):
+        J[:, j] = (frames(chain, q + quarter).points - frames(chain, q - quarter).points) / 2
+    return J

@@ -1,0 +1,1 @@
+"""Small motion about a state: frequencies, poles, the largest stable step."""

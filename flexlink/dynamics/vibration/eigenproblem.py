@@ -1,0 +1,178 @@
+"""The eigenproblem of small motion, (λ² M + λ C + K) φ = 0, for stiffnesses that differ by many orders of magnitude.
+
+1.  K = S K̂ S, S diagonal, K̂ of order 1. By Sylvester's law of inertia K̂ has as many negative and zero eigenvalues as
+    there are modes that fall and that rest, whatever M is; rounding is judged there, where all rows have one size.
+2.  K = Y Yᵀ and M = L Lᵀ make ω the singular values of Yᵀ L⁻ᵀ. Nothing is squared: ω has the relative error
+    eps · ω_max/ω, where the eigenvalues of M⁻¹ K have eps · (ω_max/ω)².  A K that falls is lifted: K + σ M.
+3.  With damping, rotation or a load that has no potential, λ are those of the first-order system in these modes, the
+    fastest first: a matrix whose rows shrink downwards, which the QR algorithm treats row by row.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.tangent import Stiffness
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+EPS = np.finfo(float).eps
+
+_DEFECT = 4
+"""The QR algorithm moves a simple eigenvalue of A by N eps ‖A‖/|wᴴ v| at most (Golub & Van Loan, section 7.2.2). A
+multiple one is moved as many times as far: two where a joint rests, four where two such meet."""
+
+
+class Solution(NamedTuple):
+    """λ [1/s], slowest first, φ in columns, and how far rounding may have moved each λ [1/s]."""
+
+    eigenvalues: Complex
+    shapes: NDArray[np.inexact]
+    rounding: Array
+
+
+class _Modes(NamedTuple):
+    """K φ = μ M φ of the symmetric part of K, μ = −λ² from the one that falls fastest; Φᵀ M Φ = 1."""
+
+    μ: Array
+    Φ: Array
+    falling: int
+    resting: int
+
+
+def solve(M: Array, L: Array, C: Array, stiffness: Stiffness) -> Solution:
+    """One of each conjugate pair, and every real one that is not paired by symmetry.
+
+    Parameters
+    ----------
+    M, L
+        Mass matrix and its Cholesky factor, M = L Lᵀ, shape (n, n).
+    C
+        Damping and gyroscopic matrix, shape (n, n).
+    stiffness
+        K with its scale.
+
+    Raises
+    ------
+    ArgumentError
+        Numbers beyond float64.
+    """
+    if not all(np.isfinite(part).all() for part in (stiffness.K, stiffness.S, C)):
+        raise ArgumentError("stiffness, damping, loads or rates lead to numbers beyond float64")
+    modes = _conservative(M, L, stiffness)
+    K = stiffness.K
+    without_potential = np.zeros_like(K) if stiffness.conservative else (K - K.T) / 2
+    found = _first_order(modes, C, without_potential) if C.any() else _undamped(modes, without_potential)
+    λ = np.where(np.abs(found.eigenvalues) <= found.rounding, 0.0, found.eigenvalues)
+    return found._replace(eigenvalues=λ)
+
+
+def _conservative(M: Array, L: Array, stiffness: Stiffness) -> _Modes:
+    """Step 2. Twice where something falls: the first lift is a bound that may be far too high."""
+    w, V = np.linalg.eigh(stiffness.scaled)  # looks at the lower triangle: rows of outer hinges, of the smaller sums
+    falling = int((w < -stiffness.rounding).sum())
+    resting = int((np.abs(w) <= stiffness.rounding).sum())
+    S = stiffness.S
+    if not falling:
+        squares, Φ = _swinging(L, S, w, V, resting)
+        return _Modes(squares, Φ, falling, resting)
+    down = linalg.solve_triangular(L, S[:, None] * V[:, :falling] * np.sqrt(-w[:falling]), lower=True)
+    lift = 2 * float(np.linalg.norm(down, 2)) ** 2  # of μ ≥ −‖L⁻¹ Y₋‖²
+    for _ in range(2):
+        lifted = np.sqrt(S**2 + lift * np.diag(M))
+        w, V = np.linalg.eigh((stiffness.symmetric + lift * M) / np.outer(lifted, lifted))
+        squares, Φ = _swinging(L, lifted, np.abs(w), V, 0)
+        μ = squares - lift
+        lift = 2 * abs(float(μ[0]))
+    μ = np.concatenate([-np.abs(μ[:falling]), np.zeros(resting), np.abs(μ[falling + resting :])])
+    return _Modes(μ, Φ, falling, resting)
+
+
+def _swinging(L: Array, S: Array, w: Array, V: Array, resting: int) -> tuple[Array, Array]:
+    """ω², slowest first, and Φ of K = Y Yᵀ, Y = S V √w; the first `resting` of w count as zero.
+
+    With Yᵀ L⁻ᵀ = U ω Rᵀ the shapes are Φ = L⁻ᵀ R, and Yᵀ Φ = U ω, too: the first rounds row i by eps ‖(L⁻ᵀ)_i‖, the
+    second by eps ω/S_i, which is less where a stiff hinge takes part in a slow mode. Each entry is the better one.
+    """
+    still, root = V[:, :resting], np.sqrt(w[resting:])
+    Y = S[:, None] * V[:, resting:] * root
+    inverse = linalg.solve_triangular(L, np.eye(len(L)), lower=True).T
+    U, ω, right = np.linalg.svd(Y.T @ inverse)  # all n rows of `right`
+    Φ = inverse @ right.T
+    moving = Φ[:, : len(ω)]
+    by_springs = (V[:, resting:] @ (U * ω / root[:, None]) + still @ (still.T @ (S[:, None] * moving))) / S[:, None]
+    Φ[:, : len(ω)] = np.where(np.outer(1 / S, ω) < np.linalg.norm(inverse, axis=1)[:, None], by_springs, moving)
+    return np.concatenate([np.zeros(resting), ω[::-1] ** 2]), Φ[:, ::-1]
+
+
+def _undamped(modes: _Modes, without_potential: Array) -> Solution:
+    """λ = √−μ: of each pair the one with Im λ > 0, or the growing one of two real ones."""
+    μ: Complex = modes.μ.astype(complex)
+    shapes: NDArray[np.inexact] = modes.Φ
+    moved = np.zeros(len(μ))
+    if without_potential.any():
+        fast = np.argsort(-np.abs(modes.μ), kind="stable")
+        Φ = modes.Φ[:, fast]
+        μ, amplitudes, moved = _eigenvalues(np.diag(modes.μ[fast]) + Φ.T @ without_potential @ Φ)
+        shapes = Φ @ amplitudes
+    order = np.argsort(μ.real, kind="stable")
+    λ, moved = np.sqrt(-μ[order]), moved[order]
+    size = np.maximum(np.abs(λ), np.sqrt(moved))
+    rounding = np.divide(moved, size, out=np.zeros(len(λ)), where=size > 0)  # 2 λ dλ = −dμ, and λ² = −dμ at μ = 0
+    return Solution(np.where(λ.imag < 0, -λ, λ), shapes[:, order], rounding)
+
+
+def _eigenvalues(A: Array) -> tuple[Complex, Complex, Array]:
+    """Eigenvalues and right eigenvectors of A, and how far rounding may have moved each."""
+    λ, left, right = linalg.eig(A, left=True)
+    overlap = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+    size = _DEFECT * len(A) * EPS * np.linalg.norm(A, 2)
+    return λ, right, np.asarray(size / np.maximum(overlap, EPS))
+
+
+def _first_order(modes: _Modes, C: Array, without_potential: Array) -> Solution:
+    """d/dt of the modes' x = s a and y = ȧ, s = √|μ|, for amplitudes a: ẋ = s y, ẏ = −μ a − Φᵀ (C Φ y + N Φ a).
+
+    A resting mode has no x, nothing depends on its amplitude; it is a λ = 0 of its own, and where nothing brakes it,
+    the steady motion of its y is the other half of that double root.
+    """
+    n, resting = len(modes.μ), 0 if without_potential.any() else modes.resting
+    fast = np.argsort(-np.abs(modes.μ), kind="stable")  # the resting ones are last
+    μ, Φ, m = modes.μ[fast], modes.Φ[:, fast], n - resting
+    s = np.sqrt(np.abs(μ[:m]))
+    s[s == 0] = s[s > 0].min(initial=1.0)
+    x, y = 2 * np.arange(m), np.concatenate([2 * np.arange(m) + 1, m + np.arange(m, n)])
+    A = np.zeros((m + n, m + n))
+    A[np.ix_(y, y)] = -Φ.T @ C @ Φ
+    A[np.ix_(y, x)] = -(Φ.T @ without_potential @ Φ)[:, :m] / s
+    A[y[:m], x] -= μ[:m] / s
+    A[x, y[:m]] = s
+    if not np.isfinite(A).all():
+        raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
+    λ, right, rounding = _eigenvalues(A)
+    if modes.falling == 0 and not without_potential.any() and _dissipative(C):
+        λ.real, rounding = np.minimum(λ.real, 0.0), np.zeros(len(λ))  # energy ½ ȧ² + ½ μ a² ≥ 0 never grows
+    order = np.argsort(np.abs(λ), kind="stable")
+    steady = order[:resting][np.abs(λ[order[:resting]]) <= len(A) * EPS * np.linalg.norm(A, 2)]
+    kept = np.setdiff1d(order[λ[order].imag >= 0], steady, assume_unique=True)
+    kept = kept[np.argsort(np.abs(λ[kept]), kind="stable")]
+    amplitudes = right[y][:, kept] / np.where(λ[kept] == 0, 1.0, λ[kept])
+    amplitudes[:m] = right[x][:, kept] / s[:, None]
+    return Solution(
+        np.concatenate([np.zeros(resting), λ[kept]]),
+        Φ @ np.hstack([np.eye(n)[:, m:], amplitudes]),
+        np.concatenate([np.zeros(resting), rounding[kept]]),
+    )
+
+
+def _dissipative(C: Array) -> bool:
+    """Whether q̇ᵀ C q̇ ≥ 0 for all q̇, up to rounding, with every row scaled to one size."""
+    size = np.sqrt(np.abs(C).max(axis=1))
+    size[size == 0] = 1.0
+    scaled = (C + C.T) / 2 / np.outer(size, size)
+    return bool(np.linalg.eigvalsh(scaled).min() >= -len(C) * EPS)

@@ -1,0 +1,217 @@
+"""Modes of small motion of a chain about a posture.
+
+    M δq̈ + (D + G) δq̇ + K δq = 0,        δq = φ exp(λt)
+
+K is the tangent of T_GC + T_FL (elastic, gravity, load and centrifugal stiffness), G the gyroscopic matrix, D the
+slope of T_FR at rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+
+from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.chain.chain import Chain, Joints
+from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.describe.spec import short_list
+from flexlink.dynamics.placement import frames
+from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.dynamics.vibration import eigenproblem
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Modes:
+    """Modes of small motion about a posture, slowest first.
+
+    Attributes
+    ----------
+    eigenvalues
+        λ [1/s], shape (modes,): one of each conjugate pair, and every real one that is not paired by symmetry.
+    shapes
+        φ, shape (modes, n): largest entry 1, zero on locked coordinates; complex where damping or rotation makes
+        the joints move out of phase.
+    paths
+        Displacement of the body origins and the tip that goes with φ, frame 0, shape (modes, bodies, 3) [m].
+    points
+        Body origins and tip at the posture itself, frame 0, shape (bodies, 3) [m].
+    rounding
+        How far rounding may have moved each λ [1/s], shape (modes,); 0 where the sign of its real part is certain.
+    """
+
+    eigenvalues: Complex
+    shapes: NDArray[np.inexact]
+    paths: NDArray[np.inexact]
+    points: Array
+    rounding: Array
+
+    def __repr__(self) -> str:
+        told = short_list([f"{f:.4g}" for f in self.hertz])
+        return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural angular frequencies |λ| [rad/s], shape (modes,); nan for a motion that just falls, λ real > 0."""
+        λ = self.eigenvalues
+        return np.where((λ.imag == 0) & (λ.real > 0), np.nan, np.abs(λ))
+
+    @property
+    def hertz(self) -> Array:
+        """`frequencies` / 2π [Hz]."""
+        return self.frequencies / (2 * np.pi)
+
+    @property
+    def damping_ratios(self) -> Array:
+        """ζ = −Re λ / |λ|, shape (modes,): 0 undamped, 1 creeping back, negative growing; 0 for λ = 0."""
+        size = np.abs(self.eigenvalues)
+        return 0.0 - self.eigenvalues.real / np.where(size > 0, size, 1.0)
+
+    @property
+    def stable(self) -> bool:
+        """Nothing grows: no Re λ > 0 that rounding does not explain; a neutral joint, λ = 0, does not."""
+        return bool((self.eigenvalues.real <= self.rounding).all())
+
+
+def modes(
+    chain: Chain,
+    q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    locked: Joints = (),
+) -> Modes:
+    """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
+
+    M δq̈ + (D + G) δq̇ + K δq = 0,  δq = φ exp(λt):  K = ∂(T_GC + T_FL)/∂q, G = ∂T_GC/∂q̇, D the slope of T_FR at rest.
+
+    Parameters
+    ----------
+    chain
+        The chain. Its gravity counts: hanging stiffens, standing softens.
+    q
+        Posture [rad], shape (n,); default: springs slack, joints at zero.
+    qd
+        Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
+        rate): centrifugal stiffness and gyroscopic coupling.
+    tip_wrench
+        Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
+    follower
+        The wrench is given in axes of the tip frame and turns with it.
+    locked
+        Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
+        or a boolean mask, shape (n,). Prescribed joints never do.
+
+    Returns
+    -------
+    Modes
+        Eigenvalues [1/s], shapes, paths [m], slowest first.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape or is not finite, or `locked` names no coordinate.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
+    """
+    n, follower = given("chain", chain, Chain).n, flag("follower", follower)
+    q = chain.rest.copy() if q is None else vector("q", q, n)
+    rates = np.zeros(n) if qd is None else vector("qd", qd, n)
+    wrench = wrench_vector(tip_wrench)
+    free = unlocked(chain, locked)
+    C = (gyroscopic_matrix(chain, q, rates) + np.diag(damping_slope(chain)))[np.ix_(free, free)]
+    M, L = factored_mass(chain, q, free)
+    λ, vectors, rounding = eigenproblem.solve(M, L, C, tangent(chain, q, rates, wrench, free, follower))
+    shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
+    largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
+    shapes[:, free] = (vectors / largest).T
+    paths = np.einsum("mk,bkx->mbx", shapes, point_jacobian(chain, q))
+    return Modes(λ, shapes, paths, frames(chain, q).points, rounding)
+
+
+def natural_frequencies(
+    chain: Chain,
+    q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    locked: Joints = (),
+) -> Array:
+    """Natural angular frequencies, slowest first, nan for a motion that just falls.
+
+    They are `modes(...).frequencies`.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
+    tip_wrench, follower, locked
+        Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
+
+    Returns
+    -------
+    Array
+        |λ| [rad/s], shape (modes,).
+
+    Raises
+    ------
+    ArgumentError, SingularMassError
+        As in `modes`.
+    """
+    return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
+
+
+def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
+    """M of `factored_mass`."""
+    return factored_mass(chain, q, free)[0]
+
+
+def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array, Array]:
+    """M of the free coordinates, of which each must move inertia of its own, and L of M = L Lᵀ.
+
+    Cholesky's pivot is the inertia of a coordinate while those before it are free to give way; it must exceed the
+    rounding of M, n eps M_ii. (The diagonal of Cholesky's factor holds the square roots of the pivots.) Close to that
+    bound another way to the same factor may fail, so that L goes with M.
+
+    Raises
+    ------
+    SingularMassError
+        It does not, or M is beyond float64.
+    """
+    whole = mass_matrix(chain, q, method="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
+    M = np.ascontiguousarray(whole[np.ix_(free, free)])
+    L, stopped = linalg.lapack.dpotrf(M, lower=1)
+    with np.errstate(invalid="ignore"):
+        good = np.diag(L) > np.sqrt(len(M) * np.finfo(float).eps * np.diag(M))  # False for nan, too
+    if stopped or not good.all():
+        k = free[stopped - 1 if stopped else int(np.argmin(good))]
+        raise SingularMassError(
+            f"{chain.name}: joint {chain.joint_name(int(k))!r} moves no inertia of its own at this posture, or one "
+            "beyond float64; M must be positive definite"
+        )
+    return M, np.asarray(L)
+
+
+def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
+    """A of d/dt (q, q̇) = A (q, q̇), shape (2n, 2n), with the factor of M that `factored_mass` found regular."""
+    L, _ = linalg.lapack.dpotrf(M, lower=1)
+    lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
+    A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
+    if not np.isfinite(A).all():
+        raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
+    return A
+
+
+def damping_slope(chain: Chain) -> Array:
+    """Slope of T_FR at rest, d + coulomb / coulomb_width, shape (n,)."""
+    return np.asarray(chain.damping + chain.hinges["coulomb"] / chain.hinges["coulomb_width"])

@@ -1,0 +1,67 @@
+"""Poles of an arm on its motors: what an input shaper is tuned to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import given, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.tangent import load_torque
+from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.vibration.linear import linearize
+
+Array = NDArray[np.float64]
+
+
+def pd_poles(
+    chain: Chain, q: ArrayLike, *, kp: ArrayLike, kd: ArrayLike, tip_wrench: ArrayLike | None = None
+) -> NDArray[np.complex128]:
+    """Vibrations about a posture at rest, the driven joints under T_EX = kp (target − q) − kd q̇ + what holds the arm.
+
+    Eigenvalues of A − B (kp, kd), of the linear model of `linearize` in a state where every torque is balanced. Through
+    an input shaper on the slowest of them, `Shaper.at(pd_poles(…)[:2])`, a reference leaves next to no vibration.
+
+    Parameters
+    ----------
+    chain
+        The chain. Joints whose motion is prescribed stay where they are.
+    q
+        Angles [rad], shape (n,), bent as gravity bends the arm: those of `solve_static`.
+    kp, kd
+        Gains [N m/rad], [N m s/rad], ≥ 0, one for all driven joints or one each, shape (d,).
+    tip_wrench
+        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+
+    Returns
+    -------
+    Array
+        Complex poles λ = −σ + iω_d with ω_d > 0 [1/s], the lowest frequency |λ| first; conjugates and aperiodic poles
+        left out.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not finite, or is negative.
+    SingularMassError
+        A joint moves no inertia of its own here.
+    """
+    n = given("chain", chain, Chain).n
+    driven = chain.active
+    q, wrench = vector("q", q, n), wrench_vector(tip_wrench)
+    balance = load_torque(chain, q, np.zeros(n), wrench) + elastic_torque(chain, q)
+    model = linearize(chain, q, tau=balance, tip_wrench=wrench)
+    moving = ~chain.hinges["prescribed"][driven].astype(bool)
+    B, picked = model.B[:, moving], np.eye(n)[driven[moving]]
+    gains = [_gains(name, value, len(driven))[moving, None] * picked for name, value in (("kp", kp), ("kd", kd))]
+    poles = np.linalg.eigvals(model.A - B @ np.hstack(gains))
+    vibrations = poles[poles.imag > 0]
+    return np.asarray(vibrations[np.argsort(np.abs(vibrations), kind="stable")], dtype=np.complex128)
+
+
+def _gains(name: str, value: ArrayLike, size: int) -> Array:
+    gains = vector(name, np.broadcast_to(value, (size,)) if np.ndim(value) == 0 else value, size)
+    if np.any(gains < 0):
+        raise ArgumentError(f"{name}[{np.argmin(gains)}] = {gains.min()!r}: must be >= 0")
+    return gains

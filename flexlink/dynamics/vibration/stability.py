@@ -1,0 +1,287 @@
+"""What a Runge-Kutta method may do on a chain: its eigenvalues about a state, and the largest stable step.
+
+    λ² M + λ (D + G) + K = 0        K = ∂(T_GC + T_FL)/∂q + k_p,  G = ∂T_GC/∂q̇,  D = slope of T_FR at rest + k_d
+
+Springs, gravity, wrench, centrifugal forces and a drive's gains all stiffen or brake, so all of them are in it. Dry
+friction counts with its slope at rest, c/w, the largest that it has: sooner or later a joint comes to rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+
+from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.describe.schemes import methods
+from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
+from flexlink.dynamics.terms import inverse_dynamics
+from flexlink.dynamics.vibration.extremes import inertia_alone
+from flexlink.dynamics.vibration.modal import damping_slope, factored_mass, first_order_matrix, regular_mass
+from flexlink.dynamics.vibration.stability_function import stable_reach
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+DENSE = 100
+"""Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""
+
+NUDGE = 1e-4
+"""Angle [rad] of the central difference along a direction; its error, of order NUDGE², is far below Lanczos' 1e-4."""
+
+
+class Gains(NamedTuple):
+    """Slopes of a drive: T_EX = … − k_p q − k_d q̇, each (n,), or (n, n) where joints act on others' [N m/rad, …]."""
+
+    kp: Array
+    kd: Array
+
+    def matrices(self) -> tuple[Array, Array]:
+        """Both as (n, n)."""
+        kp, kd = (np.diag(slope) if slope.ndim == 1 else slope for slope in self)
+        return kp, kd
+
+    def diagonals(self) -> tuple[Array, Array]:
+        """Both as (n,), of every joint its own."""
+        kp, kd = (slope if slope.ndim == 1 else np.diag(slope).copy() for slope in self)
+        return kp, kd
+
+
+def _along(slope: Array, φ: Array) -> Array:
+    """The symmetric part of a slope of gains times φ."""
+    return slope * φ if slope.ndim == 1 else np.asarray(slope @ φ + slope.T @ φ) / 2
+
+
+class _State(NamedTuple):
+    """What the small motion is about."""
+
+    q: Array
+    qd: Array
+    wrench: Array
+    follower: bool
+    gains: Gains
+    free: NDArray[np.intp]  # joints that are not prescribed
+
+
+def eigenvalues(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    gains: Gains | None = None,
+) -> Complex:
+    """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints do not take part.
+
+    λ² M + λ (D + G) + K = 0 with K = ∂(T_GC + T_FL)/∂q + k_p and D the slope of T_FR at rest + k_d.
+
+    Parameters
+    ----------
+    chain
+        The chain. Its gravity counts: hanging stiffens, standing softens.
+    q, qd
+        Posture [rad] and rates [rad/s], shape (n,); default: at rest.
+    tip_wrench
+        Force and moment on the tip, shape (6,) [N, N m], constant in frame 0.
+    follower
+        The wrench is given in axes of the tip frame and turns with it.
+    gains
+        Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite, or leads to numbers beyond float64.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
+    """
+    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, follower, gains))
+
+
+def fastest_eigenvalues(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    gains: Gains | None = None,
+) -> Complex:
+    """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
+
+    The largest ω² of K φ = ω² M φ and the largest δ of D φ = δ M φ by Lanczos' method, M and M⁻¹ through inverse and
+    forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
+    which it is under Kelvin-Voigt damping. Arguments and errors as in `eigenvalues`.
+    """
+    state = _state(chain, q, qd, tip_wrench, follower, gains)
+    if chain.n <= DENSE:
+        return _all_eigenvalues(chain, state)
+    square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
+    friction, brakes = damping_slope(chain), state.gains.kd
+    δ = _largest_ratio(chain, state, lambda φ: friction * φ + _along(brakes, φ))
+    pair = np.roots([1.0, δ, square]).astype(complex)
+    return np.concatenate([pair, [1j * np.sqrt(square), -1j * np.sqrt(square), -δ]])
+
+
+def eigenvalue_bound(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    gains: Gains | None = None,
+) -> float:
+    """Which none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost; inf of more than 100 joints.
+
+    A mode φ has φ*M φ λ² + φ*C φ λ + φ*K φ = 0, so that with M = L Lᵀ
+
+        |λ|² ≤ c |λ| + k        c = ‖L⁻¹ C L⁻ᵀ‖, k = ‖L⁻¹ K L⁻ᵀ‖
+
+    in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. Arguments and errors as
+    in `eigenvalues`.
+    """
+    state = _state(chain, q, qd, tip_wrench, follower, gains)
+    if chain.n > DENSE:
+        return np.inf
+    C, K = _damping_and_stiffness(chain, state)
+    _, L = factored_mass(chain, state.q, state.free)
+    with np.errstate(all="ignore"):  # what is beyond float64 is no bound
+        W = np.linalg.inv(L)
+        c, k = (float(np.linalg.norm(W @ A @ W.T)) if A.any() else 0.0 for A in (C, K))
+        return float(c + np.sqrt(c**2 + 4 * k)) / 2
+
+
+def _state(
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike | None,
+    tip_wrench: ArrayLike | None,
+    follower: bool,
+    gains: Gains | None,
+) -> _State:
+    n = given("chain", chain, Chain).n
+    zero = np.zeros(n)
+    rates = zero if qd is None else vector("qd", qd, n)
+    free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+    gains = Gains(zero, zero) if gains is None else gains
+    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), flag("follower", follower), gains, free)
+
+
+def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
+    M = regular_mass(chain, state.q, state.free)
+    C, K = _damping_and_stiffness(chain, state)
+    if C.any() or np.abs(K - K.T).max(initial=0.0) > 1e-12 * np.abs(K).max(initial=0.0):  # the rounding of K
+        values: Complex = linalg.eigvals(first_order_matrix(M, C, K))
+        return values
+    ω = np.sqrt(linalg.eigh((K + K.T) / 2, M, eigvals_only=True).astype(complex))
+    return np.concatenate([1j * ω, -1j * ω])
+
+
+def _damping_and_stiffness(chain: Chain, state: _State) -> tuple[Array, Array]:
+    """D + G and K of the joints that are not prescribed, those of the drive's gains counted."""
+    block = (slice(None), slice(None)) if len(state.free) == chain.n else np.ix_(state.free, state.free)
+    kp, kd = state.gains.matrices()
+    K = stiffness_matrix(chain, state.q, state.qd, state.wrench, state.follower)[block] + kp[block]
+    C = (gyroscopic_matrix(chain, state.q, state.qd) + np.diag(damping_slope(chain)) + kd)[block]
+    return C, K
+
+
+def _stiffness_along(chain: Chain, state: _State, φ: Array) -> Array:
+    """K φ [N m/rad], the load's part by a central difference along φ."""
+    size = np.abs(φ).max()
+    if size == 0:
+        return np.zeros_like(φ)
+    step = NUDGE / size * φ
+    ahead, behind = (load_torque(chain, state.q + s * step, state.qd, state.wrench, state.follower) for s in (1, -1))
+    held = chain.stiffness * φ + _along(state.gains.kp, φ)
+    return np.asarray(held + (ahead - behind) * (size / (2 * NUDGE)))
+
+
+def _largest_ratio(chain: Chain, state: _State, apply: Callable[[Array], Array]) -> float:
+    """Largest μ of A φ = μ M φ over the joints that are not prescribed, A given by its products."""
+    from scipy.sparse.linalg import LinearOperator, eigsh  # noqa: PLC0415  0.1 s that only long chains need
+
+    free, zero = np.zeros(chain.n), np.zeros(chain.n)
+    free[state.free] = 1.0
+    first = np.ones(chain.n)
+    if not (free * apply(free * first)).any():
+        return 0.0
+    bare = inertia_alone(chain)
+    shape = (chain.n, chain.n)
+    found = eigsh(
+        LinearOperator(shape, lambda φ: free * apply(free * φ.ravel()), dtype=np.float64),
+        k=1,
+        M=LinearOperator(shape, lambda φ: inverse_dynamics(bare, state.q, zero, φ.ravel()), dtype=np.float64),
+        Minv=LinearOperator(shape, lambda τ: forward_dynamics(bare, state.q, zero, τ.ravel()), dtype=np.float64),
+        which="LA", tol=1e-4,  # relative: beside the few per cent to stay below a stable step, nothing
+        v0=first, return_eigenvectors=False,
+    )  # fmt: skip
+    return float(found[0])
+
+
+def largest_frequency(chain: Chain, q: ArrayLike) -> float:
+    """Largest |λ| of `fastest_eigenvalues` at rest [rad/s]: what the step of an explicit method has to follow."""
+    return float(np.abs(fastest_eigenvalues(chain, q)).max(initial=0.0))
+
+
+def stable_step(
+    chain: Chain,
+    q: ArrayLike | None = None,
+    qd: ArrayLike | None = None,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    follower: bool = False,
+    gains: Gains | None = None,
+    method: str = "RK4",
+) -> float:
+    """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
+
+    The largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h; a motion that grows by
+    itself, Re λ > 0, is judged as one that swings at the rate |λ|. Motion to other postures and rates shifts the
+    eigenvalues; stay a few per cent below. Of an A-stable method, as Radau IIA and Gauss, every step is: inf.
+
+    Parameters
+    ----------
+    chain
+        The chain.
+    q, qd
+        Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
+    tip_wrench, follower, gains
+        As in `eigenvalues`.
+    method
+        Name or file of a Runge-Kutta method.
+
+    Returns
+    -------
+    float
+        The step [s]; inf if nothing holds or brakes any joint.
+
+    Raises
+    ------
+    ArgumentError
+        An argument has the wrong shape, is not real or not finite; unknown method.
+    DataFileError
+        The method's own file is not valid.
+    SingularMassError
+        A coordinate moves no inertia of its own at this posture.
+    """
+    q = np.zeros(given("chain", chain, Chain).n) if q is None else q
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, follower=follower, gains=gains)
+    return stable_step_of(λ, method)
+
+
+def stable_step_of(λ: Complex, method: str) -> float:
+    """The `stable_step` [s] of eigenvalues λ [1/s]; inf if nothing holds or brakes any joint."""
+    moving = λ[λ != 0]
+    rates = np.abs(moving)
+    directions = np.where(moving.real > 0, 1j, moving.real / rates + 1j * np.abs(moving.imag) / rates)  # R(z̄) = R(z)̄
+    different, which = np.unique(directions, return_inverse=True)
+    reach = stable_reach(methods.method(method), different)
+    return float((reach[which] / rates).min(initial=np.inf))

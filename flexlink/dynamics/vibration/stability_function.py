@@ -1,0 +1,239 @@
+"""The stability function of a Runge-Kutta method, and how far it reaches: y' = λ y is carried on by R(hλ).
+
+    R(z) = 1 + z b·(1 − zA)⁻¹·1 = P(z) / Q(z)        Q(z) = det(1 − zA)        (Hairer & Wanner, II, IV.3)
+
+A step is stable where |R| ≤ 1 + g. Along a direction d that is the sign of a polynomial,
+
+    E_d(x) = (1 + g)² |Q(xd)|² − |P(xd)|² ≥ 0
+
+and along d = i of one in x². If E_i has no zero and the poles of R lie on the right, |R| ≤ 1 + g on the whole left
+half-plane, by the maximum principle. Sturm's sequence, in fractions, tells that there is none: a proof, no sampling.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.describe.schemes.methods import Method
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Polynomial = list[Fraction]  # lowest power first
+
+GROWTH = Fraction(1, 10**6)
+"""Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would
+call RK2 unstable at every step, since its amplitude grows by (ω h)⁴/8."""
+
+SQUARE = float((1 + GROWTH) ** 2)
+EPS = float(np.finfo(np.float64).eps)
+
+
+def stability_function(method: Method, z: NDArray[Any]) -> Complex:
+    """R(z), of the shape of `z`."""
+    P, Q = (np.polynomial.polynomial.polyval(z, _float64(p)) for p in stability_polynomials(method))
+    return np.asarray(P / Q)
+
+
+@functools.lru_cache(maxsize=64)
+def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
+    """P and Q, exact. R is the power series 1 + Σ b A^(k−1) 1 z^k; P = R Q is of degree s, so that s + 1 terms do."""
+    A, b, _ = method.exact
+    series, power = [Fraction(1)], [Fraction(1)] * method.stages
+    for _ in range(method.stages):
+        series.append(_dot(b, power))
+        power = [_dot(row, power) for row in A]
+    Q = [Fraction(1)] if method.explicit else _determinant(A)
+    return _product(series, Q)[: method.stages + 1], Q
+
+
+def stable_reach(method: Method, directions: Complex) -> Array:
+    """The largest r such that |R(xd)| ≤ 1 + g for all 0 ≤ x ≤ r, inf if for all x.
+
+    Parameters
+    ----------
+    method
+        The method.
+    directions
+        d, on the left half of the unit circle, shape (m,).
+
+    Returns
+    -------
+    array
+        r, shape (m,).
+    """
+    if is_stable_everywhere(method):
+        return np.full(directions.shape, np.inf)
+    if method.explicit:
+        return _reach_of_polynomial(method, tuple(directions.tolist()))
+    P, Q = (_float64(p) for p in stability_polynomials(method))
+    return np.array([_first_zero(SQUARE * _square(Q, d) - _square(P, d)) for d in directions])
+
+
+@functools.lru_cache(maxsize=64)
+def _reach_of_polynomial(method: Method, all_directions: tuple[complex, ...]) -> Array:
+    """`stable_reach` of an explicit method, piece by piece: E_d has degree 2 s, so that 2 s + 1 values tell all of it.
+
+    In powers of x the terms of E_d cancel, more with every stage; values of R by the stages themselves do not. There is
+    an end: |R| ≤ 1 on [0, x] with R'(0) = 1 and degree s leaves x ≤ 2 s², in any direction (Markov's inequality).
+    """
+    directions = np.array(all_directions, dtype=complex)
+    end, degree = 2 * method.stages**2, 2 * method.stages
+    reach, beyond = np.full(directions.shape, float(end)), np.full(directions.shape, True)
+    nodes, to_series = _series_of(degree)
+    for start in range(end + 1):
+        those = np.flatnonzero(beyond)
+        R = _by_stages(method, np.outer(directions[those], start + (1 + nodes) / 2))
+        for k, series in zip(those, (SQUARE - np.abs(R) ** 2) @ to_series.T, strict=True):
+            zeros = _zeros_of_series(series)
+            if zeros.size:
+                reach[k], beyond[k] = start + (1 + zeros.min()) / 2, False
+        if not beyond.any():
+            break
+    return reach
+
+
+@functools.lru_cache(maxsize=64)
+def stable_half_disc(method: Method) -> float:
+    """A radius r such that |R(z)| ≤ 1 + g wherever |z| ≤ r, Re z ≤ 0: the largest one to eight digits, from below.
+
+    By the maximum principle it suffices to look at the edge. Along the axis it ends at `stable_reach`; on the arc
+    |R(r exp iφ)|² is a polynomial of degree s in cos φ, so that s + 1 values tell all of it. Smaller half discs lie in
+    larger ones, which bisection needs. Of an implicit method that is not A-stable nothing is said, r = 0.
+    """
+    if is_stable_everywhere(method):
+        return np.inf
+    stable, beyond = 0.0, float(stable_reach(method, np.array([1j]))[0]) if method.explicit else 0.0
+    if _is_stable_on_the_arc(method, beyond):
+        return beyond
+    while beyond - stable > 1e-8 * beyond:
+        middle = (stable + beyond) / 2
+        if _is_stable_on_the_arc(method, middle):
+            stable = middle
+        else:
+            beyond = middle
+    return stable
+
+
+def _is_stable_on_the_arc(method: Method, r: float) -> bool:
+    nodes, to_series = _series_of(method.stages)
+    cosine = (nodes - 1) / 2
+    E = SQUARE - np.abs(_by_stages(method, r * (cosine + 1j * np.sqrt(1 - cosine**2)))) ** 2
+    return bool((E > 0).all()) and not _zeros_of_series(to_series @ E).size
+
+
+def _series_of(degree: int) -> tuple[NDArray[Any], Array]:
+    """Nodes in [−1, 1], and the matrix that makes a polynomial's values there its Chebyshev series."""
+    nodes = np.polynomial.chebyshev.chebpts1(degree + 1)
+    return nodes, np.asarray(np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, degree)), dtype=np.float64)
+
+
+def _by_stages(method: Method, z: Complex) -> Complex:
+    """R(z) = 1 + z Σ b_i Y_i of an explicit method, from its stages Y_i = 1 + z Σ a_ij Y_j."""
+    A, b, _ = method.arrays
+    stages: list[Complex] = []
+    for row in (*A, b):
+        stages.append(1 + z * sum(a * Y for a, Y in zip(row, stages, strict=False) if a))
+    return stages[-1]
+
+
+def _zeros_of_series(series: Array) -> Array:
+    """Real zeros in [−1, 1] of Σ c_k T_k, |T_k| ≤ 1; none if the first term outweighs all others."""
+    size = np.abs(series)
+    if series[0] > size[1:].sum():
+        return np.empty(0)
+    zeros = np.polynomial.chebyshev.chebroots(np.polynomial.chebyshev.chebtrim(series, EPS * size.max()))
+    return np.asarray(zeros[(zeros.imag == 0) & (np.abs(zeros) <= 1)].real)
+
+
+@functools.lru_cache(maxsize=64)
+def is_stable_everywhere(method: Method) -> bool:
+    """Whether |R| ≤ 1 + g on the whole left half-plane: A-stable.
+
+    The poles of R are 1 / λ of A, which lie on the right: `Method` takes no others.
+    """
+    if method.explicit:  # a polynomial
+        return False
+    P, Q = stability_polynomials(method)
+    square = (1 + GROWTH) ** 2
+    return not _positive_zeros(_trimmed(square * x - y for x, y in zip(_along_i(Q), _along_i(P), strict=True)))
+
+
+def _along_i(p: Polynomial) -> Polynomial:
+    """|p(iy)|² by powers of y²: the even powers of p(iy) p(−iy), whose odd ones are zero."""
+    turned = _product(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
+    return [(-1) ** k * x for k, x in enumerate(turned[::2])]
+
+
+def _positive_zeros(p: Polynomial) -> int:
+    """Number of zeros x > 0, by Sturm's sequence; p(0) ≠ 0."""
+    sequence = [p, [k * x for k, x in enumerate(p)][1:]]
+    while len(sequence[-1]) > 0:
+        sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
+    ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # the signs at 0 and at infinity
+    at_zero, at_infinity = (sum(x * y < 0 for x, y in pairwise(signs)) for signs in ends)
+    return at_zero - at_infinity
+
+
+def _remainder(p: Polynomial, q: Polynomial) -> Polynomial:
+    """The remainder of p / q times a positive number, with 1 or −1 in front."""
+    p = list(p)
+    while len(p) >= len(q):
+        factor, shift = p[-1] / q[-1], len(p) - len(q)
+        p = _trimmed(x - (factor * q[k - shift] if k >= shift else 0) for k, x in enumerate(p[:-1]))
+    return [x / abs(p[-1]) for x in p]
+
+
+def _trimmed(p: Iterable[Fraction]) -> Polynomial:
+    """Without zeros in front of the highest powers."""
+    found = list(p)
+    while found and found[-1] == 0:
+        found.pop()
+    return found
+
+
+def _determinant(A: Sequence[Sequence[Fraction]]) -> Polynomial:
+    """det(1 − zA) by Faddeev and Le Verrier: M_1 = 1, c_k = −tr(A M_k) / k, M_k+1 = A M_k + c_k 1."""
+    stages = range(len(A))
+    M, c = [[Fraction(i == j) for j in stages] for i in stages], [Fraction(1)]
+    for k in range(1, len(A) + 1):
+        columns = list(zip(*M, strict=True))
+        M = [[_dot(row, column) for column in columns] for row in A]
+        c.append(-sum((M[i][i] for i in stages), Fraction(0)) / k)
+        for i in stages:
+            M[i][i] += c[k]
+    return c
+
+
+def _product(p: Polynomial, q: Polynomial) -> Polynomial:
+    found = [Fraction(0)] * (len(p) + len(q) - 1)
+    for i, x in enumerate(p):
+        for k, y in enumerate(q):
+            found[i + k] += x * y
+    return found
+
+
+def _dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
+    return sum((a * b for a, b in zip(x, y, strict=True) if a), Fraction(0))
+
+
+def _square(p: Array, d: complex) -> Array:
+    """|p(xd)|² by powers of x."""
+    along = p * d ** np.arange(len(p))
+    return np.asarray(np.convolve(along, along.conj()).real)
+
+
+def _first_zero(p: Array) -> float:
+    """The smallest x > 0 with p(x) = 0, inf if there is none; where p only touches 0 rounding decides."""
+    zeros = np.roots(p[::-1])
+    return float(zeros[(zeros.imag == 0) & (zeros.real > 0)].real.min(initial=np.inf))
+
+
+def _float64(p: Polynomial) -> Array:
+    return np.array(p, dtype=np.float64)

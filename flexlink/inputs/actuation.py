@@ -1,0 +1,64 @@
+"""A scene's drive and prescribed motions as the arrays that the kernels read."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
+from flexlink.describe.conditions import Motion
+from flexlink.describe.scene import Scene
+from flexlink.inputs.drives import drive_arrays
+from flexlink.inputs.tip_wrench import wrench_table
+from flexlink.kernels.inputs.record import Inputs, MotionArrays
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+
+def input_arrays(scene: Scene, chain: Chain) -> Inputs:
+    """All that acts on a run of this scene from outside; errors as in the functions for the three."""
+    table = wrench_table(scene, chain)
+    wrench = scene.tip_wrench if table is None else np.full(6, np.nan)  # until a stage writes it
+    return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), wrench, table)
+
+
+def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
+    """The scene's prescribed motions; no joint at all if there is none.
+
+    Raises
+    ------
+    SceneError
+        An angle changes faster than float64 can hold.
+    """
+    joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
+    with np.errstate(all="ignore"):
+        pieces = [_pieces(motion) for motion in scene.motion]
+    for k, piece in enumerate(pieces):
+        if not np.isfinite(piece).all():
+            raise SceneError(f"motion[{k}].angle_deg: changes faster from one time to the next than float64 can hold")
+    knots = [np.array(motion.times) for motion in scene.motion]
+    return MotionArrays(
+        np.array(joints, dtype=np.int64),
+        np.cumsum([0, *map(len, knots)], dtype=np.int64),
+        np.concatenate([np.empty(0), *knots]),
+        np.concatenate([np.empty((0, 6)), *pieces]),
+    )
+
+
+@functools.lru_cache(maxsize=64)
+def _pieces(motion: Motion) -> Array:
+    """Quintic Hermite pieces, then one that goes on at the final rate; found once for all models of a scene."""
+    columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
+    pieces = np.zeros((len(motion.times), 6))
+    if len(motion.times) > 1:
+        from scipy.interpolate import BPoly, PPoly  # noqa: PLC0415  0.1 s that few scenes need
+
+        quintic = PPoly.from_bernstein_basis(BPoly.from_derivatives(motion.times, np.column_stack(columns)))
+        pieces[:-1] = quintic.c[::-1].T
+    pieces[-1, 0], pieces[-1, 1] = columns[0][-1], columns[1][-1]
+    pieces.flags.writeable = False
+    return pieces

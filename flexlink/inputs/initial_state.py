@@ -1,0 +1,91 @@
+"""Where a run starts: the initial state of a scene, in the order of its chain."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import given
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import SceneError
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import short
+from flexlink.dynamics.equilibrium import solve_static
+from flexlink.inputs.actuation import motion_arrays
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.kernels.inputs.drive_torque import follow
+
+Array = NDArray[np.float64]
+
+APART = 1e-9
+"""How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
+that was written with ten digits leaves."""
+
+
+def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
+    """Joint angles q0 [rad] and rates q̇0 [rad/s] with which a scene starts, in sequential order.
+
+    Parameters
+    ----------
+    scene
+        The scene; with initial.passive = "static" its hinges are bent by gravity and the tip wrench that it starts
+        under, the joints held.
+    chain
+        Its chain, from `lump`.
+
+    Returns
+    -------
+    tuple of ndarray
+        q0 and q̇0, shape (n,) each.
+
+    Raises
+    ------
+    ArgumentError
+        `scene` is no Scene, or `chain` no Chain.
+    SceneError
+        `initial.q` or `initial.qd` does not have n numbers, or is not where a prescribed motion is at `initial.time`.
+    ConvergenceError
+        passive = "static", and the arm finds no equilibrium.
+    """
+    initial = given("scene", scene, Scene).initial
+    given("chain", chain, Chain)
+    q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
+    qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
+    if initial.passive == "static" and len(chain.active) < chain.n:
+        wrench, follower = initial_wrench(scene, chain)
+        q = solve_static(chain, q, tip_wrench=wrench, follower=follower, locked=chain.active.tolist()).q
+    _check_followed(scene, chain, q, qd)
+    return q, qd
+
+
+def spread(chain: Chain, per_link: tuple[float, ...]) -> Array:
+    """Put one number per link on that link's active joint, 0 on passive hinges; shape (n,)."""
+    out = np.zeros(chain.n)
+    for k in chain.active.tolist():
+        out[k] = per_link[chain.coordinates[k].link - 1]
+    return out
+
+
+def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Array:
+    if numbers is None:
+        return otherwise
+    if len(numbers) != len(otherwise):
+        raise SceneError(f"initial.{name} = {short(numbers)}: expected one number per joint, {len(otherwise)}")
+    return np.array(numbers)
+
+
+def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
+    """The prescribed joints are where their motion is at the start."""
+    if not scene.motion:
+        return
+    motion = motion_arrays(scene, chain)
+    there = q.copy(), qd.copy()
+    follow(motion, scene.initial.time, *there, np.zeros(chain.n))
+    for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):
+        for k in motion.joints:
+            if abs(state[k] - wanted[k]) > APART * max(1.0, abs(wanted[k])):
+                joint = chain.joint_name(int(k))
+                raise SceneError(
+                    f"initial.{name}[{k}] = {state[k]!r}: joint {joint!r} follows its motion, which is at "
+                    f" {wanted[k]!r} {unit} at t = {scene.initial.time:g} s"
+                )

@@ -1,0 +1,54 @@
+"""What holds an arm along a reference: its driven joints where the reference is, its hinges bent by gravity."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.reference_trajectory import Course
+from flexlink.dynamics.equilibrium import solve_static
+from flexlink.dynamics.terms import gravity_torque
+from flexlink.inputs.references import ReferenceArrays
+
+Array = NDArray[np.float64]
+
+TURN = np.radians(8.0)
+"""A polynomial of the torque is for a turn of no more: of degree 5, it is then within 1e-6 of the largest torque."""
+NODES = np.linspace(0.0, 1.0, 6)
+TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
+
+
+def holding_torque(chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
+    """Torque of the driven joints with which the arm rests wherever its reference is, in the form of a reference [N m].
+
+    Polynomials through equilibria (`solve_static`), six to a piece, and as many pieces as its turn takes.
+
+    Raises
+    ------
+    ConvergenceError
+        Somewhere the arm has no equilibrium.
+    """
+    course = Course(*target)
+    knots = np.concatenate(
+        [*map(_divided, target.knots[:-1], target.knots[1:], target.coefficients[:-1]), target.knots[-1:]]
+    )
+    c, h = course.restated(knots), np.diff(knots, append=knots[-1] + 1.0)  # the last piece is constant
+    x = NODES * h[:, None]
+    angles = np.einsum("kjd,knj->knd", c, x[:, :, None] ** np.arange(c.shape[1]))
+    torques, q, moving = np.zeros_like(angles), np.zeros(chain.n), np.asarray(c[:, 1:].any(axis=(1, 2)))
+    for piece, moves in enumerate(moving):
+        for node in range(len(NODES) if moves else 1):
+            q[chain.active] = angles[piece, node]
+            if len(chain.active) < chain.n:
+                q = solve_static(chain, q, locked=chain.active.tolist()).q.copy()
+            torques[piece, node:] = gravity_torque(chain, q)[chain.active]
+    powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
+    powers[~moving, 1:] = 0.0
+    return ReferenceArrays(knots, powers)
+
+
+def _divided(start: float, end: float, c: Array) -> Array:
+    """Where the parts of a piece begin that turn no joint by more than `TURN`."""
+    farthest = (np.abs(c[1:]) * (end - start) ** np.arange(1, len(c))[:, None]).sum(axis=0).max(initial=0.0)
+    return np.linspace(start, end, max(1, int(np.ceil(farthest / TURN))), endpoint=False)

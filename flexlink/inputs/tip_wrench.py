@@ -1,0 +1,42 @@
+"""A scene's tip wrench as what the kernels read, and what acts at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
+from flexlink.inputs.interpolation import held_knots, pieces_of
+from flexlink.kernels.inputs.record import GivenWrench, WrenchTable, given_at
+
+Array = NDArray[np.float64]
+
+
+def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
+    """The scene's tip wrench if it is not constant in frame 0.
+
+    Raises
+    ------
+    SceneError
+        It changes by more than float64 can hold.
+    """
+    wrench = scene.wrench
+    if not wrench.varies:
+        return None
+    times = np.array(wrench.times or (0.0,))
+    tables = {"forces": wrench.forces or (wrench.force,), "moments": wrench.moments or (wrench.moment,)}
+    rows = {name: np.zeros((len(times), 3)) + table for name, table in tables.items()}
+    if wrench.times is None or wrench.hold:
+        knots, parts = held_knots(times), [table[:, None] for table in rows.values()]
+    else:
+        knots = times
+        parts = [pieces_of(f"wrench.{name}", times, table, smooth=wrench.smooth) for name, table in rows.items()]
+    coefficients = np.ascontiguousarray(np.concatenate(parts, axis=2))
+    return WrenchTable(wrench.frame == "tip", knots, coefficients, chain.arrays)
+
+
+def initial_wrench(scene: Scene, chain: Chain) -> GivenWrench:
+    """The wrench that a scene starts under; errors as in `wrench_table`."""
+    table = wrench_table(scene, chain)
+    return GivenWrench(scene.tip_wrench, False) if table is None else given_at(table, scene.initial.time)

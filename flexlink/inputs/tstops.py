@@ -1,0 +1,93 @@
+"""Times of a drive, or of a table, at which steps of any length end: none passes by what happens between its stages."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.inputs.drives import Drive
+from flexlink.kernels.inputs.drive_torque import SampledLaw
+from flexlink.kernels.inputs.law_pd import PdLaw
+from flexlink.kernels.inputs.law_table import TableLaw
+from flexlink.kernels.inputs.record import WrenchTable
+
+Array = NDArray[np.float64]
+
+LINEAR = 2
+"""Coefficients of a piece of a table that is not smooth."""
+
+
+def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
+    """Times [s] between which what is given in time is smooth: a table's landings, or knots; instants apart."""
+    if isinstance(given, SampledLaw):
+        return np.empty(0)
+    if isinstance(given, TableLaw | WrenchTable):
+        return landings(given, part)
+    return np.concatenate([given.reference.knots, given.gravity.knots if isinstance(given, PdLaw) else []])
+
+
+def corners(given: Drive | WrenchTable) -> Array:
+    """Knots [s] of what is given in time at which fixed steps end, too; instants apart."""
+    if isinstance(given, SampledLaw):
+        return np.empty(0)
+    if isinstance(given, TableLaw | WrenchTable):
+        return np.empty(0) if given.coefficients.shape[1] > LINEAR else np.asarray(given.knots)
+    return np.asarray(given.reference.knots)
+
+
+def instants(drive: Drive | None, start: float, end: float) -> Array:
+    """When a sampled law is asked [s], from the first time to the last; none of another one."""
+    if not isinstance(drive, SampledLaw):
+        return np.empty(0)
+    first, last = (round(t * drive.rate) for t in (start, end))
+    return np.asarray(np.arange(first, last + 1) / drive.rate)
+
+
+def landings(table: TableLaw | WrenchTable, part: float) -> Array:
+    """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
+
+    What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are
+    taken for one whatever they are: no blow of theirs falls between the stages of one step. Pieces are then put
+    together by twos, fours, eights, … as long as the cubic polynomial with the values and slopes of both ends runs
+    through all of their knots and midpoints.
+    """
+    knots, given = table.knots, table.coefficients
+    c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # held torques have a slope, too: none
+    x = np.diff(knots)[:, None]
+    powers = np.arange(c.shape[1])[:, None, None]
+    middles = (c[:-1].transpose(1, 0, 2) * (0.5 * x) ** powers).sum(axis=0)
+    slopes = c[:-1, 1], (powers[1:] * c[:-1, 1:].transpose(1, 0, 2) * x ** powers[:-1]).sum(axis=0)  # at both ends
+    t, values = interleaved(knots, knots[:-1] + 0.5 * x[:, 0]), interleaved(c[:, 0], middles)
+    allowed, lands = part * np.abs(c[:, 0]).max(axis=0, initial=0.0), np.ones(len(knots), dtype=bool)
+    size = 2  # pieces of a block
+    if given.shape[1] > LINEAR:
+        lands[1:-1:2], size = False, 4
+    while size < len(knots):
+        blocks = (len(knots) - 1) // size
+        a = size * np.arange(blocks)
+        points = 2 * a[:, None] + np.arange(2 * size)
+        ends = values[2 * a], values[2 * (a + size)], slopes[0][a], slopes[1][a + size - 1]
+        off = np.abs(values[points] - hermite(t[points], t[2 * a], t[2 * (a + size)], ends)).max(axis=1)
+        halves = lands[a[:, None] + np.arange(1, size)].sum(axis=1) == 1
+        together = halves & (off <= allowed).all(axis=1)
+        if not together.any():
+            break
+        lands[a[together] + size // 2] = False
+        size *= 2
+    return knots[lands]
+
+
+def interleaved(ends: Array, middles: Array) -> Array:
+    """First end, first middle, second end, …, last end."""
+    both = np.empty((2 * len(ends) - 1, *ends.shape[1:]))
+    both[::2], both[1::2] = ends, middles
+    return both
+
+
+def hermite(t: Array, a: Array, b: Array, ends: tuple[Array, ...]) -> Array:
+    """Cubic polynomials with the values and slopes (blocks, d) at times a and b (blocks,), at t (blocks, points)."""
+    length = (b - a)[:, None, None]
+    x = (t - a[:, None])[:, :, None] / length
+    start, end, rise, fall = (value[:, None] for value in ends)
+    step = x * x * (3.0 - 2.0 * x)
+    return start + step * (end - start) + length * x * (1.0 - x) * ((1.0 - x) * rise - x * fall)

@@ -1,0 +1,34 @@
+"""Kinetic, gravity and elastic energy, body by body: an independent road beside ½ q̇ᵀ M q̇."""
+
+from flexlink.kernels.bodies.kinematics import forward_kinematics
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cross, dot, scale, sub, vector
+
+
+@kernel
+def energies(chain, q, qd):
+    """T = Σ ½ m v² + ½ ω·Iω + ½ armature q̇²,  V_g = −Σ m g·p_c,  V_e = Σ ½ k (θ − θ₀)² [J]; V_g = 0 at the base."""
+    return energies_of(chain, q, qd, forward_kinematics(chain, q))
+
+
+@recursion
+def energies_of(chain, q, qd, placed):
+    """The same where `kinematics` has been."""
+    bodies, hinges = chain.bodies, chain.hinges
+    rotations, points, axes = placed.rotations, placed.points, placed.axes
+    kinetic, gravity, elastic = 0.0, 0.0, 0.0
+    ω, v, p = ZERO, ZERO, ZERO
+    for i in range(len(bodies)):
+        b = bodies[i]
+        v = add(v, cross(ω, sub(vector(points[i]), p)))
+        p = vector(points[i])
+        for k in range(b.first, b.stop):
+            ω = add(ω, scale(qd[k], vector(axes[k])))
+            kinetic += 0.5 * hinges[k].armature * qd[k] ** 2
+            elastic += 0.5 * hinges[k].stiffness * (q[k] - hinges[k].rest) ** 2
+        lever = apply(rotations[i], vector(b.center))
+        v_center = add(v, cross(ω, lever))
+        ω_body = apply_transposed(rotations[i], ω)
+        kinetic += 0.5 * b.mass * dot(v_center, v_center) + 0.5 * dot(ω_body, apply(b.inertia, ω_body))
+        gravity -= b.mass * dot(vector(chain.gravity), add(p, lever))
+    return kinetic, gravity, elastic

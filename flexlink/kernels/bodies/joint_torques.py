@@ -1,0 +1,77 @@
+"""Torques of the joints themselves: springs and friction."""
+
+import math
+
+import numpy as np
+
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import at, put_at, tanh, zero_of
+
+
+@recursion
+def elastic(hinge, angle):
+    """T_FL = k (θ − θ₀) of one hinge."""
+    return hinge.stiffness * (angle - hinge.rest)
+
+
+@recursion
+def friction(hinge, rate):
+    """T_FR = d q̇ + c tanh(q̇ / w) of one hinge."""
+    torque = hinge.damping * rate
+    if hinge.coulomb > 0.0:
+        torque += hinge.coulomb * math.tanh(rate / hinge.coulomb_width)
+    return torque
+
+
+STIFFNESS, REST, DAMPING, COULOMB, WIDTH = range(5)
+JOINT = 5  # numbers of a joint at the head of a row, as `smooth_torques` and `take_off_dry_friction` read them
+
+
+@kernel
+def put_joint(rows, k, hinge):
+    """Copy k, θ₀, d, c, w to the head of row `k`."""
+    rows[k, STIFFNESS], rows[k, REST], rows[k, DAMPING] = hinge.stiffness, hinge.rest, hinge.damping
+    rows[k, COULOMB], rows[k, WIDTH] = hinge.coulomb, hinge.coulomb_width
+
+
+@kernel
+def dry_joints(coulomb):
+    """Indices of the joints whose dry torque is not zero: the others save a tanh."""
+    count = 0
+    dry = np.empty(len(coulomb), np.int64)
+    for k in range(len(coulomb)):
+        if coulomb[k] > 0.0:
+            dry[count] = k
+            count += 1
+    return dry[:count].copy()
+
+
+@kernel
+def given_joints(hinges):
+    """Which joints have prescribed motion, as (n,) of bool."""
+    given = np.empty(len(hinges), np.bool_)
+    for k in range(len(hinges)):
+        given[k] = hinges[k].prescribed
+    return given
+
+
+@inlined
+def smooth_torques(rows, k, angle, rate, torque):
+    """T_EX − d q̇ of joint `k`, or of eight side by side, whose power is work; and with the spring, − k (θ − θ₀)."""
+    working = torque - at(rows, k, DAMPING) * rate
+    return working, working - at(rows, k, STIFFNESS) * (angle - at(rows, k, REST))
+
+
+@recursion
+def take_off_dry_friction(rows, dry, qd, net):
+    """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly.
+
+    Returns the power that it takes [W].
+    """
+    power = zero_of(qd)
+    for i in range(len(dry)):
+        k = dry[i]
+        torque = at(rows, k, COULOMB) * tanh(at(qd, k) / at(rows, k, WIDTH))
+        put_at(rows, at(rows, k, net) - torque, k, net)
+        power += at(qd, k) * torque
+    return power

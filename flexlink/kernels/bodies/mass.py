@@ -1,0 +1,216 @@
+"""Mass matrix four ways: the three methods of Walker & Orin (1982) that the paper names, and composite bodies.
+
+columns     every column is an inverse dynamics with one unit acceleration and without all that is then zero
+lower       the same, inward to the moving joint only: the part of the column on and below the diagonal
+upper       the bodies beyond the joint move as one rigid body: the part on and above the diagonal, in body frames
+composite   the same bodies in inertial axes: a row needs only the joints' axes and points (Featherstone 2008, 6.2)
+
+All write M (n, n) and return its trace.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics, kinematics_workspace
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.sym3 import (
+    ZERO6,
+    point_inertia,
+    product_inertia,
+    sym_add,
+    sym_apply,
+    sym_rotate,
+    sym_turn,
+    symmetric,
+)
+from flexlink.kernels.tools.vec3 import (
+    ZERO,
+    add,
+    apply,
+    apply_transposed,
+    cos_sin,
+    cross,
+    dot,
+    put,
+    scale,
+    sub,
+    turn,
+    unit,
+    vector,
+)
+
+
+@inlined
+def trace(M):
+    """Σ M_kk, finite if M is: |M_jk|² ≤ M_jj M_kk."""
+    total = 0.0
+    for k in range(len(M)):
+        total += M[k, k]
+    return total
+
+
+@kernel
+def turns_of(q):
+    """Cosine and sine of every hinge, (n, 2)."""
+    turns = np.empty((len(q), 2))
+    for k in range(len(q)):
+        turns[k, 0], turns[k, 1] = cos_sin(q[k])
+    return turns
+
+
+@recursion
+def column(chain, start, j, last, M, turns, loads):
+    """Column j of M, rows n − 1 … `last`: Newton-Euler with q̈_j = 1, hinge j on body `start`, and nothing else.
+
+    What is zero is not there: gravity, rates and with them gyroscopic terms, springs, the tip wrench, and whatever lies
+    inward of hinge j, which is at rest. `turns` are those of q; `loads` is scratch, force and moment of every body.
+    """
+    bodies, hinges = chain.bodies, chain.hinges
+    α, a = unit(hinges[j].axis), ZERO
+    for i in range(start, len(bodies)):
+        b = bodies[i]
+        first = j + 1
+        if i > start:
+            first = b.first
+            a = add(a, cross(α, vector(b.translation)))
+            if b.turned:
+                α, a = apply_transposed(b.rotation, α), apply_transposed(b.rotation, a)
+        for k in range(first, b.stop):
+            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
+            α, a = turn(axis, c, -s, α), turn(axis, c, -s, a)
+        F = scale(b.mass, add(a, cross(α, vector(b.center))))
+        put(loads[i, 0], F)
+        put(loads[i, 1], add(apply(b.inertia, α), cross(vector(b.center), F)))
+    f, n = ZERO, ZERO
+    for i in range(len(bodies) - 1, -1, -1):
+        b = bodies[i]
+        if i >= start:
+            f, n = add(f, vector(loads[i, 0])), add(n, vector(loads[i, 1]))
+        for k in range(b.stop - 1, max(b.first, last) - 1, -1):
+            axis, c, s = hinges[k].axis, turns[k, 0], turns[k, 1]
+            M[k, j] = n[axis]
+            f, n = turn(axis, c, s, f), turn(axis, c, s, n)
+        if b.first <= last:
+            break
+        if b.turned:
+            f, n = apply(b.rotation, f), apply(b.rotation, n)
+        n = add(n, cross(vector(b.translation), f))
+    M[j, j] += hinges[j].armature
+
+
+@kernel
+def mass_columns(chain, q, M):
+    """M by n columns (Walker-Orin method 1)."""
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    for start in range(len(chain.bodies)):
+        for j in range(chain.bodies[start].first, chain.bodies[start].stop):
+            column(chain, start, j, 0, M, turns, loads)
+    return trace(M)
+
+
+@kernel
+def mass_lower(chain, q, M):
+    """M by columns from the diagonal down (Walker-Orin method 2)."""
+    turns, loads = turns_of(q), np.empty((len(chain.bodies), 2, 3))
+    for start in range(len(chain.bodies)):
+        for j in range(chain.bodies[start].first, chain.bodies[start].stop):
+            column(chain, start, j, j, M, turns, loads)
+            for k in range(j + 1, len(q)):
+                M[j, k] = M[k, j]
+    return trace(M)
+
+
+@kernel
+def mass_upper(chain, q, M):
+    """M by composite bodies in body frames (Walker-Orin method 3): the column above the diagonal, inward."""
+    bodies, hinges, turns = chain.bodies, chain.hinges, turns_of(q)
+    m, h, J = 0.0, ZERO, ZERO6  # mass, first moment, inertia of all bodies from here on, about the hinge point
+    for start in range(len(bodies) - 1, -1, -1):
+        b = bodies[start]
+        c = vector(b.center)
+        m += b.mass
+        h = add(h, scale(b.mass, c))
+        J = sym_add(J, sym_add(symmetric(b.inertia), point_inertia(b.mass, c)))
+        for j in range(b.stop - 1, b.first - 1, -1):
+            axis = hinges[j].axis
+            f = cross(unit(axis), h)
+            n = sym_apply(J, unit(axis))
+            k = j
+            for i in range(start, -1, -1):
+                while k >= bodies[i].first:
+                    M[k, j] = M[j, k] = n[hinges[k].axis]
+                    c, s = turns[k, 0], turns[k, 1]
+                    f, n = turn(hinges[k].axis, c, s, f), turn(hinges[k].axis, c, s, n)
+                    k -= 1
+                if bodies[i].turned:
+                    f, n = apply(bodies[i].rotation, f), apply(bodies[i].rotation, n)
+                n = add(n, cross(vector(bodies[i].translation), f))
+            M[j, j] += hinges[j].armature
+            c, s = turns[j, 0], turns[j, 1]
+            h = turn(axis, c, s, h)
+            J = sym_turn(axis, c, s, J)
+        if b.turned:
+            h = apply(b.rotation, h)
+            J = sym_rotate(b.rotation, J)
+        r = vector(b.translation)
+        J = sym_add(J, sym_add(product_inertia(h, r), point_inertia(m, r)))
+        h = add(h, scale(m, r))
+    return trace(M)
+
+
+class CompositeWork(NamedTuple):
+    """Scratch of `composite`."""
+
+    placed: KinematicsWork
+    pivots: Any  # hinge point of every hinge
+
+
+@kernel
+def composite_workspace(chain):
+    """Scratch of `composite` for a chain."""
+    return CompositeWork(kinematics_workspace(chain), np.empty((len(chain.hinges), 3)))
+
+
+@kernel
+def mass_composite(chain, q, M):
+    """M by composite bodies in inertial axes."""
+    composite(chain, q, M, composite_workspace(chain))
+    return trace(M)
+
+
+@recursion
+def composite(chain, q, M, work):
+    """M by composite bodies in inertial axes.
+
+    With mass m, centre C and inertia J of all bodies beyond hinge k at p_k, unit acceleration about its axis gives
+    f = m axis_k × (C − p_k),  n = J axis_k + (C − p_k) × f,  and  M_jk = axis_j · (n + (p_k − p_j) × f),  j ≤ k.
+    """
+    bodies, hinges = chain.bodies, chain.hinges
+    kinematics(chain, q, work.placed)
+    rotations, points, axes, pivots = work.placed.rotations, work.placed.points, work.placed.axes, work.pivots
+    for i in range(len(bodies)):
+        for k in range(bodies[i].first, bodies[i].stop):
+            put(pivots[k], vector(points[i]))
+    m, C, J = 0.0, ZERO, ZERO6
+    for i in range(len(bodies) - 1, -1, -1):
+        b = bodies[i]
+        p = vector(points[i])
+        J = sym_add(J, sym_rotate(rotations[i], symmetric(b.inertia)))
+        if b.mass > 0.0:
+            d = sub(add(p, apply(rotations[i], vector(b.center))), C)
+            J = sym_add(J, point_inertia(m * b.mass / (m + b.mass), d))
+            m += b.mass
+            C = add(C, scale(b.mass / m, d))
+        for k in range(b.stop - 1, b.first - 1, -1):
+            axis = vector(axes[k])
+            lever = sub(C, p)
+            f = scale(m, cross(axis, lever))
+            n = add(sym_apply(J, axis), cross(lever, f))
+            for j in range(k + 1):
+                n_j = add(n, cross(sub(p, vector(pivots[j])), f))
+                M[k, j] = dot(vector(axes[j]), n_j)
+            M[k, k] += hinges[k].armature
+    for k in range(len(hinges)):
+        for j in range(k):
+            M[j, k] = M[k, j]

@@ -1,0 +1,87 @@
+"""Recursive Newton-Euler in a plane: the torques of a given motion, on the constants of `planar`.
+
+Inertial axes, absolute angles, rates and accelerations φ, ω, α; a of the hinge point; d = r turned by 90°, h = m c
+turned by 90°; I about the hinge point. A body's centre accelerates by a + (α h − ω² m c) / m, so that
+
+    forward     φ ← φ + σ q        ω ← ω + σ q̇        α ← α + σ q̈
+    body        F = m a + α h − ω² m c        N = I α + h·a            about the hinge point
+                a ← a + α d − ω² r
+    backward    n ← n + N + d·f        f ← f + F        τ = σ n + A q̈
+
+No turning of vectors from frame to frame, no products with zeros of the third axis: a quarter of the cost of
+`rne`.
+"""
+
+from flexlink.kernels.bodies.plane import (
+    ARMATURE,
+    DX,
+    DY,
+    GRAVITY,
+    INERTIA,
+    MASS,
+    NORMAL,
+    RX,
+    RY,
+    SIGN,
+    SX,
+    SY,
+    UX,
+    UY,
+    cos_sin_less_turns,
+    in_plane,
+)
+from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.lanes import vec
+from flexlink.kernels.tools.sincos import cos_sin_all
+from flexlink.kernels.tools.vec3 import dot, scale
+
+FX, FY = UX, UY  # of the numbers of a link, here the force F
+
+
+@recursion
+def planar_rne(wrench, q, qd, qdd, tau, work):
+    """Write τ = M q̈ + T_GC, all (n,), with tip wrench (6,), on scratch of `planar`.
+
+    Returns the power m·ω of the moment on the tip [W].
+    """
+    base, links, trig = work.base, work.links, work.trig
+    φ = ω = 0.0
+    for k in range(len(q)):
+        φ += links[k, SIGN] * q[k]
+        ω += links[k, SIGN] * qd[k]
+        trig[0, k] = φ
+    if cos_sin_all(trig[0], trig[1], trig[2]):
+        cos_sin_less_turns(q, links, trig, trig[0])
+    forward(base, links, trig[1], trig[2], qd, qdd, tau)
+    backward(base, links, wrench, qdd, tau)
+    return ω * dot(vec(base, NORMAL), vec(wrench, 3))
+
+
+@inlined
+def forward(base, links, cosines, sines, qd, qdd, tau):
+    """Keep d and F of every body in its row, N in `tau`."""
+    ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
+    ω = α = 0.0
+    for k in range(len(qd)):
+        c, s, σ, m = cosines[k], sines[k], links[k, SIGN], links[k, MASS]
+        rx, ry, sx, sy = links[k, RX], links[k, RY], links[k, SX], links[k, SY]
+        ω += σ * qd[k]
+        α += σ * qdd[k]
+        w = ω * ω
+        dx, dy = -s * rx - c * ry, c * rx - s * ry
+        hx, hy = -s * sx - c * sy, c * sx - s * sy
+        links[k, DX], links[k, DY] = dx, dy
+        links[k, FX], links[k, FY] = m * ax + α * hx - w * hy, m * ay + α * hy + w * hx
+        tau[k] = links[k, INERTIA] * α + hx * ax + hy * ay
+        ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
+
+
+@inlined
+def backward(base, links, wrench, qdd, tau):
+    """Moments at the hinge points, of each body and all beyond it, less those of the wrench on the tip."""
+    fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
+    n = -dot(vec(base, NORMAL), vec(wrench, 3))
+    for k in range(len(qdd) - 1, -1, -1):
+        n += tau[k] + links[k, DX] * fx + links[k, DY] * fy
+        fx, fy = fx + links[k, FX], fy + links[k, FY]
+        tau[k] = links[k, SIGN] * n + links[k, ARMATURE] * qdd[k]

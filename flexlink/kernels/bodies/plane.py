@@ -1,0 +1,143 @@
+"""Constants of a chain in a plane, or of eight chains side by side: its links in inertial axes, projected once.
+
+Read by the plane's recursions: forward dynamics (`planar`), inverse dynamics (`planar_rne`), M + A and derivatives.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.joint_torques import (
+    COULOMB,
+    JOINT,
+    dry_joints,
+    given_joints,
+    put_joint,
+)
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
+from flexlink.kernels.tools.sincos import cos_sin_all, less_whole_turns
+from flexlink.kernels.tools.sym3 import sym_apply, symmetric
+from flexlink.kernels.tools.vec3 import (
+    ZERO,
+    X,
+    Y,
+    Z,
+    add,
+    add_scaled,
+    cross,
+    dot,
+    pick,
+    place,
+    place_axes,
+    put,
+    scale,
+    unit,
+    vector,
+)
+
+# Numbers of a link, after those of its joint. Fixed: σ, rotor A, mass, I about the hinge point, r to the next hinge (of
+# the last link to the tip) and m c at q = 0. Of the state: ω², τ, d, H / D, T / D, A / D, 1 − A / D.
+SIGN, ARMATURE, MASS, INERTIA, RX, RY, SX, SY, RATE2, TORQUE, DX, DY, UX, UY, ALPHA, BETA, GAMMA = range(
+    JOINT, JOINT + 17
+)
+SIZE = JOINT + 17
+# Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0.
+U, V, NORMAL, GRAVITY = 0, 3, 6, 9
+
+
+class PlanarWork(NamedTuple):
+    """Scratch of `planar`, with the constants of a chain, or of eight."""
+
+    base: Any
+    links: Any
+    given: Any
+    dry: Any
+    flat: Any  # angles, cosines and sines, for the loop over all of them
+    trig: Any  # the same memory, for the links
+
+
+@kernel
+def planar_workspace(bodies, hinges, gravity):
+    """Scratch of `planar` with the chain's constants."""
+    n = len(hinges)
+    base, links = np.zeros(12), np.zeros((n, SIZE))
+    put(base[GRAVITY:], vector(gravity))
+    x, y, z = X, Y, Z
+    to_body = ZERO  # from the hinge of the present link to the present body's origin
+    k = -1
+    for i in range(len(bodies)):
+        b = bodies[i]
+        to_body = add(to_body, place(vector(b.translation), x, y, z))
+        x, y, z = place_axes(b.rotation, x, y, z)
+        if k >= 0:
+            links[k, RX], links[k, RY] = in_plane(base, to_body)
+        for j in range(b.first, b.stop):
+            axis = pick(hinges[j].axis, x, y, z)
+            if k < 0:
+                span_plane(axis, base)
+            k, to_body = j, ZERO
+            links[k, SIGN] = np.sign(dot(axis, vec(base, NORMAL)))
+            put_joint(links, k, hinges[k])
+            links[k, ARMATURE] = hinges[k].armature
+        if k >= 0:
+            cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
+            normal = (dot(x, vec(base, NORMAL)), dot(y, vec(base, NORMAL)), dot(z, vec(base, NORMAL)))
+            links[k, MASS] += b.mass
+            links[k, SX] += b.mass * cx
+            links[k, SY] += b.mass * cy
+            links[k, INERTIA] += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
+    trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
+    return PlanarWork(base, links, given_joints(hinges), dry_joints(links[:, COULOMB]), trig, trig)
+
+
+@kernel
+def planar_lanes_workspace(bodies, hinges, gravity):
+    """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3)."""
+    n = hinges.shape[1]
+    base, links, coulomb = np.empty((12, LANES)), np.empty((n, SIZE, LANES)), np.zeros(n)
+    trig = np.empty((3, n * LANES))
+    for lane in range(LANES):
+        one = planar_workspace(bodies[lane], hinges[lane], gravity[lane])
+        for j in range(12):
+            base[j, lane] = one.base[j]
+        for k in range(n):
+            coulomb[k] += hinges[lane, k].coulomb
+            for j in range(SIZE):
+                links[k, j, lane] = one.links[k, j]
+    trig_lanes = trig.reshape(3, n, LANES)
+    return PlanarWork(base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
+
+
+@kernel
+def span_plane(normal, base):
+    """Write u, v and normal; u and v are coordinate axes if they can be."""
+    least = 0
+    for k in range(1, 3):
+        if abs(normal[k]) < abs(normal[least]):
+            least = k
+    u = add_scaled(unit(least), -normal[least], normal)
+    u = scale(1.0 / math.sqrt(dot(u, u)), u)
+    put(base[U:], u)
+    put(base[V:], cross(normal, u))
+    put(base[NORMAL:], normal)
+
+
+@inlined
+def in_plane(base, a):
+    """Components of a along u and v."""
+    return dot(vec(base, U), a), dot(vec(base, V), a)
+
+
+@recursion
+def cos_sin_less_turns(q, links, flat, angles):
+    """Cosines and sines once more, of sums of joint angles less whole turns; `angles` is the memory of `flat[0]`."""
+    for k in range(len(q)):
+        put_at(angles, at(q, k), k)
+    less_whole_turns(flat[0])
+    φ = zero_of(q)
+    for k in range(len(q)):
+        φ += at(links, k, SIGN) * at(angles, k)
+        put_at(angles, φ, k)
+    cos_sin_all(flat[0], flat[1], flat[2])

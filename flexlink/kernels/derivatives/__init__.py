@@ -1,0 +1,1 @@
+"""Derivatives of the equation of motion, and of runs."""

@@ -1,0 +1,308 @@
+"""Slopes of inverse dynamics along all angles, rates and accelerations, O(n²) (Carpentier & Mansard 2018; Singh,
+Russell & Wensing 2022), in axes of frame 0 and with moments about the hinge points.
+
+A turn of hinge j carries all bodies beyond it along. Seen from them, what comes from before hinge j turns the other
+way, and so does what keeps its direction in frame 0, gravity and the tip wrench w = (F, m). With ω, α, a (a − g of the
+hinge point p_j) before hinge j, a material point x beyond it is asked for the further acceleration
+
+    δa(x) = δa_j + η_j × (x − p_j) + 2 δω_j × (v_x − v_j)
+
+    along q_j       δa_j = a × e_j      δω_j = ω × e_j      η_j = α × e_j + ω × δω_j      δF = F × e_j      δm = m × e_j
+    along q̇_j       δa_j = 0            δω_j = e_j          η_j = 2 ω × e_j
+    along q̈_j       δa_j = 0            δω_j = 0            η_j = e_j
+
+What all bodies beyond hinge i demand for it at p_i, with u = v_x − v_i and ρ = x − p_i, follows from their composite
+
+    m       s = Σ m ρ       I = Σ m (ρ·ρ 1 − ρ ρᵀ)       P = Σ m u       G = Σ m u ρᵀ
+    δf_i = m δa + η × s + 2 δω × P                δn_i = s × δa + I η + 2 (tr G δω − G δω)           (δa at p_i)
+
+and so do the slopes of the torques outward of the joint that moves, j ≤ i, and inward of it:
+
+    ∂τ_i/∂q_j = e_i·(δn_i − δm_j − d_i × δF_j)        d_i = p_tip − p_i
+    ∂τ_j/∂q_i = e_j·(n* + (p_i − p_j) × f*)           f* = δf_i − δF_i + e_i × f_i
+                                                      n* = δn_i − δm_i − d_i × δF_i + e_i × n_i
+
+with f_i, n_i the force and moment that hinge i transmits; a rate turns nothing, its inner slopes lack the last terms. A
+follower wrench turns with the arm: δF = δm = 0. Eight joints j go side by side (`lanes`).
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.lanes import LANES, put_at, put_vec_of, vec_of
+from flexlink.kernels.tools.sym3 import (
+    ZERO6,
+    point_inertia,
+    product_inertia,
+    sym_add,
+    sym_apply,
+    sym_from_axes,
+    symmetric,
+)
+from flexlink.kernels.tools.vec3 import (
+    ZERO,
+    X,
+    Y,
+    Z,
+    add,
+    add_scaled,
+    cos_sin,
+    cross,
+    dot,
+    pick,
+    place,
+    place_axes,
+    scale,
+    sub,
+    turn_axes,
+    vector,
+)
+
+# Numbers of a hinge: e, p, v, then what a turn of it asks for: δa, η, δω, δF, δm.
+E, POINT, RATE, TURNED_A, ETA, TURNED_OMEGA, TURNED_FORCE, TURNED_MOMENT, HINGE = range(0, 27, 3)
+# Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point,
+# and p and v of this point.
+R, MOMENT, OMEGA, FORCE, TURNING, INERTIA, PLACE, SPEED, BODY = 0, 3, 6, 9, 12, 15, 21, 24, 27
+
+
+class MotionWork(NamedTuple):
+    """What `outward` writes, in frame 0."""
+
+    hinges: Any  # (⌈n/8⌉, HINGE, 8)
+    bodies: Any  # (bodies, BODY)
+
+
+class InverseSlopesWork(NamedTuple):
+    """What `inverse_slopes` writes, ∂τ_i/∂x_j at [i, j // 8, j % 8], 0 beyond column n − 1."""
+
+    by_angle: Any  # (n, ⌈n/8⌉, 8)
+    by_rate: Any
+    by_acceleration: Any  # M
+    by_angle_inner: Any  # ∂τ_j/∂x_i, j < i, before they are mirrored
+    by_rate_inner: Any
+    motion: MotionWork
+
+
+@kernel
+def motion_workspace(chain):
+    """Scratch of `outward` for a chain."""
+    return MotionWork(np.zeros((-(-len(chain.hinges) // LANES), HINGE, LANES)), np.empty((len(chain.bodies), BODY)))
+
+
+@kernel
+def slopes_workspace(chain):
+    """Scratch of `inverse_slopes` for a chain."""
+    n = len(chain.hinges)
+    slopes = np.empty((5, n, -(-n // LANES), LANES))
+    return InverseSlopesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
+
+
+class Arrays(NamedTuple):
+    """A chain's arrays, as `outward` takes them."""
+
+    bodies: Any
+    hinges: Any
+    gravity: Any
+
+
+@kernel
+def all_inverse_slopes(bodies, hinges, gravity, wrench, q, qd, qdd, found):
+    """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
+
+    The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
+    """
+    chain = Arrays(bodies, hinges, gravity)
+    work = slopes_workspace(chain)
+    inverse_slopes(chain, wrench, False, q, qd, qdd, work)
+    keep_rows(work.by_angle, found[0])
+    keep_rows(work.by_rate, found[1])
+    keep_rows(work.by_acceleration, found[2])
+    return is_finite(found.reshape(-1))
+
+
+@kernel
+def keep_rows(slopes, found):
+    """Copy slopes by blocks of eight to a matrix."""
+    for i in range(len(found)):
+        row = slopes[i].reshape(-1)
+        for j in range(len(found)):
+            found[i, j] = row[j]
+
+
+@recursion
+def inverse_slopes(chain, wrench, follower, q, qd, qdd, work):
+    """Write the slopes of τ = M q̈ + T_GC at q, q̇, q̈ (n,); wrench (6,) in frame 0, or, a follower, in tip axes."""
+    force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
+    inward(chain, force, moment, work)
+    mirror(work.by_angle, work.by_angle_inner)
+    mirror(work.by_rate, work.by_rate_inner)
+    mirror(work.by_acceleration, work.by_acceleration)
+
+
+@recursion
+def outward(chain, wrench, follower, q, qd, qdd, solved, work):
+    """Motion of the bodies, and what a turn of each hinge asks for; returns force and moment of the wrench, frame 0.
+
+    `solved`: α and a of the bodies (bodies, 6) where forward dynamics has found them, or None. Light segments may
+    have q̈ of which a heavy body beyond sees but a small difference: as a sum of q̈ its α would lose digits.
+    """
+    rows = work.bodies
+    force, moment = vector(wrench), (wrench[3], wrench[4], wrench[5])
+    dead = 0.0 if follower else 1.0
+    x, y, z = X, Y, Z
+    p = v = ω = α = ZERO
+    a = scale(-1.0, vector(chain.gravity))
+    for i in range(len(chain.bodies)):
+        b = chain.bodies[i]
+        r = place(vector(b.translation), x, y, z)
+        u = cross(ω, r)
+        p, v, a = add(p, r), add(v, u), add(a, add(cross(α, r), cross(ω, u)))
+        if solved is not None:
+            a = vec_of(solved, i, 3)
+        if b.turned:
+            x, y, z = place_axes(b.rotation, x, y, z)
+        for k in range(b.first, b.stop):
+            axis = chain.hinges[k].axis
+            e = pick(axis, x, y, z)
+            δω = cross(ω, e)
+            put_of_hinge(work.hinges, k, E, e)
+            put_of_hinge(work.hinges, k, POINT, p)
+            put_of_hinge(work.hinges, k, RATE, v)
+            put_of_hinge(work.hinges, k, TURNED_A, cross(a, e))
+            put_of_hinge(work.hinges, k, ETA, add(cross(α, e), cross(ω, δω)))
+            put_of_hinge(work.hinges, k, TURNED_OMEGA, δω)
+            put_of_hinge(work.hinges, k, TURNED_FORCE, scale(dead, cross(force, e)))
+            put_of_hinge(work.hinges, k, TURNED_MOMENT, scale(dead, cross(moment, e)))
+            ω, α = add_scaled(ω, qd[k], e), add_scaled(add_scaled(α, qdd[k], e), qd[k], δω)
+            c, s = cos_sin(q[k])
+            x, y, z = turn_axes(axis, c, s, x, y, z)
+        if solved is not None:
+            α = vec_of(solved, i, 0)
+        center = place(vector(b.center), x, y, z)
+        mc = scale(b.mass, center)
+        I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
+        put_vec_of(rows, r, i, R)
+        put_vec_of(rows, p, i, PLACE)
+        put_vec_of(rows, v, i, SPEED)
+        put_vec_of(rows, mc, i, MOMENT)
+        put_vec_of(rows, ω, i, OMEGA)
+        put_vec_of(rows, add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc)))), i, FORCE)
+        put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, TURNING)
+        put_vec_of(rows, (I[0], I[1], I[2]), i, INERTIA)
+        put_vec_of(rows, (I[3], I[4], I[5]), i, INERTIA + 3)
+    if follower:
+        return place(force, x, y, z), place(moment, x, y, z)
+    return force, moment
+
+
+@inlined
+def put_of_hinge(rows, k, first, a):
+    """Write a 3-vector of hinge `k`."""
+    block, lane = k // LANES, k % LANES
+    rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane] = a
+
+
+@inlined
+def of_hinge(rows, k, first):
+    """Read it."""
+    block, lane = k // LANES, k % LANES
+    return rows[block, first, lane], rows[block, first + 1, lane], rows[block, first + 2, lane]
+
+
+@inlined
+def spin(G, a):
+    """2 (tr G a − G a), for the columns of G."""
+    trace = G[0][0] + G[1][1] + G[2][2]
+    return scale(2.0, sub(scale(trace, a), place(a, G[0], G[1], G[2])))
+
+
+@inlined
+def spin_transposed(G, a):
+    """2 (tr G a − Gᵀ a), for the columns of G."""
+    trace = G[0][0] + G[1][1] + G[2][2]
+    return scale(2.0, sub(scale(trace, a), (dot(G[0], a), dot(G[1], a), dot(G[2], a))))
+
+
+@inlined
+def add_dyad(G, a, b):
+    """G + a bᵀ, columns."""
+    return add_scaled(G[0], b[0], a), add_scaled(G[1], b[1], a), add_scaled(G[2], b[2], a)
+
+
+@inlined
+def own_spin(ω, I):
+    """Columns of Σ m (ω × ρ) ρᵀ = ω̃ (½ tr I 1 − I) of one body."""
+    half = 0.5 * (I[0] + I[1] + I[2])
+    return (
+        cross(ω, (half - I[0], -I[5], -I[4])), cross(ω, (-I[5], half - I[1], -I[3])),
+        cross(ω, (-I[4], -I[3], half - I[2])),
+    )  # fmt: skip
+
+
+@recursion
+def inward(chain, force, moment, work):
+    """Composites from the tip on, and with each hinge its row of slopes."""
+    rows = work.motion.bodies
+    m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
+    f, n, d = scale(-1.0, force), scale(-1.0, moment), ZERO
+    for i in range(len(chain.bodies) - 1, -1, -1):
+        b, mc, ω, r = chain.bodies[i], vec_of(rows, i, MOMENT), vec_of(rows, i, OMEGA), vec_of(rows, i, R)
+        low, high = vec_of(rows, i, INERTIA), vec_of(rows, i, INERTIA + 3)
+        own = (low[0], low[1], low[2], high[0], high[1], high[2])
+        turned = own_spin(ω, own)
+        m, s, I, P = m + b.mass, add(s, mc), sym_add(I, own), add(P, cross(ω, mc))
+        G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
+        f, n = add(f, vec_of(rows, i, FORCE)), add(n, vec_of(rows, i, TURNING))
+        for k in range(b.stop - 1, b.first - 1, -1):
+            slopes_of_hinge(k, m, s, I, P, G, f, n, d, work)
+            work.by_acceleration[k, k // LANES, k % LANES] += chain.hinges[k].armature
+        if i > 0:
+            u = cross(vec_of(rows, i - 1, OMEGA), r)
+            t = add_scaled(s, m, r)
+            G, P = add_dyad(add_dyad(G, P, r), u, t), add_scaled(P, m, u)
+            I, s = sym_add(I, sym_add(product_inertia(s, r), point_inertia(m, r))), t
+            n, d = add(n, cross(r, f)), add(d, r)
+
+
+@recursion
+def slopes_of_hinge(i, m, s, I, P, G, f, n, d, work):
+    """Rows of hinge i, whose composite this is."""
+    hinges = work.motion.hinges
+    e, p, v = of_hinge(hinges, i, E), of_hinge(hinges, i, POINT), of_hinge(hinges, i, RATE)
+    δa, η, δω = of_hinge(hinges, i, TURNED_A), of_hinge(hinges, i, ETA), of_hinge(hinges, i, TURNED_OMEGA)
+    δF, δm = of_hinge(hinges, i, TURNED_FORCE), of_hinge(hinges, i, TURNED_MOMENT)
+    # e·δn for any δa, η, δω, δF
+    by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
+    f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
+    n_q = add(add(cross(s, δa), sym_apply(I, η)), add(spin(G, δω), cross(e, n)))
+    n_q = sub(n_q, add(δm, cross(d, δF)))
+    f_qd = scale(2.0, add(cross(δω, s), cross(e, P)))
+    n_qd = add(scale(2.0, sym_apply(I, δω)), spin(G, e))
+    for b in range(i // LANES + 1):
+        e_j, δω_j = vec_of(hinges, b, E), vec_of(hinges, b, TURNED_OMEGA)
+        Δp, Δv = sub(p, vec_of(hinges, b, POINT)), sub(v, vec_of(hinges, b, RATE))
+        by_η_j, by_ω_j = add(by_η, cross(Δp, by_a)), add(by_ω, scale(2.0, cross(Δv, by_a)))
+        outer = dot(by_a, vec_of(hinges, b, TURNED_A)) + dot(by_η_j, vec_of(hinges, b, ETA)) + dot(by_ω_j, δω_j)
+        outer -= dot(e, vec_of(hinges, b, TURNED_MOMENT)) + dot(by_F, vec_of(hinges, b, TURNED_FORCE))
+        lever = cross(e_j, Δp)
+        put_at(work.by_angle, outer, i, b)
+        put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), i, b)
+        put_at(work.by_rate, 2.0 * dot(by_η_j, δω_j) + dot(by_ω_j, e_j), i, b)
+        put_at(work.by_rate_inner, dot(e_j, n_qd) + dot(lever, f_qd), i, b)
+        put_at(work.by_acceleration, dot(by_η_j, e_j), i, b)
+
+
+@recursion
+def mirror(slopes, inner):
+    """Put row i of the inner slopes into column i, and zero beyond the last column."""
+    n, last = len(slopes), slopes.shape[1] - 1
+    for i in range(n):
+        block, lane = i // LANES, i % LANES
+        for b in range(block + 1):
+            for j in range(min(LANES, i - b * LANES)):
+                slopes[b * LANES + j, block, lane] = inner[i, b, j]
+        for j in range(n - last * LANES, LANES):
+            slopes[i, last, j] = 0.0

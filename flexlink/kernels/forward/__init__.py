@@ -1,0 +1,1 @@
+"""Forward dynamics, O(n), and the inverse of M plus a diagonal."""

@@ -1,0 +1,260 @@
+"""What a body and all beyond it demand (see `articulated`): a body is taken on, then its hinges are taken out.
+
+    way             taken on by                                         taken out by
+    HINGES          `take_on`                                           `take_out_hinge`, for each
+    ALONG           `take_on`                                           `take_out_along`
+    PAIR            `take_on_body` and `take_on_pair`, or `take_on_any`  `take_out_pair`
+    TRIPLE          `take_on_body`, or `take_on_any`                    `take_out_triple`
+
+The first two work with J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
+perpendicular where hinges line up: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
+"""
+
+from flexlink.kernels.forward.articulated_layout import PAIR
+from flexlink.kernels.forward.articulated_rows import (
+    ALPHA,
+    ARMATURE,
+    AXES,
+    AXIS,
+    BEFORE,
+    FACTORS,
+    H_D,
+    HE,
+    INERTIA,
+    INVERSE,
+    INVERSES,
+    JE,
+    MASS,
+    MC,
+    T_NET,
+    TORQUE,
+    ZETA,
+    B,
+    F,
+    N,
+    R,
+    axes_of,
+    inertia_of,
+)
+from flexlink.kernels.tools.compiler import inlined
+from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
+from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes
+from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, place, scale, sub
+
+
+@inlined
+def take_on(bodies, i, J, H, M, n, f):
+    """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point."""
+    x, y, z = axes_of(bodies, i, AXES)
+    r, mc, m, bias = vec_of(bodies, i, R), vec_of(bodies, i, MC), at(bodies, i, MASS), vec_of(bodies, i, B)
+    n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
+    f = add(f, sym_apply(M, bias))
+    n = add(add(n, cross(r, f)), place(vec_of(bodies, i, N), x, y, z))
+    f = add(f, vec_of(bodies, i, F))
+    o = zero_of(bodies, i, MASS)
+    d1, d2, d3 = (o, -r[2], r[1]), (r[2], o, -r[0]), (-r[1], r[0], o)  # unit vectors × r
+    K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
+    J = sym_add(J, sym_from_axes(x, y, z, inertia_of(bodies, i, INERTIA)))
+    J = sym_add(J, (
+        dot(d1, H[0]) + dot(d1, K1), dot(d2, H[1]) + dot(d2, K2), dot(d3, H[2]) + dot(d3, K3),
+        dot(d3, H[1]) + dot(d2, K3), dot(d3, H[0]) + dot(d1, K3), dot(d2, H[0]) + dot(d1, K2),
+    ))  # fmt: skip
+    H = (
+        add(K1, (o, -mc[2], mc[1])), add(K2, (mc[2], o, -mc[0])), add(K3, (-mc[1], mc[0], o)),
+    )  # fmt: skip
+    return J, H, with_mass(M, m), n, f
+
+
+@inlined
+def with_mass(M, m):
+    """M + m 1."""
+    return M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5]
+
+
+@inlined
+def take_out_hinge(hinges, k, again, J, H, M, n, f):
+    """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
+
+    Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
+    nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
+    """
+    e = vec_of(hinges, k, AXIS)
+    Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+    if again:
+        left = at(hinges, k + 1, ARMATURE) * at(hinges, k + 1, INVERSE)
+        Je, He = scale(left, vec_of(hinges, k + 1, JE)), scale(left, vec_of(hinges, k + 1, HE))
+    T, inverse = at(hinges, k, TORQUE) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, ARMATURE))
+    keep_hinge(hinges, k, Je, He, T, inverse)
+    u = scale(inverse, Je)
+    J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
+    H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+    n, f = add_scaled(n, T, u), add_scaled(f, T * inverse, He)
+    # Along e only the rotor is left. Rounding leaves more, which matters where the rest is small: take it off.
+    rotor = at(hinges, k, ARMATURE) * inverse
+    ρ = sub(sym_apply(J, e), scale(rotor, Je))
+    η = sub(place(e, H[0], H[1], H[2]), scale(rotor, He))
+    ρ = add_scaled(ρ, -0.5 * dot(e, ρ), e)
+    J = (
+        J[0] - 2.0 * e[0] * ρ[0], J[1] - 2.0 * e[1] * ρ[1], J[2] - 2.0 * e[2] * ρ[2],
+        J[3] - (e[1] * ρ[2] + e[2] * ρ[1]), J[4] - (e[0] * ρ[2] + e[2] * ρ[0]), J[5] - (e[0] * ρ[1] + e[1] * ρ[0]),
+    )  # fmt: skip
+    H = (add_scaled(H[0], -e[0], η), add_scaled(H[1], -e[1], η), add_scaled(H[2], -e[2], η))
+    ν = at(hinges, k, TORQUE) - rotor * T - dot(e, n)
+    return J, H, M, add_scaled(n, ν, e), f
+
+
+@inlined
+def take_out_along(hinges, k, J, H, M, n, f):
+    """The same where the hinge's axis is the working axis z: what is left along it is exact."""
+    Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, TORQUE), at(hinges, k, ARMATURE)
+    T, inverse = τ - n[2], 1.0 / (J[2] + A)
+    keep_hinge(hinges, k, Je, He, T, inverse)
+    u, v, rotor = inverse * J[4], inverse * J[3], inverse * A
+    J = (J[0] - u * J[4], J[1] - v * J[3], rotor * J[2], rotor * J[3], rotor * J[4], J[5] - u * J[3])
+    H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
+    n = n[0] + T * u, n[1] + T * v, τ - rotor * T
+    return J, H, sym_add_dyad(M, -inverse, He), n, add_scaled(f, T * inverse, He)
+
+
+@inlined
+def keep_hinge(hinges, k, Je, He, T, inverse):
+    """What q̈ of a hinge follows from, once the accelerations before it are known."""
+    put_vec_of(hinges, Je, k, JE)
+    put_vec_of(hinges, He, k, HE)
+    put_at(hinges, T, k, T_NET)
+    put_at(hinges, inverse, k, INVERSE)
+
+
+@inlined
+def in_axes_before(bodies, i, J, H, M, n, f):
+    """J, H, M, n, f in the working axes before those that begin at body `i`."""
+    x, y, z = axes_of(bodies, i, BEFORE)
+    p, q, r = place(H[0], x, y, z), place(H[1], x, y, z), place(H[2], x, y, z)
+    H = (
+        combine(x[0], p, y[0], q, z[0], r), combine(x[1], p, y[1], q, z[1], r), combine(x[2], p, y[2], q, z[2], r),
+    )  # fmt: skip
+    return sym_from_axes(x, y, z, J), H, sym_from_axes(x, y, z, M), place(n, x, y, z), place(f, x, y, z)
+
+
+@inlined
+def take_on_body(bodies, i, M, n, f):
+    """J, h, n along the body's axes, M, f, at its hinge point, body included, where J = H = 0 at the next."""
+    x, y, z = axes_of(bodies, i, AXES)
+    r, mc, m, I = vec_of(bodies, i, R), vec_of(bodies, i, MC), at(bodies, i, MASS), inertia_of(bodies, i, INERTIA)
+    f = add(f, sym_apply(M, vec_of(bodies, i, B)))
+    d1, d2, d3 = cross(x, r), cross(y, r), cross(z, r)
+    n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, N))
+    M1, M2, M3 = sym_apply(M, d1), sym_apply(M, d2), sym_apply(M, d3)
+    J = (
+        I[0] + dot(d1, M1), I[1] + dot(d2, M2), I[2] + dot(d3, M3),
+        I[3] + dot(d2, M3), I[4] + dot(d1, M3), I[5] + dot(d1, M2),
+    )  # fmt: skip
+    h = add(cross(x, mc), M1), add(cross(y, mc), M2), add(cross(z, mc), M3)
+    return J, h, n, with_mass(M, m), add(f, vec_of(bodies, i, F))
+
+
+@inlined
+def take_on_pair(bodies, i, j, h, t, J, h_body, n, M, f):
+    """What `take_on_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
+    x, y, z = axes_of(bodies, i, AXES)
+    r = vec_of(bodies, i, R)
+    s = dot(h, vec_of(bodies, i, B))
+    t1, t2, t3 = dot(x, t), dot(y, t), dot(z, t)
+    g1, g2, g3 = dot(cross(x, r), h), dot(cross(y, r), h), dot(cross(z, r), h)
+    p1, p2, p3 = j * t1 + g1, j * t2 + g2, j * t3 + g3
+    J = sym_add(J, (
+        t1 * (p1 + g1), t2 * (p2 + g2), t3 * (p3 + g3),
+        t2 * p3 + g2 * t3, t1 * p3 + g1 * t3, t1 * p2 + g1 * t2,
+    ))  # fmt: skip
+    h1, h2, h3 = h_body
+    h_body = add_scaled(h1, t1, h), add_scaled(h2, t2, h), add_scaled(h3, t3, h)
+    return J, h_body, add_scaled(n, s, (t1, t2, t3)), M, f
+
+
+@inlined
+def take_on_any(bodies, i, J, H, M, n, f):
+    """The same as `take_on_body` with any J and H at the next hinge point."""
+    x, y, z = axes_of(bodies, i, AXES)
+    J, H, M, n, f = take_on(bodies, i, J, H, M, n, f)
+    Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
+    J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
+    return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f
+
+
+@inlined
+def in_full(o, behind, J, H, j, h, t):
+    """J and H of the body behind by its way: as they are, j t tᵀ and t hᵀ of a pair, or zero, o."""
+    if behind > PAIR:
+        return (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+    if behind == PAIR:
+        u = scale(j, t)
+        J = u[0] * t[0], u[1] * t[1], u[2] * t[2], u[1] * t[2], u[0] * t[2], u[0] * t[1]
+        return J, (scale(t[0], h), scale(t[1], h), scale(t[2], h))
+    return J, H
+
+
+@inlined
+def take_out_two(bodies, i, J, h, T, M, f):
+    """J₃₃, h₃, T₃, M, f once the axes x₁ and x₂ are taken out: the first steps of J = L D Lᵀ."""
+    J11, J22, J33, J23, J13, J12 = J
+    h1, h2, h3 = h
+    T1, T2, T3 = T
+    i1 = 1.0 / J11
+    l12, l13 = J12 * i1, J13 * i1
+    h2, h3 = add_scaled(h2, -l12, h1), add_scaled(h3, -l13, h1)
+    T2, T3 = T2 - l12 * T1, T3 - l13 * T1
+    J22, J23, J33 = J22 - l12 * J12, J23 - l13 * J12, J33 - l13 * J13
+    i2 = 1.0 / J22
+    l23 = J23 * i2
+    h3, T3 = add_scaled(h3, -l23, h2), T3 - l23 * T2
+    α1, α2 = i1 * T1, i2 * T2
+    put_vec_of(bodies, scale(i1, h1), i, H_D)
+    put_vec_of(bodies, scale(i2, h2), i, H_D + 3)
+    put_vec_of(bodies, (l12, l13, l23), i, FACTORS)
+    put_at(bodies, α1, i, ALPHA)
+    put_at(bodies, α2, i, ALPHA + 1)
+    put_at(bodies, i1, i, INVERSES)
+    put_at(bodies, i2, i, INVERSES + 1)
+    M = sym_add_dyad(sym_add_dyad(M, -i1, h1), -i2, h2)
+    return J33 - l23 * J23, h3, T3, M, add(f, add_scaled(scale(α1, h1), α2, h2))
+
+
+@inlined
+def take_out_pair(bodies, i, hinges, k, J, h, n, M, f):
+    """j, h, t, M, n, f before a pair of hinges `k`, `k` + 1: x₁ = e₂ and x₂ = e₁ are taken out, x₃ = t is left."""
+    e2, e1, t = axes_of(bodies, i, AXES)
+    τ1, τ2 = at(hinges, k, TORQUE), at(hinges, k + 1, TORQUE)
+    j, h, T, M, f = take_out_two(bodies, i, J, h, (τ2 - n[0], τ1 - n[1], -n[2]), M, f)
+    turning = dot(t, vec_of(bodies, i, ZETA))
+    return j, h, t, M, combine(τ1, e1, τ2, e2, j * turning - T, t), add_scaled(f, turning, h)
+
+
+@inlined
+def take_out_triple(bodies, i, hinges, k, c, J, h, n, M, f):
+    """M, n, f before a triple of hinges from `k`; c = e₁·e₂×e₃. The moment is known from the torques alone."""
+    x, y, z = axes_of(bodies, i, AXES)
+    t = known_moment(hinges, k, c)
+    T = dot(x, t) - n[0], dot(y, t) - n[1], dot(z, t) - n[2]
+    D, h, T3, M, f = take_out_two(bodies, i, J, h, T, M, f)
+    inverse = 1.0 / D
+    α3 = inverse * T3
+    put_vec_of(bodies, scale(inverse, h), i, H_D + 6)
+    put_at(bodies, α3, i, ALPHA + 2)
+    put_at(bodies, inverse, i, INVERSES + 2)
+    return sym_add_dyad(M, -inverse, h), t, add_scaled(f, α3, h)
+
+
+@inlined
+def known_moment(hinges, k, c):
+    """t with e_j·t = τ_j for the three axes from `k`, neighbours perpendicular; keeps e₁*: e₁*·e₁ = 1, others 0.
+
+    e₁·e₂×e₃ as a product fits the rounded axes, as ± the cosine `c` of the middle angle it keeps its digits near gimbal
+    lock: the first counts with c², the second with s².
+    """
+    e1, e2, e3 = vec_of(hinges, k, AXIS), vec_of(hinges, k + 1, AXIS), vec_of(hinges, k + 2, AXIS)
+    τ1, τ2, τ3 = at(hinges, k, TORQUE), at(hinges, k + 1, TORQUE), at(hinges, k + 2, TORQUE)
+    normal, e13 = cross(e2, e3), dot(e1, e3)
+    dual = scale(1.0 / (c * (c * dot(normal, e1) + e13 * e13)), normal)
+    put_vec_of(hinges, dual, k, JE)
+    put_at(hinges, e13, k + 2, T_NET)
+    return combine(τ1 - e13 * τ3, dual, τ2, e2, τ3, e3)

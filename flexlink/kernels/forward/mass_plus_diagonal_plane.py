@@ -1,0 +1,121 @@
+"""(M + A) x = r in a plane, O(n), with A diagonal, real or complex: a mass matrix with other rotors.
+
+Absolute angles and accelerations as in `planar`, at rest and without forces; d = r turned by 90°, h = m c likewise:
+
+    inward      H = h + g + M d          D = I + A + j + 2 d·g + d·M d        M ← M + m 1 − H Hᵀ / D
+    load        n ← n + d·f              T = σ r − n       n ← σ r − A T / D      f ← f + H T / D
+    outward     α = T / D + (A / D) α_before − H·a / D           σ x = α − α_before          a ← a + α d
+
+j = A (1 − A / D) and g = H A / D are what a rotor passes inward; 1 − A / D is (D − A) / D, as in `planar`.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.bodies.plane import INERTIA, MASS, RX, RY, SIGN, SX, SY, cos_sin_less_turns, planar_workspace
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.sincos import cos_sin_all
+
+A, INVERSE, HX, HY, BETA, GAMMA = range(6)  # of the factors of a hinge: A, 1 / D, H, β = A / D and 1 − β
+
+
+class PlanePosture(NamedTuple):
+    """Posture of a chain in a plane, with its constants."""
+
+    links: Any
+    given: Any
+    trig: Any  # absolute angles, cosines, sines
+    d: Any  # (n, 2) r turned by 90°
+    h: Any  # (n, 2) m c turned by 90°
+
+
+@kernel
+def plane_posture(bodies, hinges, gravity):
+    """Scratch of a planar chain."""
+    n, work = len(hinges), planar_workspace(bodies, hinges, gravity)
+    return PlanePosture(work.links, work.given, work.trig, np.zeros((n, 2)), np.zeros((n, 2)))
+
+
+@recursion
+def place_in_plane(q, posture):
+    """Posture of angles q (n,)."""
+    links, trig = posture.links, posture.trig
+    φ = 0.0
+    for k in range(len(q)):
+        φ += links[k, SIGN] * q[k]
+        trig[0, k] = φ
+    if cos_sin_all(trig[0], trig[1], trig[2]):
+        cos_sin_less_turns(q, links, trig, trig[0])
+    turn_levers(posture)
+
+
+@recursion
+def turn_levers(posture):
+    """d and h from the cosines and sines of the absolute angles."""
+    links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
+    for k in range(len(d)):
+        c, s = trig[1, k], trig[2, k]
+        d[k, 0], d[k, 1] = -s * links[k, RX] - c * links[k, RY], c * links[k, RX] - s * links[k, RY]
+        h[k, 0], h[k, 1] = -s * links[k, SX] - c * links[k, SY], c * links[k, SX] - s * links[k, SY]
+
+
+@recursion
+def factor_in_plane(factors, posture):
+    """From A in the first column of `factors` (n, 8) keep H, 1 / D, A / D and 1 − A / D in the others."""
+    links, given, d, h = posture.links, posture.given, posture.d, posture.h
+    o = factors.dtype.type(0)
+    Mxx = Mxy = Myy = j = gx = gy = o
+    for k in range(len(factors) - 1, -1, -1):
+        dx, dy, m = d[k, 0], d[k, 1], links[k, MASS]
+        D = links[k, INERTIA] + j + 2.0 * (dx * gx + dy * gy)
+        D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
+        Hx, Hy = h[k, 0] + gx + Mxx * dx + Mxy * dy, h[k, 1] + gy + Mxy * dx + Myy * dy
+        Mxx, Myy = Mxx + m, Myy + m
+        if given[k]:
+            j, gx, gy = D, Hx, Hy
+        else:
+            inverse = 1.0 / (D + factors[k, A])
+            β = factors[k, A] * inverse
+            Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
+            j, gx, gy = β * D, β * Hx, β * Hy
+            factors[k, HX], factors[k, HY], factors[k, INVERSE] = Hx, Hy, inverse
+            factors[k, BETA], factors[k, GAMMA] = β, D * inverse
+
+
+@recursion
+def solve_in_plane(factors, r, x, posture):
+    """Write x with (M + A) x = r, 0 at prescribed joints."""
+    links, given, d = posture.links, posture.given, posture.d
+    o = factors.dtype.type(0)
+    fx = fy = n = o
+    for k in range(len(factors) - 1, -1, -1):
+        n += d[k, 0] * fx + d[k, 1] * fy
+        if not given[k]:
+            τ = links[k, SIGN] * r[k]
+            α = (τ - n) * factors[k, INVERSE]
+            x[k] = α
+            n = factors[k, GAMMA] * τ + factors[k, BETA] * n
+            fx, fy = fx + factors[k, HX] * α, fy + factors[k, HY] * α
+    ax = ay = before = o
+    for k in range(len(factors)):
+        if given[k]:
+            x[k] = o
+        else:
+            pull = factors[k, HX] * ax + factors[k, HY] * ay
+            α = x[k] - factors[k, INVERSE] * pull
+            x[k], before = links[k, SIGN] * (α - factors[k, GAMMA] * before), α + factors[k, BETA] * before
+        ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]
+
+
+@recursion
+def displacement_in_plane(δ, posture):
+    """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
+    links, d = posture.links, posture.d
+    φ = x = y = largest = 0.0
+    for k in range(len(δ)):
+        φ += links[k, SIGN] * δ[k]
+        x, y = x + φ * d[k, 0], y + φ * d[k, 1]
+        largest = max(largest, x * x + y * y)
+    return math.sqrt(largest + (φ - φ))  # nan, which `max` passes by, if a δ is not finite

@@ -1,0 +1,147 @@
+"""(M + A) x = r in space, O(n), with A diagonal, real or complex: a mass matrix with other rotors.
+
+Articulated bodies as in `articulated`, hinge by hinge, at rest and without forces, in axes of frame 0:
+
+    inward      J ← J + I + Σ…       H ← H + M r̃ + m c̃       M ← M + m 1              (a body, r̃ its lever)
+                D = e·J e + A         J ← J − J e (J e)ᵀ / D    H ← H − J e (Hᵀ e)ᵀ / D    M ← M − Hᵀ e (Hᵀ e)ᵀ / D
+    load        n ← n + r × f         T = (r − e·n) / D         n ← n + T J e              f ← f + T Hᵀ e
+    outward     x = T − (J e·α + Hᵀ e·a) / D                    α ← α + x e                a ← a + α × r
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.forward.articulated_layout import FIRST, STOP, TURNED
+from flexlink.kernels.forward.articulated_rows import (
+    MASS,
+    MOMENT,
+    MOUNT,
+    OWN_INERTIA,
+    REACH,
+    articulated_workspace,
+    axes_of,
+    inertia_of,
+)
+from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.sincos import cos_sin_all
+from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes
+from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
+
+A, INVERSE, JE, HE = 0, 1, 2, 5  # of the factors of a hinge: A, 1 / D, J e and Hᵀ e
+
+
+class SpacePosture(NamedTuple):
+    """Posture of a chain in space, axes of frame 0, with its constants."""
+
+    layout: Any
+    axes: Any
+    rows: Any
+    given: Any
+    trig: Any  # angles, cosines, sines
+    e: Any  # (n, 3) hinge axes
+    r: Any  # (bodies, 3) to the next hinge point
+    moments: Any  # (bodies, 3) m c
+    inertias: Any  # (bodies, 6) about the hinge point
+
+
+@kernel
+def space_posture(bodies, hinges, gravity):
+    """Scratch of a chain in space."""
+    n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity)
+    return SpacePosture(
+        work.layout, work.axes, work.bodies, work.given, work.trig,
+        np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
+    )  # fmt: skip
+
+
+@recursion
+def place_in_space(q, posture):
+    """Posture of angles q (n,)."""
+    layout, axes, rows, trig = posture.layout, posture.axes, posture.rows, posture.trig
+    es, rs, moments, inertias = posture.e, posture.r, posture.moments, posture.inertias
+    for k in range(len(q)):
+        trig[0, k] = q[k]
+    cos_sin_all(trig[0], trig[1], trig[2])
+    x, y, z = X, Y, Z
+    for i in range(len(layout)):
+        if layout[i, TURNED]:
+            u, v, w = axes_of(rows, i, MOUNT)
+            x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
+        for k in range(layout[i, FIRST], layout[i, STOP]):
+            put_vec_of(es, pick(axes[k], x, y, z), k, 0)
+            x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
+        put_vec_of(rs, place(vec_of(rows, i, REACH), x, y, z), i, 0)
+        put_vec_of(moments, place(vec_of(rows, i, MOMENT), x, y, z), i, 0)
+        I = sym_from_axes(x, y, z, inertia_of(rows, i, OWN_INERTIA))
+        put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
+        put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
+
+
+@recursion
+def factor_in_space(factors, posture):
+    """From A in the first column of `factors` (n, 8) keep J e, Hᵀ e and 1 / D in the others."""
+    layout, rows, given, es, rs = posture.layout, posture.rows, posture.given, posture.e, posture.r
+    o = factors.dtype.type(0)
+    J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
+    for i in range(len(layout) - 1, -1, -1):
+        r, mc, m, I = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, MASS], inertia_of(posture.inertias, i, 0)
+        d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
+        K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
+        J = (
+            J[0] + I[0] + dot(d1, H[0]) + dot(d1, K1), J[1] + I[1] + dot(d2, H[1]) + dot(d2, K2),
+            J[2] + I[2] + dot(d3, H[2]) + dot(d3, K3), J[3] + I[3] + dot(d3, H[1]) + dot(d2, K3),
+            J[4] + I[4] + dot(d3, H[0]) + dot(d1, K3), J[5] + I[5] + dot(d2, H[0]) + dot(d1, K2),
+        )  # fmt: skip
+        H = (add(K1, (0.0, -mc[2], mc[1])), add(K2, (mc[2], 0.0, -mc[0])), add(K3, (-mc[1], mc[0], 0.0)))
+        M = (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5])
+        for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
+            if not given[k]:
+                e = vec_of(es, k, 0)
+                Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
+                inverse = 1.0 / (dot(e, Je) + factors[k, A])
+                put_vec_of(factors, Je, k, JE)
+                put_vec_of(factors, He, k, HE)
+                factors[k, INVERSE] = inverse
+                u = scale(inverse, Je)
+                J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
+                H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
+
+
+@recursion
+def solve_in_space(factors, r, x, posture):
+    """Write x with (M + A) x = r, 0 at prescribed joints."""
+    layout, given, es, rs = posture.layout, posture.given, posture.e, posture.r
+    o = factors.dtype.type(0)
+    n, f = (o, o, o), (o, o, o)
+    for i in range(len(layout) - 1, -1, -1):
+        n = add(n, cross(vec_of(rs, i, 0), f))
+        for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
+            if not given[k]:
+                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, INVERSE]
+                x[k] = T
+                n, f = add_scaled(n, T, vec_of(factors, k, JE)), add_scaled(f, T, vec_of(factors, k, HE))
+    α, a = (o, o, o), (o, o, o)
+    for i in range(len(layout)):
+        for k in range(layout[i, FIRST], layout[i, STOP]):
+            if given[k]:
+                x[k] = o
+            else:
+                x[k] -= factors[k, INVERSE] * (dot(vec_of(factors, k, JE), α) + dot(vec_of(factors, k, HE), a))
+                α = add_scaled(α, x[k], vec_of(es, k, 0))
+        a = add(a, cross(α, vec_of(rs, i, 0)))
+
+
+@recursion
+def displacement_in_space(δ, posture):
+    """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
+    layout, es, rs = posture.layout, posture.e, posture.r
+    φ, p, largest = ZERO, ZERO, 0.0
+    for i in range(len(layout)):
+        for k in range(layout[i, FIRST], layout[i, STOP]):
+            φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
+        p = add(p, cross(φ, vec_of(rs, i, 0)))
+        largest = max(largest, dot(p, p))
+    return math.sqrt(largest + (φ[0] - φ[0]))  # nan, which `max` passes by, if a δ is not finite

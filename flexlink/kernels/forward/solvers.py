@@ -1,0 +1,221 @@
+"""Forward dynamics: q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
+
+The type of the scratch says which algorithm it is for, so that machine code is made for the one in use only.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import types
+from numba.extending import overload
+
+from flexlink.kernels.bodies.joint_torques import elastic, friction
+from flexlink.kernels.bodies.mass import CompositeWork, composite, composite_workspace
+from flexlink.kernels.bodies.plane import PlanarWork, planar_lanes_workspace, planar_workspace
+from flexlink.kernels.bodies.rne import RneWork, rne, rne_workspace
+from flexlink.kernels.forward.articulated import articulated
+from flexlink.kernels.forward.articulated_rows import (
+    ArticulatedWork,
+    articulated_lanes_workspace,
+    articulated_workspace,
+)
+from flexlink.kernels.forward.planar import planar
+from flexlink.kernels.inputs.tip_wrench import put_wrench
+from flexlink.kernels.tools.compiler import INLINED, kernel, recursion
+from flexlink.kernels.tools.lanes import LANES
+from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
+from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
+
+
+class DenseWork(NamedTuple):
+    """Scratch of `dense`, with its chain."""
+
+    chain: Any
+    by_lu: Any
+    rne: RneWork
+    composite: CompositeWork
+    M: Any
+    known: Any
+    bias: Any
+    probe: Any
+
+
+@kernel
+def dense_workspace(chain, by_lu):
+    """Scratch of `dense`, by LU or by Cholesky."""
+    n = len(chain.hinges)
+    return DenseWork(
+        chain,
+        by_lu,
+        rne_workspace(chain),
+        composite_workspace(chain),
+        np.empty((n, n)),
+        np.empty(n),
+        np.empty(n),
+        np.empty((3, n)),
+    )
+
+
+@recursion
+def dense(wrench, q, qd, tau, qdd, work):
+    """Set up M and the right-hand side, take out the rows whose q̈ is given, and solve; see `forward_dynamics`."""
+    chain, M, known, bias = work.chain, work.M, work.known, work.bias
+    for k in range(len(qdd)):
+        known[k] = qdd[k] if chain.hinges[k].prescribed else 0.0
+    rne(chain, vector(chain.gravity), wrench, q, qd, known, bias, work.rne)
+    composite(chain, q, M, work.composite)
+    for k in range(len(qdd)):
+        if chain.hinges[k].prescribed:
+            M[k, :] = 0.0
+            M[:, k] = 0.0
+            M[k, k] = 1.0
+        else:
+            qdd[k] = tau[k] - bias[k] - elastic(chain.hinges[k], q[k]) - friction(chain.hinges[k], qd[k])
+    if work.by_lu:
+        solve_lu(M, qdd, work.probe)
+    else:
+        solve_cholesky(M, qdd, work.probe)
+    take_torques(chain, wrench, q, qd, qdd, tau, bias, work.rne)
+    ω, power = ZERO, 0.0
+    for k in range(len(qd)):
+        ω = add_scaled(ω, qd[k], vector(work.composite.placed.axes[k]))
+        power += qd[k] * (tau[k] - friction(chain.hinges[k], qd[k]))
+    return power + dot(ω, (wrench[3], wrench[4], wrench[5]))
+
+
+@recursion
+def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
+    """Write the torques that the prescribed motions take, if there are any."""
+    for k in range(len(qdd)):
+        if chain.hinges[k].prescribed:
+            rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, rne_work)
+            break
+    for k in range(len(qdd)):
+        if chain.hinges[k].prescribed:
+            tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
+
+
+ALGORITHMS = {PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense}  # by the scratch they work on
+
+
+def forward_dynamics(wrench, q, qd, tau, qdd, work):
+    """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns a power [W].
+
+    The scratch holds what is constant of the chain, or of eight chains side by side (`lanes`): the arrays are then of
+    shape (n, 8).
+
+    Hybrid dynamics: at prescribed hinges `qdd` is given and stays, and the drive torque that it takes is written to
+    `tau` (Featherstone 2008, section 9.2).
+
+    The power is q̇·(T_EX − T_FR) + m·ω: that of all that has no potential, as springs, gravity and a force on the tip
+    have. Its integral is the work by which the energy changes.
+    """
+    return ALGORITHMS[type(work)](wrench, q, qd, tau, qdd, work)
+
+
+@overload(forward_dynamics, jit_options=INLINED)
+def _forward_dynamics(wrench, q, qd, tau, qdd, work):
+    algorithm = ALGORITHMS[work.instance_class]
+    return lambda wrench, q, qd, tau, qdd, work: algorithm(wrench, q, qd, tau, qdd, work)  # noqa: PLW0108
+
+
+def forward_under(inputs, t, middle, q, qd, tau, qdd, work):
+    """`forward_dynamics` under the tip wrench of a time, `middle` of the step that it belongs to.
+
+    Returns the power of all that has no potential [W], which a force on the tip that changes has not, either. Where
+    the wrench is constant no code is made for another: it would cost 4 % of a planar stage.
+    """
+    power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
+    return power + forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+
+
+@overload(forward_under, jit_options=INLINED)
+def _forward_under(inputs, t, middle, q, qd, tau, qdd, work):
+    if isinstance(inputs.types[inputs.fields.index("table")], types.NoneType):
+        return lambda inputs, t, middle, q, qd, tau, qdd, work: forward_dynamics(inputs.wrench, q, qd, tau, qdd, work)
+    return forward_under
+
+
+class Solver(NamedTuple):
+    """An algorithm as the checked functions call it, each a single compiled call."""
+
+    workspace: Callable[..., Any]  # (chain) -> scratch
+    accelerations: Callable[..., Any]  # (chain, wrench, q, qd, tau) -> q̈ in a new array
+    lanes_workspace: Callable[..., Any] | None = None  # (bodies, hinges, gravity) of eight chains -> scratch
+
+
+@kernel
+def _planar_work(chain):
+    return planar_workspace(chain.bodies, chain.hinges, chain.gravity)
+
+
+@kernel
+def _articulated_work(chain):
+    return articulated_workspace(chain.bodies, chain.hinges, chain.gravity)
+
+
+@kernel
+def _lu_work(chain):
+    return dense_workspace(chain, True)
+
+
+@kernel
+def _cholesky_work(chain):
+    return dense_workspace(chain, False)
+
+
+@kernel
+def _planar(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    planar(wrench, q, qd, tau.copy(), qdd, _planar_work(chain))
+    return qdd
+
+
+@kernel
+def _articulated(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    articulated(wrench, q, qd, tau.copy(), qdd, _articulated_work(chain))
+    return qdd
+
+
+@kernel
+def _lu(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    dense(wrench, q, qd, tau.copy(), qdd, _lu_work(chain))
+    return qdd
+
+
+@kernel
+def _cholesky(chain, wrench, q, qd, tau):
+    qdd = np.zeros(len(q))
+    dense(wrench, q, qd, tau.copy(), qdd, _cholesky_work(chain))
+    return qdd
+
+
+@kernel
+def accelerations_of_many(work, wrench, q, qd, tau):
+    """q̈ of many states (b, n) with wrenches (b, 6) of a scratch's chains, eight side by side.
+
+    The last state fills up the last eight.
+    """
+    b, n = q.shape
+    qdd = np.zeros((b, n))
+    state, acting = np.zeros((4, n, LANES)), np.empty((6, LANES))
+    for start in range(0, b, LANES):
+        for lane in range(LANES):
+            i = min(start + lane, b - 1)
+            for k in range(n):
+                state[0, k, lane], state[1, k, lane], state[2, k, lane] = q[i, k], qd[i, k], tau[i, k]
+            for k in range(6):
+                acting[k, lane] = wrench[i, k]
+        forward_dynamics(acting, state[0], state[1], state[2], state[3], work)
+        for i in range(start, min(start + LANES, b)):
+            for k in range(n):
+                qdd[i, k] = state[3, k, i - start]
+    return qdd
+
+
+LU, CHOLESKY = Solver(_lu_work, _lu), Solver(_cholesky_work, _cholesky)
+ARTICULATED = Solver(_articulated_work, _articulated, articulated_lanes_workspace)
+PLANAR = Solver(_planar_work, _planar, planar_lanes_workspace)

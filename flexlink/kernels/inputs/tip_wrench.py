@@ -1,0 +1,87 @@
+"""The wrench on the tip at a stage, in frame 0: constant, or from a table in time, in axes of frame 0 or of the tip.
+
+A constant force has a potential. One that changes, or turns with the tip, has none: its power is
+
+    f·ṗ = f · Σ ω_i × r_i
+"""
+
+from numba import types
+from numba.extending import overload
+
+from flexlink.kernels.inputs.references import locate
+from flexlink.kernels.tools.compiler import INLINED, entry, kernel, recursion
+from flexlink.kernels.tools.lanes import vec
+from flexlink.kernels.tools.vec3 import (
+    ZERO,
+    X,
+    Y,
+    Z,
+    add,
+    add_scaled,
+    cos_sin,
+    cross,
+    dot,
+    pick,
+    place,
+    place_axes,
+    turn_axes,
+    vector,
+)
+
+
+def put_wrench(table, t, middle, q, qd, wrench):
+    """Write force and moment at time t and state q, q̇ (n,) into `wrench` (6,), frame 0; returns their f·ṗ [W].
+
+    `middle` of the step that t belongs to. Without a table, None, nothing is to do: `wrench` is constant.
+    """
+    return 0.0 if table is None else put_acting(table, t, middle, q, qd, wrench)
+
+
+@overload(put_wrench, jit_options=INLINED)
+def _put_wrench(table, t, middle, q, qd, wrench):
+    if isinstance(table, types.NoneType):
+        return lambda table, t, middle, q, qd, wrench: 0.0
+    return lambda table, t, middle, q, qd, wrench: put_acting(table, t, middle, q, qd, wrench)  # noqa: PLW0108
+
+
+@recursion
+def put_acting(table, t, middle, q, qd, wrench):
+    """`put_wrench` of a table."""
+    bodies, hinges = table.chain.bodies, table.chain.hinges
+    x, y, z = X, Y, Z  # columns of R
+    ω = v = ZERO
+    for i in range(len(bodies)):
+        b = bodies[i]
+        v = add(v, cross(ω, place(vector(b.translation), x, y, z)))
+        if b.turned:
+            x, y, z = place_axes(b.rotation, x, y, z)
+        for k in range(b.first, b.stop):
+            axis = hinges[k].axis
+            ω = add_scaled(ω, qd[k], pick(axis, x, y, z))
+            c, s = cos_sin(q[k])
+            x, y, z = turn_axes(axis, c, s, x, y, z)
+    put_given(table, t, middle, wrench)
+    if table.follows:
+        wrench[0], wrench[1], wrench[2] = place(vec(wrench, 0), x, y, z)
+        wrench[3], wrench[4], wrench[5] = place(vec(wrench, 3), x, y, z)
+    return dot(vec(wrench, 0), v)
+
+
+@entry
+def put_given(table, t, middle, wrench):
+    """Write force and moment at time t into `wrench` (6,), in the axes that they are given in."""
+    held = table.coefficients.shape[1] == 1
+    piece = locate(table.knots, 0, len(table.knots), middle if held else t)
+    x = max(0.0, t - table.knots[piece])
+    c = table.coefficients[piece]
+    for k in range(6):
+        wrench[k] = 0.0
+        for j in range(len(c) - 1, -1, -1):
+            wrench[k] = wrench[k] * x + c[j, k]
+
+
+@kernel
+def wrenches(table, ts, qs, qds, found):
+    """What acts at the samples of a run, (samples, 6) in frame 0; a sample at a knot sees what follows."""
+    for row in range(len(ts)):
+        put_wrench(table, ts[row], ts[row], qs[row], qds[row], found[row])

@@ -1,0 +1,48 @@
+"""Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, and gravity."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+BODY = np.dtype(
+    [
+        ("first", np.int64),  # its hinges are first … stop − 1
+        ("stop", np.int64),
+        ("turned", np.int64),  # 1 if `rotation` is not the identity
+        ("rotation", np.float64, (3, 3)),  # R: v_parent = R v_body at zero joint angles
+        ("translation", np.float64, (3,)),  # r: hinge point in the frame of the body before it [m]
+        ("mass", np.float64),  # [kg]
+        ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
+        ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
+    ],
+    align=True,
+)
+
+HINGE = np.dtype(
+    [
+        ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
+        ("stiffness", np.float64),  # k [N m/rad]
+        ("rest", np.float64),  # θ₀ [rad]
+        ("damping", np.float64),  # d, viscous and structural [N m s/rad]
+        ("coulomb", np.float64),  # dry friction torque [N m]
+        ("coulomb_width", np.float64),  # rate over which the dry torque turns round [rad/s]
+        ("armature", np.float64),  # rotor inertia, added to the diagonal of M [kg m²]
+        ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
+        ("upper", np.float64),
+        ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
+    ],
+    align=True,
+)
+
+
+# Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
+BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
+
+
+class ChainArrays(NamedTuple):
+    """What the kernels see of a chain."""
+
+    bodies: NDArray[np.void]
+    hinges: NDArray[np.void]
+    gravity: NDArray[np.float64]

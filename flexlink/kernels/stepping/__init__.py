@@ -1,0 +1,1 @@
+"""Runge-Kutta steps, fixed and adaptive, explicit and implicit."""

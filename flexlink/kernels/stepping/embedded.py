@@ -1,0 +1,98 @@
+"""One step of an explicit Runge-Kutta method that estimates its error; its last stage is the next step's first.
+
+L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
+q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
+
+Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, weighed as in `thrown`; of
+two errors ε and ε₃, of which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
+Wanner, Solving Ordinary Differential Equations I, II.10).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from flexlink.kernels.forward.mass_plus_diagonal import place_bodies
+from flexlink.kernels.forward.solvers import forward_under
+from flexlink.kernels.inputs.drive_torque import drive_torque, follow
+from flexlink.kernels.stepping.error_norm import error_of
+from flexlink.kernels.stepping.runge_kutta import add_stage
+from flexlink.kernels.stepping.step_state import POWER, WORK
+from flexlink.kernels.tools.compiler import inlined, recursion
+
+
+class EmbeddedMethod(NamedTuple):
+    """Coefficients of a method and the weights of its errors."""
+
+    A: Any
+    b: Any
+    c: Any
+    d: Any  # (1 or 2, s + 1)
+
+
+class EmbeddedWork(NamedTuple):
+    """Scratch of `embedded_step`, with the constants of a chain."""
+
+    method: EmbeddedMethod
+    chain: Any
+    forward: Any  # scratch of forward dynamics
+    posture: Any
+    clock: Any  # see there
+    new: Any  # (3, n) q, q̇, q̈ at the end of the step
+    K: Any  # (s + 1, n), and so L
+    L: Any
+    Q: Any  # (n,)
+    tau: Any
+    e: Any  # (2, n)
+    springs: Any  # see `thrown`
+
+
+@recursion
+def embedded_step(t, h, inputs, state, allowed, work):
+    """Step from `state` q, q̇, q̈ (n,) and W (2,) to `work.new`; returns its error [m] and 1, as one pass.
+
+    Nothing follows from what is `allowed`.
+    """
+    q, qd, qdd, done = state
+    A, b, c, d = work.method
+    K, L, s = work.K, work.L, len(c)
+    for k in range(len(q)):
+        L[0, k], K[0, k] = qd[k], qdd[k]
+    work.clock[WORK] = done[0] + h * b[0] * done[1]
+    for i in range(1, s):
+        work.clock[WORK] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
+    work.clock[POWER] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
+    for k in range(len(q)):
+        work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
+    place_bodies(work.new[0], work.posture)
+    ε = error_by(0, h, work)
+    if len(d) == 1 or ε == 0.0:
+        return ε, 1
+    return ε * ε / math.hypot(ε, 0.1 * error_by(1, h, work)), 1
+
+
+@inlined
+def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
+    """Stage i, at a part of the step, from the ones before it: angles, L_i and K_i; returns the power there."""
+    t = start + part * h
+    K, L, tau = work.K, work.L, work.tau
+    for k in range(len(q)):
+        angles[k], L[i, k], tau[k] = q[k], qd[k], 0.0
+    for j in range(i):
+        add_stage(weights[j] * h, L, K, j, angles, L[i])
+    follow(inputs.motion, t, angles, L[i], K[i])
+    drive_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
+    return forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
+
+
+@inlined
+def error_by(row, h, work):
+    """The error [m] by one row of d."""
+    d, e_q, e_v = work.method.d[row], work.e[0], work.e[1]
+    for k in range(len(e_q)):
+        e_q[k] = e_v[k] = 0.0
+    for i in range(len(d)):
+        add_stage(h * d[i], work.L, work.K, i, e_q, e_v)
+    for k in range(len(e_q)):
+        if work.chain.hinges[k].prescribed:
+            e_q[k] = e_v[k] = 0.0
+    return error_of(h, e_q, e_v, work)

@@ -1,0 +1,106 @@
+"""How far errors of angles and rates at the end of a step move bodies: what a tolerance in metres is about.
+
+An error e_q of the angles moves them at once. One of the rates, e_v, goes on moving them, against the springs and
+dampers, and gets in a time τ, by an implicit Euler step, as far as
+
+    δ = τ (M + τ D + τ² K)⁻¹ M e_v
+
+What counts is the largest δ of τ = 1/ω₁ (the lowest frequency), 1/(8 ω₁), … > h: of a swing with the frequency ω it
+is 0.3 to 0.5 of e_v/ω, how far it goes, and of what is free to turn e_v/ω₁. Weighing all rates by 1/ω₁ is simpler, and
+counts fast vibrations hundreds of times; weighing them by h lets any error of a slow one pass at small steps.
+
+A sampled law sees the rates of fast vibrations, too, and holds what it makes of them for a period T: an error of theirs
+that comes to nothing by itself becomes an impulse T k_d e_v, which throws bodies, in 1/ω₁, by
+
+    δ = τ (M + τ D + τ² K)⁻¹ T k_d e_v
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from flexlink.kernels.forward.mass_plus_diagonal import A, displacement, factor, solve
+from flexlink.kernels.stepping.step_state import SLOWEST
+from flexlink.kernels.tools.compiler import inlined, recursion
+
+CLOSER = 1 / 8  # from one τ to the next
+
+
+class Springs(NamedTuple):
+    """What holds the joints of a chain beside their hinges, and scratch."""
+
+    kp: Any  # (n,) a drive's gains, and so kd
+    kd: Any
+    kick: Any  # (n,) T k_d of a sampled law
+    factors: Any  # (n, 8)
+    r: Any  # (n,), and so δ
+    δ: Any
+
+
+@recursion
+def error_of(h, e_q, e_v, work):
+    """Error [m] of a step of length h with errors of its angles and rates (n,); `work`: scratch of the method."""
+    springs, longest = work.springs, max(h, work.clock[SLOWEST])
+    at_once = displacement(e_q, work.posture)
+    for k in range(len(e_v)):
+        springs.δ[k] = longest * e_v[k]
+    free = displacement(springs.δ, work.posture) / longest
+    if longest * free <= at_once:
+        return at_once
+    if not free < math.inf:
+        return math.nan
+    τ, largest = longest, max(at_once, h * free)
+    while τ * free > largest and τ > h:
+        largest = max(largest, thrown(τ, e_v, work))
+        τ *= CLOSER
+    for k in range(len(e_v)):
+        if springs.kick[k] != 0.0:
+            return max(largest, kicked(longest, e_v, work))
+    return largest
+
+
+@recursion
+def thrown(τ, e_v, work):
+    """Largest displacement [m] in a time τ."""
+    throw(τ, e_v, work)
+    return displacement(work.springs.δ, work.posture)
+
+
+@recursion
+def bending(τ, e_v, work):
+    """Largest displacement [m] in a time τ by the springs' angles alone."""
+    throw(τ, e_v, work)
+    for k in range(len(e_v)):
+        if work.chain.hinges[k].stiffness == 0.0:
+            work.springs.δ[k] = 0.0
+    return displacement(work.springs.δ, work.posture)
+
+
+@recursion
+def throw(τ, e_v, work):
+    """δ of rates. Of dry friction nothing holds: its slope at rest would hide any rate."""
+    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
+    for k in range(len(e_v)):
+        held = hold(τ, k, work)
+        factors[k, A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
+    factor(factors, work.posture)
+    solve(factors, r, δ, work.posture)
+    for k in range(len(e_v)):
+        δ[k] += τ * e_v[k]
+
+
+@recursion
+def kicked(τ, e_v, work):
+    """Largest displacement [m] in a time τ by what a sampled law makes of errors of the rates."""
+    factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
+    for k in range(len(e_v)):
+        factors[k, A], r[k] = work.chain.hinges[k].armature + hold(τ, k, work), τ * work.springs.kick[k] * e_v[k]
+    factor(factors, work.posture)
+    solve(factors, r, δ, work.posture)
+    return displacement(δ, work.posture)
+
+
+@inlined
+def hold(τ, k, work):
+    """τ D + τ² K of a joint, its own and its drive's."""
+    hinge, springs = work.chain.hinges[k], work.springs
+    return τ * (hinge.damping + springs.kd[k] + τ * (hinge.stiffness + springs.kp[k]))

@@ -1,0 +1,113 @@
+"""Explicit Runge-Kutta with fixed step for q̈ = f(t, q, q̇), the paper's equations 5 to 12, whole loop compiled.
+
+L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
+q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i
+
+The work of all that has no potential, P = q̇·(T_EX − T_FR) + m·ω, and + f·ṗ of a force on the tip that changes
+(`tip_wrench`), is integrated with the same method:
+
+W ← W + h Σ b_i P_i
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.kernels.forward.solvers import forward_under
+from flexlink.kernels.inputs.drive_torque import ask, drive_torque, follow
+from flexlink.kernels.tools.compiler import inlined, kernel, recursion
+from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.lanes import at, put_at
+
+NEVER = 2**62
+"""`every` of `integrate` where no step is a sample."""
+
+
+class StepWork(NamedTuple):
+    """Scratch of `step`: a stage's angles and drive torques; rates L_i and accelerations K_i of all stages."""
+
+    q: Any
+    tau: Any
+    K: Any
+    L: Any
+
+
+@kernel
+def step_workspace(tableau, q):
+    """Scratch of `step` for states like `q`, of one chain or of eight."""
+    shape = (len(tableau[2]), *q.shape)
+    return StepWork(np.empty_like(q), np.zeros_like(q), np.empty(shape), np.empty(shape))
+
+
+@kernel
+def integrate(work, tableau, inputs, h, origin, first, last, every, state, samples):
+    """Advance the state q, q̇ (n,) and W (1,) in place from step number `first` to `last`, with scratch of a solver.
+
+    Steps are counted from the start of the run, where t = origin · h. Every `every`-th state since then goes to its row
+    of `samples`: q, q̇ (rows, n) and W (rows,). Returns the number of the last step whose q and q̇ are finite; if that
+    is not `last`, the state is the first that is not.
+    With scratch of eight chains side by side all states are (…, 8), and the first chain that leaves the finite
+    numbers stops all.
+    """
+    q, qd, done = state
+    qs, qds, works = samples
+    stages = step_workspace(tableau, q)
+    for number in range(first, last):
+        ask_at(inputs, h, origin + number, state, stages)
+        step(work, tableau, inputs, h, origin + number, state, stages)
+        if not (is_finite(q) and is_finite(qd)):
+            return number
+        if (number + 1) % every == 0:
+            row = (number + 1) // every
+            qs[row], qds[row] = q, qd
+            put_at(works, at(done, 0), row)
+    ask_at(inputs, h, origin + last, state, stages)
+    return last
+
+
+@inlined
+def ask_at(inputs, h, number, state, stages):
+    """Ask a sampled law before the step from t = number · h, if that is an instant of it."""
+    ask(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
+
+
+@recursion
+def step(work, tableau, inputs, h, number, state, stages):
+    """Advance q, q̇ (n,) and W (1,) from t = number · h by h."""
+    A, b, c = tableau
+    q, qd, done = state
+    q_stage, tau, K, L = stages.q, stages.tau, stages.K, stages.L
+    for i in range(len(c)):
+        t = (number + c[i]) * h
+        q_dot, q_dot_dot = L[i], K[i]
+        for k in range(len(q)):
+            put_at(q_stage, at(q, k), k)
+            put_at(q_dot, at(qd, k), k)
+        for j in range(i):
+            add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
+        follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
+        drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, q_dot, tau)
+        power = forward_under(inputs, t, (number + 0.5) * h, q_stage, q_dot, tau, q_dot_dot, work)
+        put_at(done, at(done, 0) + b[i] * h * power, 0)
+    for i in range(len(c)):
+        add_stage(b[i] * h, L, K, i, q, qd)
+    follow(inputs.motion, (number + 1) * h, q, qd, K[0])
+
+
+@kernel
+def stage(work, inputs, t, middle, q, qd, tau, qdd):
+    """Write q̈ of a stage whose drive torques `tau` (n,) are given; returns the power of all that has no potential.
+
+    `middle` of the step that t belongs to.
+    """
+    follow(inputs.motion, t, q, qd, qdd)
+    return forward_under(inputs, t, middle, q, qd, tau, qdd, work)
+
+
+@inlined
+def add_stage(weight, L, K, i, q, qd):
+    """q += weight L_i and q̇ += weight K_i; nothing to do for the many zeros of high-order tableaus."""
+    if weight != 0.0:
+        for k in range(len(q)):
+            put_at(q, at(q, k) + weight * at(L, i, k), k)
+            put_at(qd, at(qd, k) + weight * at(K, i, k), k)

@@ -1,0 +1,75 @@
+"""The decorators of all kernels: compiled by numba, kept on disk (`machine_code`)."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numba
+from numba.core import event
+
+from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python
+
+
+class _Watch(event.Listener):
+    def __init__(self, started: Callable[[], None], ended: Callable[[], None]) -> None:
+        self.started, self.ended, self.depth = started, ended, 0
+
+    def on_start(self, event: Any) -> None:
+        self.depth += 1
+        if self.depth == 1:
+            self.started()
+
+    def on_end(self, event: Any) -> None:
+        self.depth -= 1
+        if self.depth == 0:
+            self.ended()
+
+
+@contextlib.contextmanager
+def watched(started: Callable[[], None], ended: Callable[[], None]) -> Iterator[None]:
+    """Call `started` when something is about to be compiled, which takes seconds, and `ended` afterwards."""
+    with event.install_listener("numba:compile", _Watch(started, ended)):
+        yield
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile `function` on its first call and keep the machine code on disk.
+
+    `error_model="numpy"` makes a division by zero inf or nan instead of a branch to raise: no check in kernels.
+    """
+    return _compile(function)
+
+
+# `contract` lets a·b + c be one instruction with one rounding; nothing is reordered.
+ARITHMETIC: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
+RECURSION = {**BORROWS, **ONLY_KERNELS, **ARITHMETIC}  # of overloads
+INLINED = {"forceinline": True, **RECURSION}
+
+
+def recursion(function: Callable[..., Any]) -> Any:
+    """A part of kernels that makes no arrays, only borrows those of its caller: it does not count references to them.
+
+    Only kernels call it, Python cannot.
+    """
+    return _compile(function, **BORROWS, **ONLY_KERNELS)
+
+
+def entry(function: Callable[..., Any]) -> Any:
+    """A recursion that Python calls, too."""
+    return _compile(function, **BORROWS)
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """A formula: a recursion that is expanded where it is called, so that loops can become vector instructions."""
+    return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Any:
+    compiled = numba.njit(nogil=True, **ARITHMETIC, **{**NO_C, **options})(function)
+    if not numba.config.DISABLE_JIT:
+        keep_on_disk(compiled, function)
+        if options.keys() >= ONLY_KERNELS.keys():
+            refuse_python(compiled)
+    return compiled

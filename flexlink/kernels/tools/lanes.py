@@ -1,0 +1,274 @@
+"""Eight numbers side by side as one number of the kernels, so that one source serves one chain and eight at once.
+
+`Lanes` is LLVM's vector of eight doubles: one register with AVX-512, two with AVX2, four with SSE2. It knows
++ − × ÷ and negation; tuples of it are 3-vectors as ever. A kernel reads and writes its arrays by `at` and `put_at`: of
+an array of shape (m,) or (m, p) they mean a float, of one of shape (m, 8) or (m, p, 8) eight numbers.
+
+With NUMBA_DISABLE_JIT=1 the functions run as they stand here, and eight numbers are an array, `Eight`.
+"""
+
+import math
+import operator
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic, models, overload, register_model
+
+from flexlink.kernels.tools.compiler import INLINED, inlined
+
+LANES = 8
+VECTOR = ir.VectorType(ir.DoubleType(), LANES)
+
+
+class Eight(np.ndarray):
+    """Eight numbers where no kernel is compiled; as with a float, `x += y` changes no other name of x."""
+
+    def __iadd__(self, other):  # type: ignore[misc]
+        return self + other
+
+    def __isub__(self, other):  # type: ignore[misc]
+        return self - other
+
+    def __imul__(self, other):  # type: ignore[misc]
+        return self * other
+
+
+class LanesType(types.Type):
+    """Type of eight float64 side by side."""
+
+    def __init__(self) -> None:
+        super().__init__(name="Lanes")
+
+
+lanes = LanesType()
+
+
+@register_model(LanesType)
+class LanesModel(models.PrimitiveModel):
+    """A vector register, or several."""
+
+    def __init__(self, manager, kind):
+        super().__init__(manager, kind, VECTOR)
+
+
+def _splat(builder, value):
+    """Machine code of lanes from lanes, or of eight equal ones from a double."""
+    if value.type == VECTOR:
+        return value
+    undefined = ir.Constant(VECTOR, ir.Undefined)
+    first = builder.insert_element(undefined, value, ir.Constant(ir.IntType(32), 0))
+    everywhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return builder.shuffle_vector(first, undefined, everywhere)
+
+
+def _binary(symbol, instruction):
+    @intrinsic
+    def combined(typing, x, y):
+        def generate(context, builder, sig, args):
+            x, y = (_splat(builder, each) for each in args)
+            return getattr(builder, instruction)(x, y, flags=("contract",))
+
+        return lanes(*(each if each == lanes else types.float64 for each in (x, y))), generate
+
+    @overload(symbol, jit_options=INLINED)
+    def implement(x, y):
+        if lanes in {x, y} and all(each == lanes or isinstance(each, types.Number) for each in (x, y)):
+            return lambda x, y: combined(x, y)  # noqa: PLW0108
+        return None
+
+
+for _symbol, _instruction in (
+    (operator.add, "fadd"), (operator.sub, "fsub"), (operator.mul, "fmul"), (operator.truediv, "fdiv"),
+    (operator.iadd, "fadd"), (operator.isub, "fsub"), (operator.imul, "fmul"),
+):  # fmt: skip
+    _binary(_symbol, _instruction)
+
+
+@intrinsic
+def _negative(typing, x):
+    return lanes(x), lambda context, builder, sig, args: builder.fneg(args[0])
+
+
+@overload(operator.neg, jit_options=INLINED)
+def _neg(x):
+    return (lambda x: _negative(x)) if x == lanes else None  # noqa: PLW0108
+
+
+def _row(context, builder, array_type, array, index):
+    data = cgutils.create_struct_proxy(array_type)(context, builder, array).data
+    offset = builder.mul(index, ir.Constant(index.type, LANES))
+    return builder.bitcast(builder.gep(data, [offset]), VECTOR.as_pointer())
+
+
+@intrinsic
+def _load(typing, array, index):
+    def generate(context, builder, sig, args):
+        load = builder.load(_row(context, builder, sig.args[0], *args))
+        load.align = 8
+        return load
+
+    return lanes(array, types.intp), generate
+
+
+@intrinsic
+def _store(typing, array, index, value):
+    def generate(context, builder, sig, args):
+        store = builder.store(args[2], _row(context, builder, sig.args[0], args[0], args[1]))
+        store.align = 8
+        return context.get_dummy_value()
+
+    return types.none(array, types.intp, lanes), generate
+
+
+def at(array, *index):
+    """Number of an array of shape (m,) or (m, p); of one with a last axis of eight, the eight numbers as lanes."""
+    found = array[index]
+    return found.copy().view(Eight) if found.ndim else found
+
+
+def put_at(array, value, *index):
+    """Write what `at` reads."""
+    array[index] = value
+
+
+def zero_of(array, *index):
+    """Zero of the kind that `at` reads of an array, of one index unless others are named."""
+    return np.zeros(LANES).view(Eight) if array.ndim > max(1, len(index)) else 0.0
+
+
+@overload(at, jit_options=INLINED)
+def _at(array, *index):
+    if len(index) == 1:
+        if array.ndim == 1:
+            return lambda array, *index: array[index[0]]
+        return lambda array, *index: _load(array, index[0])
+    if array.ndim == 2:
+        return lambda array, *index: array[index[0], index[1]]
+    return lambda array, *index: _load(array, index[0] * array.shape[1] + index[1])
+
+
+@overload(put_at, jit_options=INLINED)
+def _put_at(array, value, *index):
+    if array.ndim > len(index):
+        if len(index) == 1:
+
+            def put(array, value, *index):
+                _store(array, index[0], value)
+        else:
+
+            def put(array, value, *index):
+                _store(array, index[0] * array.shape[1] + index[1], value)
+    elif len(index) == 1:
+
+        def put(array, value, *index):
+            array[index[0]] = value
+    else:
+
+        def put(array, value, *index):
+            array[index[0], index[1]] = value
+
+    return put
+
+
+@intrinsic
+def _zero(typing, array):
+    return lanes(array), lambda context, builder, sig, args: ir.Constant(VECTOR, [0.0] * LANES)
+
+
+@overload(zero_of, jit_options=INLINED)
+def _zero_of(array, *index):
+    if array.ndim > max(1, len(index)):
+        return lambda array, *index: _zero(array)
+    return lambda array, *index: 0.0
+
+
+def all_zero(x):
+    """Whether a float, or each of the lanes, is zero; nan is not."""
+    return bool(np.all(x == 0.0))
+
+
+@intrinsic
+def _all_zero_lanes(typing, x):
+    def generate(context, builder, sig, args):
+        result = ir.Constant(ir.IntType(1), 1)
+        for lane in range(LANES):
+            one = builder.extract_element(args[0], ir.Constant(ir.IntType(32), lane))
+            zero = builder.fcmp_ordered("==", one, ir.Constant(ir.DoubleType(), 0.0))
+            result = builder.and_(result, zero)
+        return result
+
+    return types.boolean(lanes), generate
+
+
+@overload(all_zero, jit_options=INLINED)
+def _all_zero(x):
+    return (lambda x: _all_zero_lanes(x)) if x == lanes else (lambda x: x == 0.0)  # noqa: PLW0108
+
+
+def tanh(x):
+    """Hyperbolic tangent of a float or of lanes."""
+    return np.array([math.tanh(one) for one in x]).view(Eight) if np.ndim(x) else math.tanh(x)
+
+
+@intrinsic
+def _lane(typing, x, number):
+    return types.float64(x, types.intp), lambda context, builder, sig, args: builder.extract_element(*args)
+
+
+@intrinsic
+def _with_lane(typing, x, value, number):
+    return lanes(x, types.float64, types.intp), lambda context, builder, sig, args: builder.insert_element(*args)
+
+
+@overload(tanh, jit_options=INLINED)
+def _tanh(x):
+    def each(x):
+        for lane in range(LANES):
+            x = _with_lane(x, math.tanh(_lane(x, lane)), lane)
+        return x
+
+    return each if x == lanes else (lambda x: math.tanh(x))  # noqa: PLW0108
+
+
+def clipped(x, limit):
+    """A float, or lanes, within ± limit, a float; nan stays."""
+    within = np.where(x > limit, limit, np.where(x < -limit, -limit, x))
+    return within.view(Eight) if np.ndim(x) else float(within)
+
+
+@inlined
+def clip(x, limit):
+    """As `clipped`, of a float."""
+    return limit if x > limit else (-limit if x < -limit else x)
+
+
+@overload(clipped, jit_options=INLINED)
+def _clipped(x, limit):
+    def each(x, limit):
+        for lane in range(LANES):
+            x = _with_lane(x, clip(_lane(x, lane), limit), lane)
+        return x
+
+    return each if x == lanes else (lambda x, limit: clip(x, limit))  # noqa: PLW0108
+
+
+@inlined
+def vec(array, first):
+    """The 3-vector that starts at `first` of an array of shape (m,)."""
+    return at(array, first), at(array, first + 1), at(array, first + 2)
+
+
+@inlined
+def vec_of(array, k, first):
+    """The 3-vector that starts at `first` of row `k` of an array of shape (m, p)."""
+    return at(array, k, first), at(array, k, first + 1), at(array, k, first + 2)
+
+
+@inlined
+def put_vec_of(array, a, k, first):
+    """Write what `vec_of` reads."""
+    put_at(array, a[0], k, first)
+    put_at(array, a[1], k, first + 1)
+    put_at(array, a[2], k, first + 2)

@@ -1,0 +1,186 @@
+"""All that kernels need of Numba beyond what it documents, in one place: a new version of Numba is tried here first.
+
+Code on disk, under a key of all kernel sources. What Numba documents, `cache=True`, looks at the file of the function
+alone, so that an edit in a helper's file would silently return stale machine code; it raises whatever reading a damaged
+file raises; and where its folder cannot be written it falls back to one beside the sources, with code that other
+sources may have left there. Here the name of the folder hashes every kernel file, the layout of
+their records among them, and the versions that compile them. A user's NUMBA_CACHE_DIR says where that folder lies.
+
+Borrowed arrays. Numba has no documented way to leave out the counting of references.
+
+Calls from a loop in Python. A call looks at the types of all arguments, array by array, to find its code: 4 to 10 µs.
+To find the code itself, for calls that do not look, takes 0.7 ms, unless it was found before: the fingerprint by which
+Numba's own calls remember types tells.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import pickle
+import re
+import shutil
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+
+import llvmlite
+import numba
+from numba._dispatcher import compute_fingerprint
+from numba.core import serialize
+from numba.core.compiler import CompileResult
+
+from flexlink.common.output import write_whole
+
+HERE = Path(__file__).parent.parent
+BORROWS: dict[str, Any] = {"_nrt": False}
+"""Option of functions that make no arrays, only borrow those of their caller: references to them are not counted, which
+costs about 10 ns per array and call (two atomic instructions), as much as a joint."""
+
+NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no entry for callers in C, which there are none of
+ONLY_KERNELS: dict[str, Any] = {"no_cpython_wrapper": True, **NO_C}
+"""Option of functions that Python does not call: the code that takes its objects apart, array by array, is as long as a
+recursion itself."""
+
+
+def direct(compiled: Any, *arguments: Any) -> Callable[..., Any]:
+    """The code of a kernel for arguments of these types, compiled; it looks at no types, so none but these may come."""
+    if numba.config.DISABLE_JIT:
+        return cast("Callable[..., Any]", compiled)
+    key = compiled, compute_fingerprint(arguments)
+    if key not in _FOUND:
+        _FOUND[key] = compiled.compile(tuple(compiled.typeof_pyval(argument) for argument in arguments))
+    return _FOUND[key]
+
+
+_FOUND: dict[tuple[Any, bytes], Callable[..., Any]] = {}
+
+
+def refuse_python(compiled: Any) -> None:
+    """Let a function that was compiled with `ONLY_KERNELS` answer a call from Python with an error, not a crash."""
+
+    def add_overload(result: Any) -> None:  # for kernels; not among those that Python's calls are looked up in
+        compiled.overloads[tuple(result.signature.args)] = result
+
+    def refuse(*arguments: Any, **keywords: Any) -> None:
+        raise TypeError(f"{compiled.__name__}: only kernels can call it; as an `entry` Python can, too")
+
+    compiled.add_overload, compiled._compile_for_args = add_overload, refuse
+
+
+KEPT = 8  # folders of other sources and versions, up to 17 MB each, that stay: the last used
+
+
+def sources() -> list[Path]:
+    """Every file whose change makes kept machine code that of other sources."""
+    return sorted(HERE.rglob("*.py"))
+
+
+def cache_folder() -> Path:
+    """Where compiled kernels are kept: the user's cache folder, one sub-folder per state of sources and versions."""
+    digest = hashlib.sha256(f"{sys.implementation.cache_tag} {numba.__version__} {llvmlite.__version__}".encode())
+    for source in sources():
+        digest.update(source.read_bytes())
+    root = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+    if not root and sys.platform == "win32":
+        root = os.environ.get("LOCALAPPDATA")
+    try:
+        place = Path(root or Path.home() / ".cache").absolute()
+    except RuntimeError:  # a user without a home
+        place = Path(os.devnull)
+    return place / "flexlink" / digest.hexdigest()[:16]
+
+
+_FOLDER = cache_folder()  # now, before the sources can change under a running process
+with contextlib.suppress(OSError):
+    os.utime(_FOLDER)  # used
+
+
+def keep_on_disk(compiled: Any, function: Callable[..., Any]) -> None:
+    """Let a compiled function look for its machine code on disk first, and leave it there."""
+    compiled._cache = DiskCache(function)
+
+
+class DiskCache:
+    """Machine code of one function in the place of numba's cache: one file a signature, with its checksum.
+
+    A file that is missing, torn or damaged is as good as none: the code is compiled anew.
+    """
+
+    told = False  # that code cannot be kept
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        source = Path(function.__code__.co_filename)
+        self._own = b"" if source.is_relative_to(HERE) else source.read_bytes()  # not in the name of the folder
+
+    @property
+    def cache_path(self) -> str:
+        """Where the files lie."""
+        return str(_FOLDER)
+
+    def load_overload(self, signature: Any, target: Any) -> Any:
+        """The compiled function for `signature`, or None."""
+        target.refresh()
+        with contextlib.suppress(Exception):  # whatever is wrong with the file, or with where it should lie
+            checksum, payload = _split(self._file(signature, target.codegen()).read_bytes())
+            if hashlib.sha256(payload).digest() == checksum:
+                return CompileResult._rebuild(target, *pickle.loads(payload))
+        return None
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Keep a compiled function; where that fails, the process says so, once, and goes on."""
+        if compiled.lifted or compiled.library.has_dynamic_globals or self._function.__closure__:
+            return  # holds what only this process knows
+        payload = serialize.dumps(compiled._reduce())
+        try:
+            file = self._file(signature, compiled.codegen)
+            _make(file.parent)
+            write_whole(file, lambda place: place.write_bytes(hashlib.sha256(payload).digest() + payload))
+        except OSError as error:
+            self._tell(error)
+
+    def flush(self) -> None:
+        """Forget nothing: a file that is there is right."""
+
+    def _file(self, signature: Any, codegen: Any) -> Path:
+        key = hashlib.sha256(repr((signature, codegen.magic_tuple())).encode() + self._own).hexdigest()[:16]
+        return _FOLDER / f"{self._function.__module__}.{self._function.__qualname__}-{key}.bin"
+
+    @classmethod
+    def _tell(cls, why: OSError) -> None:
+        if not cls.told:
+            cls.told = True
+            warnings.warn(
+                f"compiled code cannot be kept, every process compiles anew: {why}; NUMBA_CACHE_DIR can name a folder",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+
+
+def _split(content: bytes) -> tuple[bytes, bytes]:
+    size = hashlib.sha256().digest_size
+    return content[:size], content[size:]
+
+
+def _make(folder: Path) -> None:
+    """A new folder takes the place of the one that was not used for longest.
+
+    To remove one is safe at any time: a process that still uses it compiles anew what it does not find.
+    """
+    if folder.is_dir():
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    others = [other for other in folder.parent.iterdir() if re.fullmatch("[0-9a-f]{16}", other.name)]
+    for old in sorted(others, key=_last_use)[: -KEPT - 1]:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def _last_use(folder: Path) -> float:
+    try:
+        return folder.lstat().st_mtime
+    except OSError:  # another process has just removed it
+        return 0.0

@@ -1,0 +1,432 @@
+"""Steps of a method that estimates their error, or of an implicit one, in pieces between which Python looks up."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.describe.conditions import AUTO, Run
+from flexlink.describe.schemes.methods import Method, method
+from flexlink.dynamics import rounding
+from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.inputs.drives import gains_of
+from flexlink.kernels.bodies.plane import planar_workspace
+from flexlink.kernels.bodies.rne import rne_workspace
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
+from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
+from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
+from flexlink.kernels.inputs.drive_torque import SampledLaw
+from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.stepping import adaptive as controlled
+from flexlink.kernels.stepping import implicit
+from flexlink.kernels.stepping import step_state as clock
+from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
+from flexlink.kernels.stepping.error_norm import Springs
+from flexlink.kernels.stepping.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.tools.machine_code import direct
+from flexlink.motion.budget import Budget, Spent, warn
+from flexlink.motion.chunk_size import Pace, Reached
+from flexlink.motion.hindrance import hindrance
+from flexlink.motion.marks import SHORTEST, Marks
+from flexlink.motion.method_choice import Choice, cheapest
+from flexlink.motion.monitor import LONG, Watch, least_tolerance
+from flexlink.motion.sampled_control import Control
+from flexlink.results.record import Record
+from flexlink.results.samples import Steps
+from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
+
+Array = NDArray[np.float64]
+
+OF_A_STEP, OF_A_LONG_STEP, OF_AN_EXPLICIT_STEP = 0.25, 0.1, 0.02
+"""Error that one step may have, as a part of the tolerance, of which a run has `LONG` times as much for all its steps.
+It is the error of a formula of lower order: that of the step itself is a few hundredths of it, or less. Measured on 16
+scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tolerance, or less, and are at most 6 times
+it where motion is sensitive. An explicit method's steps, small for stability's sake, have the errors they tell, all in
+one direction."""
+
+LONG_STAGES = 5
+"""Stages of an implicit method from which its steps are long, and few, so that each may count."""
+
+OF_A_DEFLECTION = 0.1
+"""The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
+
+OF_THE_ITERATION = 0.05
+"""What Newton's iteration may leave of the error of a step."""
+
+EXACT = 1e-13
+"""What it may leave of a fixed step, as a part of the arm's reach: what is left drives the energy away."""
+
+FEW_PASSES, MANY_PASSES = 12, 50
+"""Iterations before a shorter step is the cheaper way, and those of a fixed step, which is better kept."""
+
+EXPLICIT, OFTEN = "DOP853", 20
+"""The method with which a run goes on whose iteration fails, and how often it fails before this is thought of."""
+
+PARTS = (2, 4, 8, 16, 32, 64)
+"""Parts of a fixed step whose stages Newton's iteration does not find; in half a step it converges 4 times as fast."""
+
+NEVER = 2**62
+"""Steps, or failures, that do not end anything."""
+
+NEAR = 1e-9
+"""Part of the time between samples within which two times are one."""
+
+
+class ControlledSteps:
+    """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
+
+    def __init__(self, watch: Watch) -> None:
+        record, run = watch.record, watch.run
+        self.failure: Failure | None = None
+        self.record, self.run, self.control, self.inputs = record, run, watch.control, record.inputs
+        self.budget = Budget(run.max_evaluations, run.duration)
+        start, self.ends = pieces(record, watch.control)
+        self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
+        self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
+        self.tau = np.zeros(record.chain.n)
+        self.count, self.evaluations_before = np.zeros(clock.COUNTS, np.int64), 0
+        self.count[clock.ROW], self.count[clock.PATIENCE] = 1, OFTEN if run.method == AUTO else NEVER
+        self.samples = record.t, record.q, record.qd, record.works
+        self._take(choose(run, record, self.slowest), start)
+        self._aim(start, start)
+        if run.controlled:
+            controlled.first_step(self.work, self.state, self.settings, run.duration)
+            self.work.clock[clock.DEFLECTION] = min(self.work.clock[clock.DEFLECTION], record.chain.reach)
+        else:
+            self.work.clock[clock.STEP] = run.step
+
+    def __iter__(self) -> Iterator[Reached]:
+        yield Reached(1, 0.0 if self.ends else 1.0)
+        self.budget.begin(self._spent(), float(self.record.t[-1]))
+        pace, start = Pace(), float(self.work.clock[clock.TIME])
+        for k, end in enumerate(self.ends, 1):
+            self._aim(start, end)
+            start, how = end, controlled.GOES_ON
+            while how == controlled.GOES_ON:
+                pace.size = self._affordable(pace.size)
+                how = self._advance(pace.size) if pace.size else controlled.STUCK
+                if how == controlled.GOES_ON:
+                    pace.end()
+                    yield self._reached()
+                    pace.start()
+            if how == controlled.STUCK:
+                yield self._reached()
+                return
+            yield from self._ask(k)
+            if pace.over or k == len(self.ends):
+                yield self._reached()
+                pace.start()
+
+    def go(self, inputs: Inputs, start: float, end: float) -> Failure | None:
+        """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
+        if inputs is not self.inputs:
+            self.inputs = inputs
+            for array, value in zip(self.work.springs, held_by(self.record.chain, inputs), strict=False):
+                array[:] = value
+            self._compile()
+        self._aim(start, end)
+        self.budget.begin(self._spent(), end)
+        if end == start:
+            self._advance(0)
+            return None
+        told = False
+        while (most := self._affordable(NEVER)) and self._advance(most) == controlled.GOES_ON:
+            if self.budget.slow and not told:
+                warn(f"{self.record.chain.name}: {self.slow}")
+                told = True
+        return self.failure
+
+    def saved(self) -> Any:
+        """All that `go` changes, for `restore`."""
+        return dict(vars(self)), [array.copy() for array in self._changing()]
+
+    def restore(self, saved: Any) -> None:
+        """Go back to where `saved` was."""
+        attributes, arrays = saved
+        vars(self).update(attributes)
+        for array, before in zip(self._changing(), arrays, strict=True):
+            array[:] = before
+
+    def _changing(self) -> tuple[Any, ...]:
+        stages = (self.work.stages,) if isinstance(self.work, ImplicitWork) else ()
+        return *self.state, self.count, self.work.clock, *self.work.springs[:3], *stages
+
+    def _aim(self, start: float, end: float) -> None:
+        """Begin a piece between two times [s], at which torques may jump."""
+        self.end, self.knots = end, self.marks.up_to(start, end)
+        self.count[clock.KNOT], self.work.clock[clock.TIME] = 0, start
+        self._begin(start, self.inputs, self.state, self.tau, self.record.scratch)
+
+    def _ask(self, k: int) -> Iterator[Reached]:
+        """Let a law say what it holds from instant `k` on, if that is one; where it fails, say what came before."""
+        if self.control is None or k == len(self.control.times):
+            return
+        try:
+            self.control.note(k, *self.state[:2])
+        except (LawFailure, KeyboardInterrupt):
+            before = self.control.times[k] - NEAR * self.run.sample
+            yield Reached(int(np.searchsorted(self.record.t, before)), self._reached().part)
+            raise
+
+    def _reached(self) -> Reached:
+        past = self.work.clock[clock.TIME] - self.record.t[0]
+        return Reached(int(self.count[clock.ROW]), past / self.run.duration)
+
+    @property
+    def steps(self) -> Steps:
+        """What was done so far."""
+        taken, rejected, failed = (int(n) for n in self.count[[clock.TAKEN, clock.REJECTED, clock.FAILED]])
+        return Steps(self.name, taken, self._evaluations(), rejected, failed, self.why)
+
+    def _evaluations(self) -> int:
+        return self.evaluations_before + int(self.count[clock.ITERATIONS]) * self.method.stages
+
+    def _take(self, choice: Choice, now: float) -> None:
+        """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
+        run, record, (self.name, self.why) = self.run, self.record, choice
+        self.method = method(self.name)
+        self.work = workspace(self.method, record, self.slowest)
+        self.marks = Marks(self.method, record, self.control is None)
+        longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
+        self.settings = settings(run, self.method, record, longest)
+        self.end, self.knots = now, np.array([now])
+        self._compile()
+
+    def _advance(self, most: int) -> int:
+        """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
+        last = int(self.count[clock.TAKEN]) + most
+        how = int(self._take_steps(*self._arguments(most)))
+        while how == controlled.STUCK and not self.run.controlled and self._step_in_parts():
+            left = max(0, last - int(self.count[clock.TAKEN]))
+            over = self.count[clock.KNOT] == len(self.knots)
+            how = controlled.ENDED if over else int(self._take_steps(*self._arguments(left)))
+        if self._explicit_is_cheaper(how):
+            how = self._go_on_explicitly()
+        if how == controlled.STUCK:
+            self.failure = self._stuck()
+        return how
+
+    def _step_in_parts(self) -> bool:
+        """Go to the end of a fixed step in 2, 4, … 64 parts, each try from where the last one got to; whether one does.
+
+        The end is that of the whole step to the bit, and what follows starts as after a knot.
+        """
+        (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.clock, self.count
+        step, k, start = self.run.step, int(count[clock.KNOT]), float(now[clock.TIME])
+        at_knot = start + controlled.NEARLY * step >= knots[k]
+        end = float(knots[k]) if at_knot else start + step
+        try:
+            solved = any(self._solved_in(part, end, fixed) for part in ((end - start) / parts for parts in PARTS))
+        finally:
+            self.settings, self.knots, count[clock.KNOT] = (*fixed, step, step), knots, k
+        if not solved:
+            return False
+        self._restart(step)
+        if at_knot:
+            count[clock.KNOT] += 1
+        if count[clock.KNOT] < len(knots):
+            self._begin(end, self.inputs, self.state, self.tau, self.record.scratch)
+        return True
+
+    def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
+        """Whether steps of a length [s] get to a time."""
+        self.settings, self.knots, self.count[clock.KNOT] = (*fixed, part, part), np.array([end]), 0
+        self._restart(part)
+        return int(self._take_steps(*self._arguments(NEVER))) == controlled.ENDED
+
+    def _restart(self, step: float) -> None:
+        """Go on with steps of a length [s], as if none had been taken."""
+        controlled.forget(self.work.clock)
+        self.work.clock[clock.STEP] = step
+
+    def _affordable(self, most: int) -> int:
+        """As many of so many steps as the budget allows; 0, and the run has failed: none."""
+        if self.run.controlled:
+            dearest = self.method.stages * (1 if self.method.explicit else FEW_PASSES)
+            most = min(most, self.budget.affordable(self._spent(), dearest))
+            if not most:
+                self.failure = Failure(*self._hanging(self.budget.over), EvaluationLimitError)
+        return most
+
+    def _spent(self) -> Spent:
+        return Spent(float(self.work.clock[clock.TIME]), int(self.count[clock.TAKEN]), self._evaluations())
+
+    def _hanging(self, how: str) -> tuple[str, str]:
+        """Where and how the run hangs, and what may help."""
+        text = f"t = {self.work.clock[clock.TIME]:.6g} s: {how}"
+        if known := hindrance(self.record, self.state[0]):
+            return f"{text}; {known.cause}", known.advice
+        q, _, qdd, _ = self.state
+        k, own = int(np.argmax(np.abs(qdd))), "" if self.run.method == AUTO else "method = 'auto', "
+        worst = f"joint {self.record.chain.joint_name(k)!r} at {np.degrees(q[k]):.1f}° is accelerated most"
+        return f"{text}; {worst}", f"try {own}a larger tolerance or fixed steps, or raise max_evaluations"
+
+    @property
+    def slow(self) -> str:
+        """What is to be told while the run goes on: that it will not end within its budget."""
+        return "; ".join(self._hanging(self.budget.slow)) if self.budget.slow else ""
+
+    @property
+    def deflection(self) -> float:
+        """The largest so far [m]."""
+        return float(self.work.clock[clock.DEFLECTION])
+
+    @property
+    def turned(self) -> float:
+        """Angle [rad] that all free joints went through so far, forth and back."""
+        return float(self.work.clock[clock.TURNED])
+
+    def _compile(self) -> None:
+        self._begin = direct(controlled.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
+        self._take_steps = direct(controlled.advance, *self._arguments(0))
+
+    def _arguments(self, most: int) -> tuple[Any, ...]:
+        inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
+        return self.work, forward, inputs, self.settings, self.count, state, self.knots, samples, most
+
+    def _explicit_is_cheaper(self, how: int) -> bool:
+        """Whether the iteration of a method that was picked fails so often that DOP853's stable steps take less."""
+        failed, patience = (int(n) for n in self.count[[clock.FAILED, clock.PATIENCE]])
+        if self.run.method != AUTO or self.method.explicit or how == controlled.ENDED:
+            return False
+        if failed < patience and how != controlled.STUCK:
+            return False
+        self.count[clock.PATIENCE] = 2 * failed
+        try:
+            now = float(self.work.clock[clock.TIME])
+            explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, now, self.state)
+        except FlexlinkError:  # of a posture whose M is singular, or nearly so
+            return False
+        past = now - self.record.t[0]
+        return explicit * past < self._evaluations() or how == controlled.STUCK
+
+    def _go_on_explicitly(self) -> int:
+        """Take the rest of the run with DOP853, from where it is."""
+        before, self.evaluations_before, end = self.work.clock, self._evaluations(), self.end
+        failed = f"{self.name} until t = {before[clock.TIME]:.3g} s: its iteration failed too often"
+        self.count[clock.ITERATIONS] = 0
+        time = float(before[clock.TIME])
+        self._take(Choice(EXPLICIT, f"{self.why}; {failed}"), time)
+        self._aim(time, end)
+        now, carried = self.work.clock, [clock.DEFLECTION, clock.TURNED]
+        now[carried], now[clock.STEP] = before[carried], min(before[clock.STEP], self.settings[-1])
+        return int(controlled.GOES_ON)
+
+    def _stuck(self) -> Failure:
+        now, h = self.work.clock[clock.TIME], self.work.clock[clock.STEP]
+        if not self.run.controlled:
+            h = self.run.step / PARTS[-1]
+        text = f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s"
+        if self.work.clock[clock.REFUSED] == clock.NOT_SOLVED:
+            joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
+            unsolved = f"Newton's iteration does not end (joint {joint!r})"
+            text = f"no step is found at t = {now:.6g} s, down to {h:.3g} s: {unsolved}"
+        known = hindrance(self.record, self.state[0])
+        return Failure(f"{text}; {known.cause}", known.advice) if known else Failure(text)
+
+
+def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]:
+    """Start of a run, and where its pieces end [s]: at the instants of a law, and at the end of the run."""
+    run = record.run
+    start, end = float(record.t[0]), float(record.t[-1])
+    if not run.controlled:  # on the grid of all steps, to the bit
+        start, end = (run.step * (record.origin + k * run.steps_per_sample) for k in (0, len(record.t) - 1))
+    between = [] if control is None else control.times[1:].tolist()
+    return start, [*(t for t in between if t < end - NEAR * run.sample), *([end] if end > start else [])]
+
+
+def choose(run: Run, record: Record, slowest: float) -> Choice:
+    """The method of a run, and, if it is not named, why."""
+    if run.method != AUTO:
+        return Choice(run.method, "")
+    return cheapest(record, run.tolerance_within(record.chain.reach), slowest)
+
+
+def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
+    """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows."""
+    inputs, (q, qd, *_) = record.inputs, state
+    (wrench, follower), gains = inputs.given_wrench(t), gains_of(record.chain, inputs.drive, t, q, qd)
+    return stable_step(record.chain, q, qd, method=name, tip_wrench=wrench, follower=follower, gains=gains)
+
+
+def settings(run: Run, method: Method, record: Record, largest: float) -> tuple[float, ...]:
+    """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
+    reach = record.chain.reach
+    if not run.controlled:
+        return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
+    if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
+        raise SceneError(
+            f"run.accuracy = 'deflection': nothing of {record.chain.name!r} bends, and a part of no deflection is no "
+            "tolerance; take accuracy = 'tip'"
+        )
+    least = least_tolerance(record)
+    absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
+    if run.accuracy == "tip":
+        absolute, part = run.tolerance_within(reach), 0.0
+        if absolute < least:
+            raise SceneError(
+                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m, at "
+                f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
+            )
+    order = float(method.order if method.explicit else method.stages + 1)
+    long = method.stages >= LONG_STAGES
+    one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
+    errors = one * absolute, OF_A_DEFLECTION * one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
+    return *errors, order, SHORTEST * run.duration, largest
+
+
+def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
+    """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one.
+
+    At one state whatever the run's, which so goes on to the bit.
+    """
+    drive, zero = inputs.drive, np.zeros(chain.n)
+    kick = zero
+    if isinstance(drive, SampledLaw):
+        kick = gains_of(chain, drive.law, 0.0, zero, zero).diagonals()[1] / drive.rate
+    return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
+
+
+def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
+    """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
+    chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
+    posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
+    numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
+    numbers[clock.SLOWEST], numbers[clock.ROUNDING] = 1.0 / slowest, rounding.of_position(chain)
+    numbers[clock.PASSES] = FEW_PASSES if record.run.controlled else MANY_PASSES
+    springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    if method.explicit:
+        coefficients = EmbeddedMethod(*method.arrays, method.error)
+        K, L = np.zeros((2, s + 1, n))
+        Q, tau = np.zeros((2, n))
+        e = np.zeros((2, n))
+        return EmbeddedWork(coefficients, arrays, record.scratch, posture, numbers, new, K, L, Q, tau, e, springs)
+    r, p = len(method.modes.real), len(method.modes.complex)
+    return ImplicitWork(
+        coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
+        posture, numbers, new, np.zeros((5, s, n)), np.zeros(s), np.zeros((implicit.VECTORS, n)), springs,
+        np.zeros((r, n, FACTORS)), np.zeros((2, n), complex), np.zeros((p, n, FACTORS), complex),
+    )  # fmt: skip
+
+
+def coefficients_of(method: Method) -> ImplicitMethod:
+    """An implicit method as its kernel takes it."""
+    (A, b, c), modes = method.arrays, method.modes
+    γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
+    return ImplicitMethod(
+        np.array([A, modes.A2]), np.array([b, modes.bA, c, d]), γ, modes.real, modes.T_real, modes.Tinv_real,
+        modes.complex, modes.T_complex, modes.Tinv_complex, dense_weights(c),
+    )  # fmt: skip
+
+
+def dense_weights(c: Array) -> Array:
+    """Coefficients (2, s, s) of β_i(x) / x and α_i(x) / x²: Lagrange polynomials of c, integrated once and twice."""
+    m = np.arange(len(c))
+    once = np.linalg.inv(c[:, None] ** m).T / (m + 1)
+    return np.array([once, once / (m + 2)])

@@ -1,0 +1,326 @@
+"""A run judges itself: its step before it starts, and while it goes on its samples, by their energies and postures."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import AUTO, Run, steps_explicitly
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics import rounding
+from flexlink.dynamics.terms import mass_matrix
+from flexlink.kernels.stepping.samples import tip_errors as write_tip_errors
+from flexlink.motion.sampled_control import Control
+from flexlink.results import balance
+from flexlink.results.record import Record
+from flexlink.results.samples import Steps
+from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.results.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+FAR = np.radians(84.0)
+"""Angle of a hinge from which a chain says little of the beam, and of three axes at one point the outer two nearly
+coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
+
+TIP_SHARE = 0.05
+"""Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
+
+NEAR = 1e-9
+"""How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
+
+DOUBT = 0.1
+"""Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
+energy and the steps' own errors, which sensitive motion, and motion that drifts out of phase, multiply."""
+
+LONG = 100
+"""Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
+
+SMALLEST = 200.0
+"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
+
+TOLERABLE = 3.0
+"""Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
+
+FEWEST, APART = 64, 128
+"""How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
+one in so many, which costs three in 128, 2 %."""
+
+
+def least_tolerance(record: Record) -> float:
+    """The smallest tolerance [m] of an arm of such reach, that starts at such angles."""
+    return SMALLEST * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
+
+
+def tolerance_of(run: Run, chain: Chain, deflection: float) -> float:
+    """The tolerance of a run [m]: a relative one is a part of what it says, the reach or the deflection so far [m]."""
+    return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
+
+
+def allowed_imbalance(
+    run: Run, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
+) -> balance.Allowance:
+    """Energy that an error δ of any body's place as large as the tolerance makes up for, as m g δ and m v δ/τ.
+
+    τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
+    that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
+    that stay below δ, however fast they are, and all energy may have been theirs, or work that a drive does on them:
+    it is `compared` with a second run, if there is one, which judges.
+    """
+    if not run.controlled:
+        return balance.NOTHING
+    mass = float(chain.bodies["mass"].sum())
+    weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
+    share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
+    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, not explicit, compared)
+
+
+class Watch:
+    """What the samples of a run say of it, looked at piece by piece in the order of time.
+
+    Attributes
+    ----------
+    good
+        Number of samples that are good.
+    fault
+        What is wrong with the next one; empty if nothing is.
+    warnings
+        What is worth knowing of the good ones.
+    confirmed
+        Whether a second run agrees.
+    tip_error
+        Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
+    """
+
+    def __init__(
+        self, run: Run, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None
+    ) -> None:
+        chain = record.chain
+        self.record, self.run, self.control = record, run, control
+        self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
+        self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
+        self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
+        self.good, self.fault = 0, ""
+        self.warnings = list(warnings)
+        self._exchanged = 0.0  # up to now [J]
+        self._unbalanced = self._excused = 0.0  # largest imbalance so far, apart from what is allowed, and with it [J]
+        self.tip_error = 0.0
+        self.confirmed = False
+        self.explicit = steps_explicitly(run)
+        self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
+        self._told: set[str] = set()
+
+    def look(
+        self,
+        stop: int,
+        steps: Steps | None = None,
+        errors: Array | None = None,
+        *,
+        deflection: float = 0.0,
+        turned: float = 0.0,
+    ) -> bool:
+        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
+
+        `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`. `deflection`: the
+        largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
+        """
+        first, self.steps, self.deflection, self.turned = self.good, steps or self.steps, deflection, turned
+        if stop == first or self.fault:
+            return not self.fault
+        with np.errstate(all="ignore"):
+            self.record.derive(first, stop)
+            self.good = stop
+            self._judge_energy(slice(first, stop))
+            if self.good > first:
+                self._judge_bend(slice(first, self.good))
+                self._judge_limits(slice(first, self.good))
+            if self.good > first and self.explicit:
+                self._probe_steps(slice(first, self.good), errors)
+        return not self.fault
+
+    def trajectory(self) -> Trajectory:
+        """The good samples, with the warnings."""
+        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
+
+    @property
+    def tolerance(self) -> float:
+        """Of its steps, up to now [m]; of no deflection what rounding leaves."""
+        return max(tolerance_of(self.run, self.record.chain, self.deflection), self.least)
+
+    @functools.cached_property
+    def least(self) -> float:
+        """The smallest tolerance that the arm can keep [m]."""
+        return least_tolerance(self.record)
+
+    @property
+    def moved(self) -> float:
+        """How far the tip moves in the good samples, by the box around them [m]."""
+        return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+
+    def diverged(self, failure: Failure | None = None) -> DivergenceError:
+        """The error of a run with a fault, or else of one whose steps ended early, as they say."""
+        record, run = self.record, self.run
+        advice = f"try a smaller step than {run.step:g} s"
+        if run.controlled:
+            smaller = "smaller" if self.fault else "larger"  # no step was small enough
+            advice = f"try a {smaller} tolerance, another method, or fixed steps"
+        if self.fault or failure is None:
+            failure = Failure(f"t = {record.t[self.good]:.6g} s: {self.fault}")
+        told = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.good} samples kept"
+        return failure.kind(told, self.trajectory())
+
+    def _judge_energy(self, rows: slice) -> None:
+        """Samples are finite, their kinetic energy is positive, and their energy balances."""
+        record = self.record
+        energy, work = record.energy[:, rows], record.work(rows)
+        if rows.start == 0:
+            self._balance = balance.Balance(record.chain, record.energy[:, 0])
+        allowance = self._allowance(energy[0])
+        judged = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowance)
+        r, X, explained, ε, garbage = judged
+        finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
+        self._exchanged = float(X[-1])
+        sound = finite & ~garbage
+        self._unbalanced = max(self._unbalanced, float((np.abs(r) - explained)[sound].max(initial=0.0)))
+        self._excused = max(self._excused, float((np.abs(r) - ε)[sound].max(initial=0.0)))
+        if garbage.any():
+            k = int(np.argmax(garbage))
+            unbalanced = f"the energy does not balance, E − E(0) − W = {r[k]:.3g} J with {X[k]:.3g} J exchanged"
+            if self.run.unstable == "allow":
+                self._warn("balance", rows.start + k, unbalanced)
+            else:
+                self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
+        self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
+        self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+
+    def _allowance(self, kinetic: Array) -> balance.Allowance:
+        """What the tolerance explains of the imbalance at the next samples, of these kinetic energies [J]."""
+        if not self.run.controlled:
+            return balance.NOTHING
+        name = self.steps.method  # before the first step it may not be picked yet
+        explicit = name != AUTO and method(name).explicit
+        moved = self.moved if explicit else 0.0
+        return allowed_imbalance(
+            self.run, self.record.chain, kinetic, self.tolerance, moved, explicit, compared=not explicit
+        )
+
+    def _steps_up_to(self, rows: slice) -> Array | int:
+        """Number of steps up to each of these samples; where steps differ, up to now."""
+        if self.run.controlled:
+            return self.steps.taken
+        return self.run.steps_per_sample * np.arange(rows.start, rows.stop)
+
+    def _judge_bend(self, rows: slice) -> None:
+        """No hinge is bent far, and M is positive definite in spite of the negative rotors of matched twist."""
+        record, passive = self.record, self.passive
+        if not passive.size:
+            return
+        bends = np.abs(record.q[rows][:, passive])
+        most = bends.max(axis=1)
+        if (most > FAR).any():
+            row = int(np.argmax(most > FAR))
+            text = f"{self._bent(rows.start + row, bends[row])}: beyond 84° a chain says little of the beam"
+            self._warn("bend", rows.start + row, f"{text}; use more segments")
+        row = int(np.argmax(most))
+        if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
+            self.good = rows.start + row
+            bent = self._bent(self.good, bends[row])
+            self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+
+    def _judge_limits(self, rows: slice) -> None:
+        """Joints stay within their limits; nothing stops one that does not."""
+        chain = self.record.chain
+        for k in self.limited:
+            q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
+            out = np.maximum(lower - q, q - upper) > NEAR
+            if out.any():
+                row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
+                angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
+                self._warn(f"limit {k}", row, f"{angle}, past its limits {least:.6g}° … {most:.6g}°; no stop holds it")
+
+    def _bent(self, row: int, bends: Array) -> str:
+        """Words for the hinge that is bent most in a sample."""
+        k = int(self.passive[np.argmax(bends)])
+        return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
+
+    def probed(self, rows: slice) -> Indices:
+        """Of these samples those whose next step's own error is looked at."""
+        every = self._apart()
+        return np.arange(-(-rows.start // every) * every, rows.stop, every)
+
+    def _apart(self) -> int:
+        """Of samples that are probed [samples]."""
+        per_sample = self.run.steps_per_sample
+        steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
+        return max(1, -(-steps_apart // per_sample))
+
+    def _probe_steps(self, rows: slice, known: Array | None) -> None:
+        """Add up the errors of the steps themselves, of a few that stand for all."""
+        probed = self.probed(rows)
+        errors = self.tip_errors(probed) if known is None else known[: len(probed)].copy()
+        errors[errors < rounding.of_position(self.record.chain)] = 0.0
+        self.tip_error += float(errors.sum()) * self._apart() * self.run.steps_per_sample
+
+    def tip_errors(self, probed: Indices) -> Array:
+        """Of the steps from these samples [m]."""
+        record, errors = self.record, np.empty(len(probed))
+        write_tip_errors(
+            record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
+            record.origin + probed * self.run.steps_per_sample, record.q[probed], record.qd[probed], errors,
+        )  # fmt: skip
+        return errors
+
+    def _doubts(self) -> Iterator[str]:
+        """What makes a run doubtful that is not garbage."""
+        if self.good < 2:
+            return
+        moved = self.moved
+        if self.tip_error > DOUBT * TIP_SHARE * moved:
+            yield (
+                f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                "halve the step and compare"
+            )
+        rounded = self._rounded_away()
+        if rounded > DOUBT * TIP_SHARE * moved:
+            largest = np.abs(self.record.q[: self.good]).max()
+            yield (
+                f"doubtful: angles up to {largest:.2g} rad are rounded step by step, that adds "
+                f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
+            )
+        if self.suspicious and not self.confirmed:
+            yield (
+                f"doubtful: the energy is out of balance by {self._excused / self._exchanged:.2g} of what was "
+                f"exchanged; {'take a tenth of the tolerance' if self.run.controlled else 'halve the step'} and compare"
+            )
+
+    @property
+    def suspicious(self) -> bool:
+        """Whether the energy is out of balance, by a little, or by so much that only the tolerance excuses it."""
+        least = DOUBT * balance.SHARE * self._exchanged
+        return self._unbalanced > least or self._excused > least / DOUBT
+
+    def _rounded_away(self) -> float:
+        """What fixed steps may lose of the tip's motion [m] as q + h q̇ is rounded: N h q̇, or N times half an ulp of q.
+
+        Nothing at the angles of a few turns, where that is what rounding leaves anyway.
+        """
+        if self.run.controlled:
+            return 0.0
+        record, run = self.record, self.run
+        q, qd = (np.abs(part[: self.good]).max(axis=0) for part in (record.q, record.qd))
+        step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
+        return step * reach * self.good * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
+
+    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
+        if bad.any() and rows.start + int(np.argmax(bad)) <= self.good:
+            self.good, self.fault = rows.start + int(np.argmax(bad)), fault
+
+    def _warn(self, key: str, row: int, text: str) -> None:
+        if key not in self._told:
+            self._told.add(key)
+            self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")

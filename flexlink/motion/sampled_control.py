@@ -1,0 +1,175 @@
+"""Control laws from outside: torques from time and state, asked for by a run, and held as a sampled controller does."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import callable_or_none, positive
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.conditions import Run, multiples, parts, steps_explicitly, whole
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.describe.spec import short
+from flexlink.inputs.drives import effort_of, held
+from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.kernels.stepping.runge_kutta import integrate, stage
+from flexlink.motion.chunk_size import Pace
+from flexlink.results.record import Record
+from flexlink.results.stop_reasons import LawFailure
+
+Array = NDArray[np.float64]
+Law = Callable[[float, Array, Array], ArrayLike]
+"""T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,)."""
+Tableau = tuple[Array, Array, Array]
+"""A, b and c of a method."""
+
+
+class Control:
+    """A law at work in a run: sampled at a rate and held in between, or asked at every stage.
+
+    Attributes
+    ----------
+    apart
+        Number of fixed steps between two instants; of steps with a tolerance there are no numbers.
+    times
+        Instants [s] for which the run holds what the law gives: where it is sampled, or the samples of the run.
+    drive
+        What it gave at its instants, held: so far, 0 later.
+    """
+
+    def __init__(self, law: Law, rate: float | None, scene: Scene, chain: Chain) -> None:
+        run, start, self.law, self.chain = scene.run, scene.initial.time, law, chain
+        self.effort = effort_of(scene, chain)
+        self.sampled, self.origin = rate is not None, round(start / run.step)
+        between = run.sample if rate is None else 1 / positive("rate", rate)
+        if self.sampled:
+            whole("t0", start, "1 / rate", between, ArgumentError)
+        if run.controlled:
+            self.times = multiples(start, between, math.floor(parts(run.duration, between)) + 1)
+        else:
+            self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.step, ArgumentError)
+            last = (run.samples - 1) * run.steps_per_sample
+            self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
+        self.drive = held(chain, self.times, np.zeros((len(self.times), self.joints)))
+
+    @property
+    def joints(self) -> int:
+        """Number of driven joints."""
+        return len(self.chain.active)
+
+    def torque(self, t: float, q: Array, qd: Array) -> Array:
+        """What the law gives, within the drive's `effort`, shape (d,).
+
+        Raises
+        ------
+        LawFailure
+            It raises, or gives no d finite numbers.
+        """
+        name = getattr(self.law, "__qualname__", type(self.law).__name__)
+        try:
+            given = np.asarray(self.law(t, q.copy(), qd.copy()))
+        except Exception as error:
+            raise LawFailure(f"t = {t:.6g} s: control law {name} raised {type(error).__name__}: {error}") from error
+        if given.dtype.kind not in "fiu" or given.shape != (self.joints,) or not np.isfinite(given).all():
+            raise LawFailure(
+                f"t = {t:.6g} s: control law {name} gave {short(given.tolist())}; expected one finite number per "
+                f"driven joint, shape ({self.joints},)"
+            )
+        return np.clip(given.astype(np.float64), -self.effort, self.effort)
+
+    def note(self, k: int, q: Array, qd: Array) -> None:
+        """Ask the law at instant `k`, and hold what it gives from there."""
+        self.drive.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
+
+    def pieces(self, record: Record, run: Run, state: tuple[Array, Array, Array]) -> Iterator[int]:
+        """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.
+
+        Raises
+        ------
+        LawFailure
+            As in `torque`; the samples before that instant are there.
+        """
+        last, advance = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
+        tableau, pace, number = method(run.method).arrays, Pace(), 0
+        yield advance(record, tableau, state, 0, 0)
+        while number < last:
+            stop = min(number + self.apart, last)
+            try:
+                number = advance(record, tableau, state, number, stop)
+                if number < stop:
+                    yield number
+                    return
+                if number % self.apart == 0:
+                    self.note(number // self.apart, *state[:2])
+            except (LawFailure, KeyboardInterrupt):
+                yield stop - 1 if number == stop else number
+                raise
+            if pace.over or number == last:
+                yield number
+                pace.start()
+
+    def _sampled(
+        self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
+    ) -> int:
+        run, samples = record.run, (record.q, record.qd, record.works)
+        fixed = record.scratch, tableau, record.inputs, run.step, record.origin
+        return int(integrate(*fixed, first, stop, run.steps_per_sample, state, samples))
+
+    def _continuous(
+        self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
+    ) -> int:
+        """As `integrate`, the law asked at every stage."""
+        (A, b, c), run, inputs = tableau, record.run, record.inputs
+        h = run.step
+        (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))
+        for number in range(self.origin + first, self.origin + stop):
+            for i in range(len(c)):
+                t, Q, L[i] = (number + c[i]) * h, q + h * A[i, :i] @ L[:i], qd + h * A[i, :i] @ K[:i]
+                follow(inputs.motion, t, Q, L[i], K[i])
+                tau, middle = self._spread(t, Q, L[i]), (number + 0.5) * h
+                work += h * b[i] * stage(record.scratch, inputs, t, middle, Q, L[i], tau, K[i])
+            q += h * b @ L
+            qd += h * b @ K
+            follow(inputs.motion, (number + 1) * h, q, qd, K[0])
+            if not np.isfinite([q, qd]).all():
+                return number - self.origin
+            row, left = divmod(number + 1 - self.origin, run.steps_per_sample)
+            if not left:
+                record.q[row], record.qd[row], record.works[row] = q, qd, work[0]
+        return stop
+
+    def _spread(self, t: float, q: Array, qd: Array) -> Array:
+        tau = np.zeros(self.chain.n)
+        tau[self.chain.active] = self.torque(t, q, qd)
+        return tau
+
+
+def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) -> Control | None:
+    """The law of a run, checked, or None.
+
+    Raises
+    ------
+    ArgumentError
+        It cannot be called, the scene has a drive, too, the rate does not fit the step, or stages are not those that a
+        law can be asked at.
+    """
+    callable_or_none("control", law)
+    if law is None:
+        if rate is not None:
+            raise ArgumentError(f"rate = {rate!r}: there is no control to be sampled")
+        return None
+    run = scene.run
+    if scene.drive.kind != "none":
+        raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; drop one of both")
+    if rate is None and not steps_explicitly(run):
+        what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
+        raise ArgumentError(
+            f"control: asked at every stage, with {what}: a law that is not sampled takes fixed steps of an explicit "
+            "method, such as RK4; give rate"
+        )
+    return Control(law, rate, scene, chain)

@@ -1,0 +1,262 @@
+"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in pieces between which Python looks up."""
+
+from __future__ import annotations
+
+import math
+import signal
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import callable_or_none, given
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.interruption import Stop, deferred
+from flexlink.describe.conditions import Accuracy, Dynamics, Unstable, check_method, multiples
+from flexlink.describe.scene import Scene
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.step_check import judge_step
+from flexlink.motion.adaptive_steps import ControlledSteps
+from flexlink.motion.budget import warn
+from flexlink.motion.fixed_steps import FixedSteps
+from flexlink.motion.monitor import Watch
+from flexlink.motion.sampled_control import Law, control_of
+from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
+from flexlink.results.record import Record
+from flexlink.results.stop_reasons import ControlError, InterruptedRunError, LawFailure
+from flexlink.results.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def simulate(
+    scene: Scene,
+    *,
+    progress: Callable[[float], None] | None = None,
+    method: str | None = None,
+    step: float | None = None,
+    duration: float | None = None,
+    sample: float | None = None,
+    dynamics: Dynamics | None = None,
+    unstable: Unstable | None = None,
+    tolerance: float | None = None,
+    relative_tolerance: float | None = None,
+    accuracy: Accuracy | None = None,
+    max_evaluations: float | None = None,
+    q0: ArrayLike | None = None,
+    qd0: ArrayLike | None = None,
+    t0: float | None = None,
+    control: Law | None = None,
+    rate: float | None = None,
+) -> Trajectory:
+    """Integrate the equation of motion M q̈ + T_GC + T_FL + T_FR = T_EX from the scene's initial state.
+
+    Runge-Kutta with a fixed step, t = k · step (paper, equations 5 to 12), or, with a tolerance, with steps that follow
+    from their error. The run judges itself: its step before it starts, and each sample by the power balance
+    E(t) − E(0) = W(t).
+
+    Parameters
+    ----------
+    scene
+        Arm, gravity, initial state, drive, wrench and run settings.
+    progress
+        Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
+    method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
+        In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
+        place of a fixed step, and a step that of a tolerance.
+    q0, qd0, t0
+        State to start from: joint angles [rad] and rates [rad/s], shape (n,), and the time [s], as `run.state` gives
+        them; None: as `scene.initial` says. A run with fixed steps that is continued from one of its samples gives
+        the same numbers to the bit.
+    control
+        Control law tau(t, q, qd) in place of the scene's drive: torques of the driven joints (`chain.active`) [N m],
+        shape (d,), from time [s], angles [rad] and rates [rad/s], shape (n,).
+    rate
+        How often the law is asked [Hz], its torques held in between, as a real controller's are; None: at every stage
+        of every step, fixed ones of an explicit method.
+
+    Returns
+    -------
+    Trajectory
+        Samples at t = t0, t0 + sample, t0 + 2 · sample, … t0 + duration.
+
+    Raises
+    ------
+    ArgumentError
+        `scene` is no Scene, or `progress` no function.
+    SceneError
+        A run setting with a value that is not allowed.
+    DataFileError
+        The method's own file is not valid.
+    UnstableStepError
+        The step is larger than the largest stable one at the start (`stable_step`); unstable = "allow" insists.
+    DivergenceError
+        The state left the finite numbers, or the energy does not balance by more than a tenth of what was exchanged
+        (implicit steps with a tolerance: a second run is made, and may mark the run as doubtful instead); the error's
+        `trajectory` holds the good samples.
+    EvaluationLimitError
+        A DivergenceError, too: steps with a tolerance would take more than `max_evaluations`. Where such a run hangs is
+        told, as a RuntimeWarning, a fiftieth of the way to there.
+    ControlError
+        The law raised, or gave no d finite numbers; its `trajectory` holds the samples before.
+    InterruptedRunError
+        Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
+    """
+    callable_or_none("progress", progress)
+    settings = {
+        "method": method, "step": step, "duration": duration, "sample": sample,
+        "dynamics": dynamics, "unstable": unstable,
+        "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
+        "max_evaluations": max_evaluations,
+    }  # fmt: skip
+    said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    said |= starting_from(q0, qd0, t0)
+    scene = given("scene", scene, Scene).varied(said) if said else given("scene", scene, Scene)
+    run = SingleRun(scene, prepare(scene, lump(scene), control, rate))
+    with deferred() as stop:
+        return run.finish(stop, progress, warn=warn)
+
+
+def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> dict[str, object]:
+    """Changes by path of a scene, that starts from this state; what is None stays as it is."""
+    changes: dict[str, object] = {} if t0 is None else {"initial.time": t0}
+    if q0 is not None:
+        changes |= {"initial.passive": None, "initial.q": q0}
+    if qd0 is not None:
+        changes |= {"initial.rate_deg": None, "initial.qd": qd0}
+    return changes
+
+
+class SingleRun:
+    """A run that is judged and compiled, and has not started; errors as in `simulate`."""
+
+    def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
+        self.scene = scene
+        self.watch = prepare(scene, lump(scene)) if watch is None else watch
+        self.steps = steps_of(self.watch)
+
+    def finish(
+        self,
+        stop: Stop,
+        progress: Callable[[float], None] | None = None,
+        *,
+        compared: bool = True,
+        warn: Callable[[str], None] | None = None,
+    ) -> Trajectory:
+        """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one.
+
+        `warn` is told, once, and while the run goes on, where it hangs.
+        """
+        watch, steps = self.watch, self.steps
+        try:
+            self.advance(stop, progress or (lambda _: None), warn=warn)
+            if compared and not (watch.fault or steps.failure or stop.asked):
+                watch.warnings += second_opinion(self.scene, watch, steps.steps.method, stop)
+        except LawFailure as failure:
+            raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
+        except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
+            stop.signal = signal.SIGINT
+        if watch.fault or steps.failure:
+            raise watch.diverged(steps.failure)
+        if stop.signal is not None:
+            raise InterruptedRunError(watch.trajectory(), stop.signal)
+        return watch.trajectory()
+
+    def advance(
+        self,
+        stop: Stop,
+        told: Callable[[float], None],
+        most: float = math.inf,
+        warn: Callable[[str], None] | None = None,
+    ) -> None:
+        """As far as the steps go, the samples are good, nobody stops it, and no more than `most` evaluations."""
+        watch, steps = self.watch, self.steps
+        for reached in steps:
+            judged = watch.look(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
+            if not judged or steps.failure:
+                break
+            told(reached.part)
+            if warn and steps.slow:
+                warn(f"{watch.record.chain.name}: {steps.slow}")
+                warn = None
+            if stop.asked or steps.steps.evaluations > most:
+                break
+
+
+def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterator[str]:
+    """What second runs say against a finished one, that advanced by the method of this name: a warning, or nothing."""
+    text, own = "", watch.steps.evaluations
+    for second in second_runs(watch, name):
+        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(watch))
+        try:
+            again = replace(scene, run=second.run)  # whose steps may not be such that one begins at its start
+            other = SingleRun(again, prepare(again, watch.record.chain))
+            other.advance(stop, lambda _: None, most=GIVEN_UP * own)
+        except FlexlinkError:
+            continue
+        evaluations = other.steps.steps.evaluations
+        if evaluations > GIVEN_UP * own:
+            break
+        if stop.asked:
+            return
+        # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
+        in_parts = not second.run.controlled and other.steps.steps.failed > 0
+        if not (other.watch.fault or other.steps.failure or in_parts):
+            text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
+            watch.confirmed = not text
+            if not text or second.strict or evaluations > own:
+                break
+    if text:
+        yield text
+
+
+def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
+    """The steps of a run by its method: fixed ones of an explicit method, or others."""
+    return FixedSteps(watch) if watch.explicit else ControlledSteps(watch)
+
+
+def prepare(
+    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+) -> Watch:
+    """`room_for` a run, whose first sample is looked at; errors as there."""
+    watch = room_for(scene, chain, law, rate, rows=rows)
+    watch.look(1)
+    return watch
+
+
+def room_for(
+    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+) -> Watch:
+    """Room for the samples of a run, or for its first rows, of which the first is filled, and its step judged.
+
+    Raises
+    ------
+    SceneError
+        The method is unknown, or cannot do what the run asks of it, or the samples do not fit into memory.
+    UnstableStepError
+        As in `simulate`.
+    """
+    run, inputs = scene.run, input_arrays(scene, chain)
+    check_method(run)
+    control = control_of(scene, chain, law, rate)
+    if control is not None:
+        inputs = inputs._replace(drive=control.drive)
+    try:
+        times = multiples(scene.initial.time, run.between, run.samples if rows is None else rows)
+        record = Record(scene, chain, inputs, times, *np.empty((2, len(times), chain.n)))
+    except (MemoryError, ValueError):  # ValueError: more than numpy can count
+        raise SceneError(
+            f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
+        ) from None
+    record.q[0], record.qd[0] = start = initial_state(scene, chain)
+    watch = Watch(run, record, judge_step(scene, chain, *start, inputs), control)
+    if control is not None:
+        try:
+            control.note(0, *start)
+        except LawFailure as failure:
+            raise ControlError(f"{scene.name}: {failure}", watch.trajectory()) from failure.__cause__
+    return watch

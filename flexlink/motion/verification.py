@@ -1,0 +1,150 @@
+"""A second run, by which a run judges what its own steps cannot tell: errors that the motion multiplies.
+
+Fixed steps of an implicit method are compared with a run of twice the step, for about half the cost, and, where the two
+differ or one of these steps was taken in parts, with one that keeps a tolerance. The errors of the steps themselves are
+bounded by a tolerance, or known, of a fixed step of an explicit method, and most motions add them up. Where joints turn
+round and round, or the loop of a sampled drive is unstable, errors grow. There a run with a tenth of the tolerance
+tells how far; fixed explicit steps, which may be far better than they need be, are compared with less and less
+tolerance, until a run agrees, is itself so strict that they are to blame, or has taken more evaluations than they have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+from numpy.typing import NDArray
+
+from flexlink.describe.conditions import AUTO, Run
+from flexlink.motion.hindrance import sampled_growth
+from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, Watch, least_tolerance
+
+Array = NDArray[np.float64]
+
+STRICTER = 0.1
+"""Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
+
+FINER = 1e-2
+"""Tolerance of a run that is to explain why two differ, over that of the one before."""
+
+SURE = 2**2 - 1.0
+"""How much larger the error of a run of twice the step is at least, beyond that of the first: that of order two. Steps
+that hardly resolve the motion have not the order of their method, and two such runs may be wrong alike."""
+
+FAR = 16.0
+"""Angle [rad] that the joints go through in all from which a motion is suspected to multiply errors: one of the rates
+grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15.1 and less;
+of a thousand arms that something hit, those whose errors were more than ten tolerances went through 29 and more, two of
+them with no single joint beyond 13.5."""
+
+LOOP = 10.0
+"""Times by which the loop of a sampled drive lets motion grow within a run, beyond what it does without the drive, from
+which it is suspected to multiply errors. Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and
+more."""
+
+GIVEN_UP = 50
+"""Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
+nobody waits for a second run much longer than for the first."""
+
+UNKNOWN = (
+    "doubtful: no run with other steps ends, in {times} times the evaluations, and so none tells the errors of this "
+    "one; {advice} and compare"
+)
+
+
+class Second(NamedTuple):
+    """A run to compare with."""
+
+    run: Run
+    every: int  # of the first run's samples
+    larger: float  # how far the two are apart, over the error of the first
+    strict: bool = True  # so much that the first is to blame where they differ
+
+
+def second_runs(watch: Watch, name: str) -> Iterator[Second]:
+    """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
+
+    None where a control law drives the arm: it may remember what it was asked.
+    """
+    run = watch.run
+    if watch.control is not None:
+        return
+    if run.controlled:
+        if watch.suspicious or multiplies(watch):
+            yield Second(_stricter(watch, name), 1, 1.0)
+    elif watch.explicit:
+        if watch.tip_error <= _tolerance(watch) and multiplies(watch):
+            yield from _stricter_and_stricter(watch)
+    elif watch.moved > 0:
+        if pairs := (run.samples - 1) // 2:
+            sample = 2 * run.sample
+            coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
+            yield Second(coarser, 2, SURE, strict=False)
+        yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
+
+
+def doubt(watch: Watch, second: Second, tip: Array) -> str:
+    """Why a run is doubtful whose second run has these tips; empty if it is not."""
+    error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
+    of = second.run.tolerance or STRICTER * _tolerance(watch)
+    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
+    told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
+    if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
+        return f"{told}{multiplies(watch)}; {advice(watch)} and compare"
+    if not watch.run.controlled and error > _tolerance(watch):
+        grown = multiplies(watch) if watch.explicit else ""
+        return f"{told}, which moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
+    return ""
+
+
+def multiplies(watch: Watch) -> str:
+    """What lets a run multiply its errors, as the end of a sentence; empty if nothing is known to."""
+    if turned(watch) > FAR:
+        return ": this motion multiplies errors"
+    growth, without = sampled_growth(watch.record)
+    more, rate = growth / max(1.0, without), watch.record.scene.drive.rate or 0.0
+    if more > 1.0 and np.log(more) * rate * watch.run.duration > np.log(LOOP):
+        return f": the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors"
+    return ""
+
+
+def advice(watch: Watch) -> str:
+    """What to change in a run that is doubtful so."""
+    return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
+
+
+def turned(watch: Watch) -> float:
+    """Angle [rad] that all links' joints go through, forth and back, in all steps, or by their rates at the samples."""
+    record, chain = watch.record, watch.record.chain
+    rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
+    return max(watch.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
+
+
+def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
+    """Runs that are to explain a difference by their own errors, down to what is too strict for that."""
+    tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, least_tolerance(watch.record))
+    while tolerance > own:
+        yield Second(_within(watch.run, AUTO, tolerance), 1, 1.0, strict=False)
+        tolerance *= FINER
+    yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
+
+
+def _stricter(watch: Watch, name: str) -> Run:
+    """A run with a tolerance that is a part of this one's, of the same kind."""
+    run = watch.run
+    if run.accuracy == "tip":
+        return _within(run, name, max(STRICTER * _tolerance(watch), least_tolerance(watch.record)))
+    return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
+
+
+def _within(run: Run, name: str, tolerance: float) -> Run:
+    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=Run().dynamics)
+
+
+def _tolerance(watch: Watch) -> float:
+    """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
+    if watch.run.controlled:
+        return watch.tolerance
+    return max(DOUBT * TIP_SHARE * watch.moved, least_tolerance(watch.record) / STRICTER)

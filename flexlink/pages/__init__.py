@@ -1,0 +1,1 @@
+"""What any of our HTML pages is made of."""

@@ -1,0 +1,58 @@
+"""The columns of a trajectory by name, each made where it is asked for: sweeps ask for a few."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Iterator, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.results.samples import RunSamples
+
+Array = NDArray[np.float64]
+Source = Callable[[RunSamples], Array]
+
+OF_BALANCED: Mapping[str, Source] = {
+    "work [J]": lambda run: np.asarray(run.work),
+    "imbalance [J]": lambda run: run.imbalance,
+}
+"""Of flexlink's own runs."""
+
+
+class Columns(Mapping[str, Array]):
+    """Every sampled quantity of a run, shape (samples,), by its name with unit."""
+
+    def __init__(self, run: RunSamples) -> None:
+        chain = run.chain
+        self._run, self._sources = run, _sources(chain.joint_names, tuple(chain.active.tolist()), run.work is not None)
+
+    def __getitem__(self, name: str) -> Array:
+        return self._sources[name](self._run)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._sources)
+
+    def __len__(self) -> int:
+        return len(self._sources)
+
+
+@functools.lru_cache(maxsize=64)
+def _sources(joints: tuple[str, ...], active: tuple[int, ...], balanced: bool) -> Mapping[str, Source]:
+    """Where each column comes from, in the order of the CSV file; runs of one layout share it."""
+    return {
+        "t [s]": lambda run: run.t,
+        **{f"q {name} [rad]": _of("q", k) for k, name in enumerate(joints)},
+        **{f"qd {name} [rad/s]": _of("qd", k) for k, name in enumerate(joints)},
+        **{f"tau {joints[k]} [N m]": _of("tau", k) for k in active},
+        **{f"tip {axis} [m]": _of("tip", k) for k, axis in enumerate("xyz")},
+        "kinetic [J]": lambda run: np.asarray(run.energy.kinetic),
+        "gravity [J]": lambda run: np.asarray(run.energy.gravity),
+        "elastic [J]": lambda run: np.asarray(run.energy.elastic),
+        **(OF_BALANCED if balanced else {}),
+    }
+
+
+def _of(field: str, k: int) -> Source:
+    """Column `k` of an array (samples, …)."""
+    return lambda run: getattr(run, field)[:, k]

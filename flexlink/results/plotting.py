@@ -1,0 +1,125 @@
+"""Plots of trajectories and modes; imports matplotlib, and is imported only where one is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from flexlink.dynamics.vibration.modal import Modes
+    from flexlink.results.trajectory import Trajectory
+
+LEGEND_ENTRIES = 8  # more do not fit beside a panel
+PANEL = 1.9  # height [in]
+
+
+def plot_trajectory(run: Trajectory) -> Figure:
+    """All `PANELS` that have something to show, against time, each with its legend beside it."""
+    shown = [panel for panel, has_content in PANELS if has_content(run)]
+    figure = Figure(figsize=(8.4, PANEL * len(shown) + 0.7), layout="constrained")
+    axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
+    figure.suptitle(run.chain.name)
+    for draw, panel in zip(shown, axes, strict=True):
+        draw(panel, run)
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0)
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def active_joints(panel: Axes, run: Trajectory) -> None:
+    """Angles of the driven joints."""
+    _angles(panel, run, run.chain.active.tolist(), "active joints [deg]")
+
+
+def passive_joints(panel: Axes, run: Trajectory) -> None:
+    """Angles of the hinges."""
+    _angles(panel, run, _hinges(run), "passive joints [deg]")
+
+
+def tip(panel: Axes, run: Trajectory) -> None:
+    """Position of the tip."""
+    for column, axis in enumerate("xyz"):
+        panel.plot(run.t, run.tip[:, column], label=axis)
+    panel.set_ylabel("tip, frame 0 [m]")
+
+
+def exchanged_energy(panel: Axes, run: Trajectory) -> None:
+    """Kinetic and gravity energy and the sum of all, since the start: the zero of gravity energy says nothing."""
+    for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
+        panel.plot(run.t, _since_start(values), label=name)
+    panel.plot(run.t, _since_start(run.energy.total), label="total", color="black", linestyle="--")
+    panel.set_ylabel("energy since\nthe start [J]")
+
+
+def elastic_energy(panel: Axes, run: Trajectory) -> None:
+    """Energy of the springs, often thousands of times smaller than what falls and swings."""
+    panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color="tab:green")
+    panel.set_ylabel("elastic\nenergy [J]")
+
+
+def imbalance(panel: Axes, run: Trajectory) -> None:
+    """What the discretisation has done to the energy."""
+    panel.plot(run.t, run.imbalance, label="E − E(0) − W", color="tab:red")
+    panel.set_ylabel("power\nbalance [J]")
+    panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
+
+
+PANELS: tuple[tuple[Callable[[Axes, Trajectory], None], Callable[[Trajectory], bool]], ...] = (
+    (active_joints, lambda run: len(run.chain.active) > 0),
+    (passive_joints, lambda run: len(_hinges(run)) > 0),
+    (tip, lambda run: True),
+    (exchanged_energy, lambda run: True),
+    (elastic_energy, lambda run: bool(run.chain.stiffness.any())),
+    (imbalance, lambda run: run.work is not None),
+)
+"""What a picture of a run shows, from top to bottom, and of which runs."""
+
+
+def plot_modes(found: Modes, name: str, count: int = 8) -> Figure:
+    """Mode shapes as displaced arms, one panel a mode, seen along the axis of frame 0 in which the arm moves least."""
+    shown = min(count, len(found.eigenvalues))
+    paths = found.paths[:shown].real
+    spread = np.ptp(found.points, axis=0) + np.abs(paths).max(axis=(0, 1))
+    across, up = sorted(np.argsort(spread)[1:])
+    reach = np.ptp(found.points, axis=0).max() or 1.0
+    rows = -(-shown // 2)
+    figure = Figure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
+    figure.suptitle(f"{name}: mode shapes, amplitude not to scale")
+    panels = np.atleast_1d(figure.subplots(rows, 2, sharex=True, sharey=True)).ravel()
+    for k, panel in enumerate(panels):
+        panel.set_visible(k < shown)
+        if k < shown:
+            largest = np.abs(paths[k]).max() or 1.0
+            bent = found.points + 0.25 * reach / largest * paths[k]
+            panel.plot(*found.points[:, [across, up]].T, color="0.7", linewidth=1.0, label="posture")
+            panel.plot(*bent[:, [across, up]].T, marker=".", markersize=4, label=f"mode {k + 1}")
+            panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz", fontsize="medium")
+            panel.set(xlabel=f"{'xyz'[across]} [m]", ylabel=f"{'xyz'[up]} [m]")
+            panel.set_aspect("equal")
+            panel.grid(alpha=0.3)
+    return figure
+
+
+def _hinges(run: Trajectory) -> list[int]:
+    return [k for k, c in enumerate(run.chain.coordinates) if c.axis]
+
+
+def _since_start(values: ArrayLike) -> NDArray[np.float64]:
+    since: NDArray[np.float64] = np.asarray(values) - np.asarray(values)[0]
+    return since
+
+
+def _angles(panel: Axes, run: Trajectory, joints: list[int], label: str) -> None:
+    for place, k in enumerate(joints):
+        name = run.chain.joint_name(k) if place < LEGEND_ENTRIES else None
+        panel.plot(run.t, np.degrees(run.q[:, k]), label=name, linewidth=1.0)
+    if len(joints) > LEGEND_ENTRIES:
+        label += f"\n(first {LEGEND_ENTRIES} of {len(joints)} named)"
+    panel.set_ylabel(label)

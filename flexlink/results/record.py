@@ -1,0 +1,70 @@
+"""Samples of a run while it goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.terms import Energy
+from flexlink.kernels.inputs.record import Inputs
+from flexlink.kernels.stepping.samples import drive_torques, tips_and_energies
+from flexlink.results.samples import Steps
+from flexlink.results.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+
+def trajectory_from_states(scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> Trajectory:
+    """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
+    record = Record(scene, chain, inputs, t, q.copy(), qd.copy())
+    record.derive(0, len(t))
+    return record.trajectory(len(t), balanced=False)
+
+
+class Record:
+    """Samples of a run while it goes on: room for all, of which the first ones are filled.
+
+    Attributes
+    ----------
+    q, qd, works
+        States (samples, n) and the integrated work (samples,), without that of a constant tip
+        force, which has a potential.
+    origin
+        Number of fixed steps from t = 0 to the start of the run.
+    """
+
+    def __init__(self, scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
+        self.scene, self.run, self.chain, self.t, self.q, self.qd = scene, scene.run, chain, t, q, qd
+        self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
+        self.works = np.zeros(len(t))
+        self.inputs = inputs
+        self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
+        self.scratch = solver_for(chain, self.run.dynamics).workspace(chain.arrays)
+
+    def derive(self, first: int, stop: int) -> None:
+        """Tip, energies and drive torques of the samples first … stop − 1."""
+        rows = slice(first, stop)
+        t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
+        tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
+        drive_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
+
+    def work(self, rows: slice) -> Array:
+        """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
+        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.potential_force)
+
+    def trajectory(
+        self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True
+    ) -> Trajectory:
+        """The samples before `stop`, read-only; this record must not go on."""
+        work = self.work(slice(stop)) if balanced else None
+        t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
+        energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
+        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.scene)
+
+
+def _kept(array: Array, stop: int) -> Array:
+    """The first rows, without holding the memory of the rest."""
+    return array if stop == len(array) else array[:stop].copy()

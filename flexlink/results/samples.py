@@ -1,0 +1,180 @@
+"""Samples of a run, and what follows from them."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.arguments import integer
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.accelerations import forward_dynamics
+from flexlink.dynamics.batches import each
+from flexlink.dynamics.loads import InternalLoads, internal_loads
+from flexlink.dynamics.terms import Energy
+from flexlink.results import balance
+
+Array = NDArray[np.float64]
+
+
+class Steps(NamedTuple):
+    """How a run advanced."""
+
+    method: str
+    taken: int
+    evaluations: int  # of forward or inverse dynamics
+    rejected: int = 0  # steps that were taken again, shorter: their error was too large
+    failed: int = 0  # … whose stages were not found
+    why: str = ""  # of a method that was picked
+
+    def __str__(self) -> str:
+        again = f", {self.rejected} rejected, {self.failed} not solved" if self.rejected or self.failed else ""
+        picked = f" ({self.why})" if self.why else ""
+        return f"{self.method}{picked}: {self.taken} steps{again}, {self.evaluations} evaluations"
+
+
+class State(NamedTuple):
+    """Where an arm is: what a run is continued from."""
+
+    t: float  # [s]
+    q: Array  # (n,) [rad]
+    qd: Array  # (n,) [rad/s]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RunSamples:
+    """Samples of a run, read-only, and what follows from them.
+
+    Attributes
+    ----------
+    chain
+        The chain that moved.
+    t
+        Time of each sample [s], shape (samples,).
+    q, qd
+        Joint angles [rad] and rates [rad/s], shape (samples, n).
+    tau
+        Drive torques T_EX [N m], shape (samples, n): 0 on passive joints; where a motion is prescribed, what it takes.
+    tip
+        Position of the tip in frame 0 [m], shape (samples, 3).
+    energy
+        Kinetic, gravity and elastic energy [J], each of shape (samples,).
+    work
+        Work W done on the arm so far by drives, prescribed motions, tip wrench and friction [J], shape (samples,),
+        integrated with the run's own method; None of a run of another engine.
+    warnings
+        What a reader of the result must know, such as that it was insisted on an unstable step.
+    steps
+        How the run advanced; None of a run of another engine.
+    tip_wrench
+        Force and moment that acted on the tip, frame 0, shape (samples, 6) [N, N m].
+    scene
+        The scene that ran, with the run's own settings: what a chain no longer knows, such as sections. Of a control
+        law in Python it knows nothing.
+    """
+
+    chain: Chain
+    t: Array
+    q: Array
+    qd: Array
+    tau: Array
+    tip: Array
+    energy: Energy
+    work: Array | None = None
+    warnings: tuple[str, ...] = ()
+    steps: Steps | None = None
+    tip_wrench: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 6)))  # none: that of no run
+    scene: Scene | None = None
+
+    def __repr__(self) -> str:
+        samples, (start, end) = len(self.t), self.t[[0, -1]] if len(self.t) else (0.0, 0.0)
+        doubts = f"; {len(self.warnings)} warnings" if self.warnings else ""
+        return (
+            f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
+        )
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            object.__setattr__(self, field.name, _read_only(getattr(self, field.name)))
+
+    def __reduce__(self) -> tuple[type[RunSamples], tuple[object, ...]]:
+        """Copies and pickles are built anew: their arrays, too, are read-only."""
+        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
+
+    def state(self, k: int) -> State:
+        """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
+
+        Raises
+        ------
+        ArgumentError
+            There is no such sample.
+        """
+        k = integer("k", k, -len(self.t), len(self.t) - 1)
+        return State(float(self.t[k]), self.q[k].copy(), self.qd[k].copy())
+
+    @functools.cached_property
+    def qdd(self) -> Array:
+        """Joint accelerations at the samples [rad/s²], shape (samples, n), by `forward_dynamics` from q, q̇ and `tau`.
+
+        Raises
+        ------
+        SingularMassError
+            As in `forward_dynamics`.
+        """
+        hinges = self.chain.hinges.copy()
+        hinges["prescribed"] = 0  # the torque that a prescribed motion has taken is in `tau`
+        free = dataclasses.replace(self.chain, hinges=hinges)
+        # state by state: what takes many at once takes seconds to compile, and the numbers are the same to the bit
+        qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
+        return np.asarray(_read_only(qdd))
+
+    @functools.cached_property
+    def loads(self) -> InternalLoads:
+        """`internal_loads` at the samples, each with a leading axis of samples, the run's own tip wrench counted.
+
+        Raises
+        ------
+        SingularMassError
+            As in `qdd`.
+        """
+        found = internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
+        return InternalLoads(*map(_read_only, found))
+
+    @property
+    def imbalance(self) -> Array:
+        """E(t) − E(0) − W(t) [J], shape (samples,): what the discretisation has done to the energy.
+
+        Raises
+        ------
+        ArgumentError
+            The run is another engine's, whose work is not known.
+        """
+        energy = np.array(self.energy)
+        return balance.imbalance(energy, self._known_work, energy[:, 0])
+
+    @property
+    def exchanged(self) -> Array:
+        """Energy exchanged up to each sample, the largest T + |ΔV_g| + |ΔV_e| + |W| [J]; errors as in `imbalance`."""
+        energy = np.array(self.energy)
+        return np.asarray(np.maximum.accumulate(balance.turned_over(energy, self._known_work, energy[:, 0])))
+
+    @property
+    def _known_work(self) -> Array:
+        if self.work is None:
+            raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
+        return self.work
+
+
+def _read_only(value: Any) -> Any:
+    """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
+    if isinstance(value, np.ndarray):
+        value = value.view()
+        value.flags.writeable = False
+    elif isinstance(value, Energy):
+        value = Energy(*map(_read_only, value))
+    return value

@@ -1,0 +1,80 @@
+"""How a run may end before its time: errors that hold every good sample up to there."""
+
+from __future__ import annotations
+
+import signal
+from typing import TYPE_CHECKING, NamedTuple
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.interruption import word
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from flexlink.results.trajectory import Trajectory
+
+
+class DivergenceError(FlexlinkError, ArithmeticError):
+    """A run left the finite numbers, or its energy does not balance; `trajectory` holds every good sample before.
+
+    Of `simulate_many`, `runs` holds all runs, this one's samples among them.
+    """
+
+    def __init__(self, message: str, trajectory: Trajectory, runs: Sequence[Trajectory] = ()) -> None:
+        super().__init__(message)
+        self.trajectory, self.runs = trajectory, runs
+
+    def __reduce__(self) -> tuple[type[DivergenceError], tuple[str, Trajectory, Sequence[Trajectory]]]:
+        """With all it holds through a process pool, which otherwise breaks on an error of two arguments."""
+        return type(self), (str(self), self.trajectory, self.runs)
+
+
+class EvaluationLimitError(DivergenceError):
+    """A run with a tolerance does not get on: it has taken all that `run.max_evaluations` allows, or would."""
+
+
+class Failure(NamedTuple):
+    """Why steps ended early."""
+
+    text: str
+    advice: str = ""  # of what is known of the cause; empty: as of any run
+    kind: type[DivergenceError] = DivergenceError
+
+
+class LawFailure(Exception):  # noqa: N818  no ending yet: becomes the error below with the samples
+    """A control law raised, or gave no torques."""
+
+
+class ControlError(FlexlinkError, ValueError):
+    """A control law raised, or gave no torques; `trajectory` holds every sample before."""
+
+    def __init__(self, message: str, trajectory: Trajectory) -> None:
+        super().__init__(message)
+        self.trajectory = trajectory
+
+    def __reduce__(self) -> tuple[type[ControlError], tuple[str, Trajectory]]:
+        """As `DivergenceError`."""
+        return ControlError, (str(self), self.trajectory)
+
+
+class InterruptedRunError(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM during a run; a KeyboardInterrupt for all who stop at one.
+
+    `trajectory` holds every sample up to there, `signal` the number of the signal; of `simulate_many`, `runs` holds all
+    runs as far as they went.
+    """
+
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        number: int = signal.SIGINT,
+        where: str = "",
+        runs: Sequence[Trajectory] = (),
+    ) -> None:
+        kept = len(trajectory.t)
+        super().__init__(f"{word(number)} at t = {trajectory.t[-1]:.6g} s; {kept} sample{'s' * (kept > 1)} kept{where}")
+        self.trajectory, self.signal, self.where, self.runs = trajectory, number, where, runs
+
+    def __reduce__(self) -> tuple[type[InterruptedRunError], tuple[Trajectory, int, str, Sequence[Trajectory]]]:
+        """As `DivergenceError`."""
+        return InterruptedRunError, (self.trajectory, self.signal, self.where, self.runs)

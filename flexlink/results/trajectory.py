@@ -1,0 +1,172 @@
+"""Trajectory: what a simulation returns."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.common.errors import MissingDependencyError
+from flexlink.common.output import write_whole
+from flexlink.describe.data_files import given_path
+from flexlink.results import tables
+from flexlink.results.columns import Columns
+from flexlink.results.files import Writer, output_format
+from flexlink.results.samples import RunSamples
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+class Trajectory(RunSamples):
+    """Samples of a simulation (`RunSamples`), with files, tables, plots and pictures of them."""
+
+    @property
+    def columns(self) -> Mapping[str, Array]:
+        """Every sampled quantity as a column, shape (samples,), by its name with unit, in the order of the CSV file.
+
+        "t [s]", then by the names of joints "q upper [rad]", "qd upper [rad/s]", of driven ones "tau upper [N m]", then
+        "tip x [m]", "tip y [m]", "tip z [m]", "kinetic [J]", "gravity [J]", "elastic [J]", and, of flexlink's own runs,
+        "work [J]", "imbalance [J]".
+        """
+        return Columns(self)
+
+    def save(self, path: str | Path) -> Path:
+        """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
+
+        Numbers are written so that they read back exactly. The file appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            The name ends neither in .npz nor in .csv.
+        OutputError
+            It cannot be written.
+        """
+        path = given_path("path", path)
+        write_whole(path, self.writer(path))
+        return path
+
+    def writer(self, path: Path) -> Writer:
+        """The function that writes this trajectory in the format that the ending of `path` names.
+
+        Raises
+        ------
+        ArgumentError
+            The name ends neither in .npz nor in .csv.
+        """
+        return Writer(self, output_format(path))
+
+    def to_pandas(self) -> Any:
+        """All `columns` as a pandas.DataFrame, whose index is the time "t [s]".
+
+        Raises
+        ------
+        MissingDependencyError
+            pandas is not installed.
+        """
+        return tables.to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """All samples as an xarray.Dataset: q, qd, tau (time, joint), tip (time, axis), energies (time); with `units`.
+
+        Raises
+        ------
+        MissingDependencyError
+            xarray is not installed.
+        """
+        return tables.to_xarray(self)
+
+    def plot(self) -> Figure:
+        """Draw joint angles, tip and energy against time; needs matplotlib.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        figure: Figure = plotting().plot_trajectory(self)
+        return figure
+
+    def animate(
+        self,
+        path: str | Path,
+        *,
+        magnify: float = 1.0,
+        colour: Literal["moment", "strain"] = "moment",
+        fps: float = 25.0,
+        speed: float = 1.0,
+        width: int = 640,
+        progress: Callable[[float], None] | None = None,
+    ) -> Path:
+        """Draw the arm in motion, its links as wide as their sections, gravity downwards, with the path of its tip.
+
+        Planar arms are seen across their plane, others from the side and above, with their shadow on a level floor. The
+        payload is a ball of steel of its mass; joints and thin links are drawn no smaller than they can be seen.
+
+        Parameters
+        ----------
+        path
+            File, by its ending: .gif; .mp4, by the program ffmpeg; or .html, one page with a player, which needs
+            neither a network nor matplotlib.
+        magnify
+            How many times as far hinges and gears are bent as they are; the picture says so.
+        colour
+            What colours the links: the size of the "moment" that bends them [N m], of `loads`, exact at hinges and
+            joints and linear between, or the "strain" that it makes at their surface.
+        fps
+            Frames in a second of the film, at most as many as there are samples; a GIF lasts whole 1/100 s a frame.
+        speed
+            Seconds of the run in a second of the film.
+        width
+            Of the picture, in pixels, 320 to 3840.
+        progress
+            Called with the finished fraction, 0 to 1.
+
+        Returns
+        -------
+        Path
+            The file.
+
+        Raises
+        ------
+        ArgumentError
+            An argument is not allowed, the film would have too many frames, or the run does not know its scene.
+        MissingDependencyError
+            matplotlib is not installed, or ffmpeg for .mp4.
+        EngineError
+            ffmpeg failed.
+        KeyboardInterrupt
+            Ctrl-C or SIGTERM while it was drawn; nothing is written.
+        OutputError
+            The file cannot be written.
+        SingularMassError
+            As in `qdd`.
+        """
+        room = importlib.import_module("flexlink.pictures.animate")
+        wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
+        drawn: Path = room.animate(self, wanted, progress)
+        return drawn
+
+
+def plotting() -> ModuleType:
+    """The module that draws, which needs matplotlib.
+
+    Raises
+    ------
+    MissingDependencyError
+        matplotlib is not installed.
+    """
+    try:
+        return importlib.import_module("flexlink.results.plotting")
+    except ImportError:
+        raise MissingDependencyError(
+            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
+        ) from None

@@ -1,0 +1,234 @@
+"""Which number of a scene, were it another, would bring its run to what was measured: each tried alone.
+
+    min over x of Σ r(x)²        r = (run − measured) / size of the column, at all times
+
+x is the number's change over its unit. Gauss and Newton's steps with the slope that the last two runs show, so that it
+works with every drive and method. Its spread is White's, as if what is left were noise.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.rounding import EPS, ROUNDINGS
+from flexlink.motion.simulate import simulate
+from flexlink.results.trajectory import Trajectory
+from flexlink.scene_report.measured import Measured
+
+Array = NDArray[np.float64]
+
+FIRST = 0.01
+"""Of the number's unit, the first change."""
+
+PASSES = 6
+"""Runs with one number, at most."""
+
+CLOSE = 0.1
+"""Of the spread, a step that is not worth another run."""
+
+LITTLE = 0.02
+"""Part of the mean square difference that a number must explain by its first slope to be followed."""
+
+FARTHEST = 0.9
+"""Of the number's unit, that one step may go; what is positive stays so."""
+
+
+class Tried(NamedTuple):
+    """A number that may be wrong: its path, what it is, and its value in the scene."""
+
+    path: str
+    what: str
+    value: float
+
+    @property
+    def is_angle(self) -> bool:
+        """Whether it is an angle [deg], of which any may be zero; all others are positive."""
+        return self.path.startswith("initial.joint_deg")
+
+    @property
+    def unit(self) -> float:
+        """The size of a large change."""
+        return 1.0 if self.is_angle else self.value
+
+
+@dataclasses.dataclass(frozen=True)
+class Fit:
+    """The value of a number with which the run is closest to what was measured.
+
+    Attributes
+    ----------
+    number
+        The number.
+    value, spread
+        Best value, and its standard deviation, in the number's own unit.
+    explained
+        Part of the mean square difference that is gone with it.
+    off
+        Root mean square difference of every column that is left [SI].
+    run
+        The run with it.
+    """
+
+    number: Tried
+    value: float
+    spread: float
+    explained: float
+    off: dict[str, float]
+    run: Trajectory
+
+    @property
+    def factor(self) -> float | None:
+        """Best value over the scene's; None of an angle."""
+        return None if self.number.is_angle else self.value / self.number.value
+
+    @property
+    def left(self) -> float:
+        """Root mean square of the differences over what it was."""
+        return math.sqrt(max(1.0 - self.explained, 0.0))
+
+
+def numbers_of(scene: Scene) -> Iterator[Tried]:
+    """Numbers of a scene that arms seldom know well: stiffness, density, payload, damping, friction, angles."""
+    arm = scene.arm
+    for name in dict.fromkeys(link.material for link in arm.links if link.flex != "rigid" and link.material):
+        material, of = arm.materials[name], f"material.{quoted(name)}"
+        yield Tried(f"{of}.young", f"stiffness of {name}", material.young)
+        yield Tried(f"{of}.density", f"density of {name}", material.density)
+        if material.loss_time:
+            yield Tried(f"{of}.loss_time", f"damping of {name}", material.loss_time)
+    if arm.tip.mass:
+        yield Tried("tip.mass", "payload", arm.tip.mass)
+    for number, (link, start) in enumerate(zip(arm.links, scene.initial.joint_deg, strict=True), 1):
+        joint = link.joint
+        for key, what in (("gear_stiffness", "gear's stiffness"), ("viscous", "friction"), ("armature", "rotor")):
+            value = getattr(joint, key)
+            if value and not (joint.locked and key != "gear_stiffness"):
+                yield Tried(f"link.{number}.joint.{key}", f"{what} of {link.name}", value)
+        if (
+            not joint.locked
+            and scene.initial.q is None
+            and not any(m.link in (number, link.name) for m in scene.motion)
+        ):
+            yield Tried(f"initial.joint_deg.{number}", f"start of {link.name}", start)
+
+
+def quoted(name: str) -> str:
+    """A name as a part of a path."""
+    return f'"{name}"' if "." in name else name
+
+
+class Comparison:
+    """A scene's run beside what was measured."""
+
+    def __init__(self, scene: Scene, run: Trajectory, measured: Measured) -> None:
+        inside = (measured.t >= run.t[0]) & (measured.t <= run.t[-1])
+        self.t, self.left_out = measured.t[inside], int((~inside).sum())
+        self.measured = {name: column[inside] for name, column in measured.columns.items()}
+        self.measured = {name: column for name, column in self.measured.items() if np.isfinite(column).any()}
+        self.run = run
+        self.scene = scene
+        if self.t.size:
+            last = min(
+                math.ceil(float(self.t[-1] - run.t[0]) / scene.run.sample) * scene.run.sample, scene.run.duration
+            )
+            self.scene = scene.varied({"run.duration": max(last, scene.run.sample)})
+
+    def at_times(self, run: Trajectory) -> dict[str, Array]:
+        """The measured columns as a run has them, by cubic splines through its samples."""
+        columns = run.columns
+        return {name: CubicSpline(run.t, columns[name])(self.t) for name in self.measured}
+
+    def differences(self, run: Trajectory) -> dict[str, Array]:
+        """Run less measured, every column; nan where nothing was measured."""
+        return {name: column - self.measured[name] for name, column in self.at_times(run).items()}
+
+    def off(self, run: Trajectory) -> dict[str, float]:
+        """Root mean square difference of every column."""
+        return {name: float(np.sqrt(np.nanmean(column**2))) for name, column in self.differences(run).items()}
+
+    @cached_property
+    def sizes(self) -> dict[str, float]:
+        """What differences of each column are divided by: how far the columns of its unit range, at most."""
+        unit = {name: name.rpartition("[")[2] for name in self.measured}
+        spread = {name: float(np.nanstd(column) or np.nanmax(np.abs(column))) for name, column in self.measured.items()}
+        return {name: max(spread[other] for other in unit if unit[other] == unit[name]) or 1.0 for name in unit}
+
+    def residual(self, run: Trajectory) -> Array:
+        """All differences, each over the size of its column."""
+        joined = np.concatenate([column / self.sizes[name] for name, column in self.differences(run).items()])
+        return np.asarray(joined[np.isfinite(joined)])
+
+    @property
+    def differs(self) -> bool:
+        """Some column is off by more than rounding: a spline adds four terms, together 10 eps of the column's size."""
+        size = {name: float(np.nanmax(np.abs(column))) for name, column in self.measured.items()}
+        off = self.differences(self.run)
+        return any(bool((np.abs(off[name]) > ROUNDINGS * EPS * size[name]).any()) for name in size)
+
+    @cached_property
+    def fits(self) -> tuple[Fit, ...]:
+        """Of the numbers that explain something, the one that explains most first."""
+        before = self.residual(self.run)
+        found = [self.fit(number, before) for number in numbers_of(self.scene)] if self.differs else []
+        return tuple(sorted((fit for fit in found if fit is not None), key=lambda fit: -fit.explained))
+
+    def fit(self, number: Tried, before: Array) -> Fit | None:
+        """The best value of one number; None where it explains next to nothing, or no run with another value ends."""
+
+        def run_at(x: float) -> Trajectory | None:
+            try:
+                return simulate(self.scene.varied({number.path: number.value + x * number.unit}))
+            except FlexlinkError:
+                return None
+
+        found = _least_squares(run_at, self.residual, before)
+        if found is None:
+            return None
+        explained = 1.0 - float(found.residual @ found.residual) / float(before @ before)
+        value, spread = number.value + found.x * number.unit, found.spread * number.unit
+        return Fit(number, value, spread, explained, self.off(found.run), found.run)
+
+
+class Point(NamedTuple):
+    """A change of a number, the run with it, what is left, and how well the change is known."""
+
+    x: float
+    run: Trajectory
+    residual: Array
+    spread: float
+
+
+def _least_squares(
+    run_at: Callable[[float], Trajectory | None], residual: Callable[[Trajectory], Array], before: Array
+) -> Point | None:
+    """The best change that was found; None without one."""
+    best: Point | None = None
+    x, r, there = 0.0, before, FIRST
+    for trial in range(PASSES):
+        run = run_at(there)
+        if run is None:
+            there = (x + there) / 2
+            continue
+        new = residual(run)
+        slope = (new - r) / (there - x)
+        steepness = float(slope @ slope)
+        if not steepness or (trial == 0 and (slope @ r) ** 2 < LITTLE * steepness * (r @ r)):
+            return None
+        step = min(max(-float(slope @ new) / steepness, -FARTHEST), FARTHEST)
+        spread = float(np.linalg.norm(slope * new)) / steepness  # White's, whatever each column's noise
+        if best is None or new @ new < best.residual @ best.residual:
+            best = Point(there, run, new, spread)
+        if abs(step) <= CLOSE * spread:
+            break
+        x, r, there = there, new, max(there + step, (there - 1) / 2)
+    return best

@@ -1,0 +1,35 @@
+"""What a chapter of a report holds: sentences, tables, pictures, and perhaps a verdict for the first screen."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from flexlink.pages.picture import Picture
+from flexlink.pages.tables import Sheet
+from flexlink.pages.verdict import Verdict
+
+
+@dataclasses.dataclass(frozen=True)
+class Part:
+    """A chapter.
+
+    Attributes
+    ----------
+    sentences
+        Paragraphs, the answer first.
+    verdicts
+        For the first screen.
+    pictures, tables
+        With their files.
+    literal
+        Text that keeps its lines, such as a scene; it is folded.
+    files
+        Name → text of other files that stand beside the page.
+    """
+
+    sentences: tuple[str, ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    pictures: tuple[Picture, ...] = ()
+    tables: tuple[Sheet, ...] = ()
+    literal: str = ""
+    files: dict[str, str] = dataclasses.field(default_factory=dict)

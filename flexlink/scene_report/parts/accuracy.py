@@ -1,0 +1,189 @@
+"""How good the chosen model is, by finer ones, and what cheaper and dearer ones would give and cost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
+from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.verdict import State, Verdict
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
+from flexlink.scene_report.study import Study
+
+ID, TITLE, SHORT = "accuracy", "How good this model is, and what others cost", "Accuracy and cost"
+
+LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
+"""Colours and markers of choices, the scene's own first."""
+
+
+def made(study: Study) -> Part | None:
+    """The chapter."""
+    if study.scene.run.duration == 0 or not study.moves:
+        return None
+    about = Refinement(study)
+    choices = about.choices()
+    pictures = [picture for picture in (_in_time(about), _prices(choices)) if picture is not None]
+    sentences = (*_of_the_cut(about), _of_the_steps(about), _of_costs(about, choices))
+    return Part(
+        tuple(filter(None, sentences)),
+        (_verdict(about), _cost(choices[0], study)),
+        tuple(pictures),
+        (_table(about, choices),),
+    )
+
+
+def _of_the_cut(about: Refinement) -> list[str]:
+    if not any(about.model):
+        return ["No link bends: there are no hinges to refine."]
+    if about.says_state:
+        return ["The scene starts from the joints of this very cut (initial.q), so that no other cut can be run."]
+    limit = about.limit
+    if limit is None:
+        early = "; ".join(f"with {factor:g} times the hinges: {why}" for factor, why in _early(about))
+        return [f"The error of the hinges is not known: too few other cuts can be run ({early})."]
+    if not about.is_known:
+        until = about.known_until(ENOUGH)
+        return [
+            "The error of the hinges cannot be told over the whole run: with more of them the tip still changes by "
+            f"{_length(limit.error)}. Motion that multiplies errors does so. Up to {number(until)} s "
+            f"the two finest cuts differ by less than {number(100 * ENOUGH)} % of the tip's travel: a run up to there "
+            "(run.duration) tells more."
+        ]
+    error = about.error(about.run.tip)
+    order = f", whose order is {number(limit.order, 2)} here" if math.isfinite(limit.order) else ""
+    return [
+        f"The tip is off by at most {_length(error)}, {number(error / about.study.travel)} of its travel, from where "
+        f"more and more hinges would have it{order}; that limit itself is known to {_length(limit.error)}. "
+        "Joints, loads and material are taken as the scene says: measurements alone tell how right those are."
+    ]
+
+
+def _early(about: Refinement) -> list[tuple[float, str]]:
+    outcomes = {factor: about.bench.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
+    return [(factor, outcome.why) for factor, outcome in outcomes.items() if not outcome.whole]
+
+
+def _of_the_steps(about: Refinement) -> str:
+    what = "tolerance" if about.scene.run.controlled else "step"
+    if math.isnan(about.of_steps):
+        return f"The error of the steps is not known: the run with a finer {what} does not end."
+    finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
+    return f"Its steps are off by {_length(about.of_steps)}, as the run with {finer} tells."
+
+
+def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
+    own, sentences = choices[0], []
+    duration = about.scene.run.duration
+    sentences.append(
+        f"The run takes {_seconds(own.seconds)} of CPU here, {number(duration / own.seconds)} times faster than the "
+        "arm moves."
+    )
+    known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.whole]
+    cheaper = [one for one in known if one.seconds < own.seconds]
+    if math.isfinite(own.error) and known:
+        better = [one for one in known if one.error < own.error]
+        if cheaper:
+            best = min(cheaper, key=lambda one: one.error)
+            sentences.append(
+                f"Of what is cheaper, the best: {best.label}, {_seconds(best.seconds)}, off by {_length(best.error)}."
+            )
+        if better:
+            least = min(better, key=lambda one: one.seconds)
+            sentences.append(
+                f"Of what is better, the cheapest: {least.label}, {_seconds(least.seconds)}, {_length(least.error)}."
+            )
+        sentences.append("flexlink advise finds the cheapest model for a tolerance of yours.")
+    return " ".join(sentences)
+
+
+def _verdict(about: Refinement) -> Verdict:
+    error = about.error(about.run.tip) if any(about.model) else about.of_steps
+    if math.isnan(error):
+        return Verdict("Error of the model", "doubt", "not known", "The chapter says why.")
+    share = error / about.study.travel
+    doubts = about.run.warnings
+    state: State = "pass" if share <= ENOUGH and not doubts else "doubt"
+    what = "hinges and steps" if any(about.model) else "steps"
+    warned = " The run itself warns, see its chapter." if doubts else ""
+    return Verdict(
+        "Error of the model", state, _length(error), f"At the tip, by {what}: {number(share)} of its travel.{warned}"
+    )
+
+
+def _cost(own: Choice, study: Study) -> Verdict:
+    faster = study.scene.run.duration / own.seconds
+    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the run, {number(faster)} times real time.")
+
+
+def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
+    heads = ("choice", "degrees of freedom", "steps", "tip off by [m]", "CPU [s]", "times real time", "remark")
+    duration = about.scene.run.duration
+    lines = tuple(
+        (one.label, one.n or None, one.stepping, one.error if math.isfinite(one.error) else None,
+         one.seconds or None, duration / one.seconds if one.seconds else None,
+         "" if one.outcome.whole else one.outcome.why)
+        for one in choices
+    )  # fmt: skip
+    return Sheet("choices", "This scene's choices, and others beside them", heads, lines)
+
+
+def _in_time(about: Refinement) -> Picture | None:
+    """Distance from the limit along the run, of every cut."""
+    if about.limit is None or not about.is_known:
+        return None
+    figure, (axes,) = stacked_axes(1, 3.2)
+    columns: dict[str, np.ndarray] = {"t [s]": about.run.t}
+    curves = {"this scene": about.run.tip} | {
+        about.times_the_hinges(factor, f"{factor:g} ×"): outcome.tip
+        for factor, outcome in about.cuts.items()
+        if factor != 1.0
+    }
+    for place, (label, tip) in enumerate(curves.items()):
+        off = np.linalg.norm(tip - about.limit.tip, axis=1)
+        columns[f"{label} [m]"] = off
+        seen = off > 0
+        axes.plot(about.run.t[seen], off[seen], color=INK if place == 0 else CYCLE[place - 1], label=label)
+    axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="limit known to")
+    top = max(float(column.max()) for name, column in columns.items() if name != "t [s]")
+    axes.set(yscale="log", ylim=(1e-6 * top, 2 * top), xlabel="time [s]", ylabel="tip off by [m]")
+    tidy_logs(axes)
+    legend_over(axes, figure=figure)
+    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    told = "How far the tip is from the limit of more and more hinges, along the run."
+    return Picture("convergence", "Convergence in hinges", figure, told, csv)
+
+
+def _prices(choices: Sequence[Choice]) -> Picture | None:
+    """Error over cost."""
+    known = [one for one in choices if math.isfinite(one.error) and one.error > 0 and one.seconds > 0]
+    if len(known) < 2:
+        return None
+    figure, (axes,) = stacked_axes(1, 3.8)
+    for place, one in enumerate(known):
+        colour, marker = LOOKS[place % len(LOOKS)]
+        size = 7 if place else 11
+        axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
+    axes.set(xscale="log", yscale="log", xlabel="CPU time of the run [s]", ylabel="tip off by [m]")
+    tidy_logs(axes)
+    legend_over(axes, figure=figure)
+    csv = table_csv(("choice", "CPU [s]", "tip off by [m]"), [(one.label, one.seconds, one.error) for one in known])
+    told = "Further down is better, further left cheaper. CPU time: evaluations times what one takes on this machine."
+    return Picture("price_list", "What accuracy costs", figure, told, csv)
+
+
+def _length(metres: float) -> str:
+    if metres < 1e-9:
+        return "less than 1 nm"
+    if metres >= 0.1:
+        return f"{number(metres)} m"
+    return f"{number(1e3 * metres)} mm" if metres >= 1e-4 else f"{number(1e6 * metres)} µm"
+
+
+def _seconds(seconds: float) -> str:
+    return f"{number(seconds)} s" if seconds >= 0.1 else f"{number(1e3 * seconds)} ms"

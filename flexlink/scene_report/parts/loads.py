@@ -1,0 +1,88 @@
+"""Loads along the run: bending moments, torque and forces where the links are cut, and what the drives give."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import CYCLE, legend_over, stacked_axes
+from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Study
+
+ID, TITLE, SHORT = "loads", "Loads and drive torques", "Loads"
+
+NAMED = 6
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    run, chain = study.run, study.chain
+    bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
+    row, body = np.unravel_index(int(bending.argmax()), bending.shape)
+    sentences = [
+        f"The largest bending moment is {number(float(bending[row, body]))} N m, at {_place(study, int(body))}, at "
+        f"{number(float(run.t[row]))} s.",
+        "Axial force > 0 is tension; bending is the resultant of both moments across the link. Each in axes of the "
+        "segment beyond the cut.",
+    ]
+    peaks = np.abs(run.tau).max(axis=0)
+    driven = [int(k) for k in chain.active if peaks[k] > 0]
+    if driven:
+        most = max(driven, key=lambda k: peaks[k])
+        sentences.insert(
+            1, f"The largest torque of a drive is {number(float(peaks[most]))} N m, of {chain.joint_name(most)}."
+        )
+    return Part(tuple(sentences), pictures=(_picture(study, driven),), tables=(_table(study),))
+
+
+def _place(study: Study, body: int) -> str:
+    chain = study.chain
+    first, stop = int(chain.bodies["first"][body]), int(chain.bodies["stop"][body])
+    return chain.joint_name(first) if stop > first else f"body {body}, which no joint moves"
+
+
+def _cuts(study: Study) -> list[int]:
+    """One body for every driven joint: where the links begin."""
+    return [study.chain.body(int(k)) for k in study.chain.active] or [0]
+
+
+def _table(study: Study) -> Sheet:
+    chain, loads = study.chain, study.run.loads
+    heads = ("at", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
+    moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
+    lines: list[tuple[Cell, ...]] = []
+    for body in moving:
+        force, moment = loads.force[:, body], loads.moment[:, body]
+        first = int(chain.bodies["first"][body])
+        drive = float(np.abs(study.run.tau[:, first]).max()) if first in chain.active else None
+        lines.append((
+            _place(study, body), float(max(force[:, 0].max(), 0)), float(max(-force[:, 0].min(), 0)),
+            float(np.linalg.norm(force[:, 1:], axis=1).max()), float(np.abs(moment[:, 0]).max()),
+            float(np.linalg.norm(moment[:, 1:], axis=1).max()), drive,
+        ))  # fmt: skip
+    return Sheet("loads", "Largest loads along the run", heads, tuple(lines))
+
+
+def _picture(study: Study, driven: list[int]) -> Picture:
+    run, chain = study.run, study.chain
+    figure, axes = stacked_axes(2 if driven else 1, 2.2)
+    columns = {"t [s]": run.t}
+    for place, body in enumerate(_cuts(study)):
+        name = f"bending {_place(study, body)} [N m]"
+        columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
+        label = _place(study, body) if place < NAMED else None
+        axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
+    axes[0].set_ylabel("bending [N m]")
+    for place, k in enumerate(driven):
+        columns[f"drive {chain.joint_name(k)} [N m]"] = run.tau[:, k]
+        label = chain.joint_name(k) if place < NAMED else None
+        axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
+        axes[1].set_ylabel("drive [N m]")
+    for panel in axes:
+        legend_over(panel)
+    axes[-1].set_xlabel("time [s]")
+    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    told = "Bending moment where links begin" + (", and the torque of the drives." if driven else ".")
+    return Picture("loads", "Loads in time", figure, told, csv)

@@ -1,0 +1,195 @@
+"""What was measured beside the run, the difference, and which number of the scene would explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlink.pages.numbers import number, plural
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, GREY, INK, VERMILION, legend_over, stacked_axes
+from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.verdict import Verdict
+from flexlink.scene_report.fitting import Comparison, Fit
+from flexlink.scene_report.measured import read_measured
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Study
+
+ID, TITLE, SHORT = "measured", "Against measurements", "Measurements"
+
+DRAWN = 4  # columns
+EXPLAINS = 0.5
+"""Part of the mean square difference from which on a number explains it."""
+
+CLEARLY = 2.0
+"""Times less that must be left than with the next number for a number to be told from it."""
+
+
+def made(study: Study) -> Part | None:
+    """The chapter."""
+    if study.against is None or not study.measurements:
+        return None
+    measured = read_measured(study.against, study.run.columns)
+    beside = Comparison(study.scene, study.run, measured)
+    if len(beside.t) < 2:
+        return Part((
+            f"{study.against.name}: {measured.t[0]:g} … {measured.t[-1]:g} s, of which the run, {study.run.t[0]:g} … "
+            f"{study.run.t[-1]:g} s, holds less than two samples. Times are the scene's (initial.time).",
+        ))  # fmt: skip
+    fits = beside.fits
+    best = fits[0] if fits and fits[0].explained > EXPLAINS else None
+    first = (
+        f"{study.against.name}: {plural(len(beside.measured), 'column')} at {len(beside.t)} times from "
+        f"{number(float(beside.t[0]))} to {number(float(beside.t[-1]))} s"
+    )
+    first += f"; {beside.left_out} outside the run are left out." if beside.left_out else "."
+    sentences = (first, _of_the_difference(study, beside), *_of_the_numbers(fits, best))
+    tables = [_columns(study, beside, best)]
+    if fits:
+        tables.append(_numbers(fits))
+    pictures = (_overlay(study, beside, best), _difference(study, beside, best))
+    return Part(tuple(filter(None, sentences)), (_verdict(study, beside, best),), pictures, tuple(tables))
+
+
+def _of_the_difference(study: Study, beside: Comparison) -> str:
+    off, name = _worst(study, beside)
+    size = float(np.nanmax(beside.measured[name]) - np.nanmin(beside.measured[name]))
+    share = f", {_share(off / size)} of the range that was measured" if size > 0 else ""
+    return f"The run is off by {_with_unit(off, name)} (root mean square) in {_bare(name)}{share}."
+
+
+def _of_the_numbers(fits: Sequence[Fit], best: Fit | None) -> list[str]:
+    if not fits:
+        return ["No number of the scene, tried alone, explains anything of it."]
+    if best is None:
+        return [
+            f"No number of the scene, tried alone, explains it: with the best, {fits[0].number.what}, "
+            f"{_share(fits[0].left)} of the difference is left."
+        ]
+    said = [
+        f"Best explained by {best.number.what}: {_change(best)}, {_value(best)} instead of "
+        f"{number(best.number.value)}. With it {_share(best.left)} of the difference is left."
+    ]
+    rivals = [
+        f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} left)"
+        for fit in fits[1:]
+        if fit.left < CLEARLY * best.left
+    ]
+    if rivals:
+        said.append(
+            f"Nearly as good, and not to be told from it where the model has other errors, too: {', '.join(rivals)}."
+        )
+    elif len(fits) > 1:
+        said.append(f"With the next, {fits[1].number.what}, it is {_share(fits[1].left)}.")
+    said.append("Each number is tried alone; ± is one standard deviation, as if what is left were noise.")
+    return said
+
+
+def _share(part: float) -> str:
+    return f"{number(100 * part)} %"
+
+
+def _value(fit: Fit) -> str:
+    return f"{number(fit.value, 4)} ± {number(fit.spread, 2)}"
+
+
+def _change(fit: Fit) -> str:
+    """By how much the best value differs: in per cent, or of an angle in degrees."""
+    by, spread, unit = fit.value - fit.number.value, fit.spread, "°"
+    if not fit.number.is_angle:
+        by, spread, unit = 100 * by / fit.number.value, 100 * spread / abs(fit.number.value), " %"
+    return f"{by:+.3g} ± {number(spread, 2)}{unit}".replace("-", "−")
+
+
+def _worst(study: Study, beside: Comparison) -> tuple[float, str]:
+    """The column that is off most, over its own range."""
+    off = beside.off(study.run)
+    name = max(off, key=lambda name: off[name] / (float(np.nanstd(beside.measured[name])) or 1.0))
+    return off[name], name
+
+
+def _bare(name: str) -> str:
+    return name.rpartition(" [")[0]
+
+
+def _with_unit(value: float, name: str) -> str:
+    unit = name.rpartition(" [")[2].rstrip("]")
+    return f"{number(1e3 * value)} mm" if unit == "m" and value < 0.1 else f"{number(value)} {unit}"
+
+
+def _verdict(study: Study, beside: Comparison, best: Fit | None) -> Verdict:
+    off, name = _worst(study, beside)
+    text = f"Root mean square, in {_bare(name)}."
+    if best is not None:
+        text += f" Best explained by {best.number.what}: {_change(best)}."
+    return Verdict("Measurements", "info", f"off by {_with_unit(off, name)}", text)
+
+
+def _columns(study: Study, beside: Comparison, best: Fit | None) -> Sheet:
+    heads = ["column", "off, rms", "off at most", "at [s]"]
+    off, differences = beside.off(study.run), beside.differences(study.run)
+    lines: list[tuple[Cell, ...]] = []
+    for name, column in differences.items():
+        worst = int(np.nanargmax(np.abs(column)))
+        line = name, off[name], abs(float(column[worst])), float(beside.t[worst])
+        lines.append((*line, best.off[name]) if best else line)
+    if best:
+        heads.append("rms with the best number")
+    return Sheet("measured", "Run less measured", tuple(heads), tuple(lines))
+
+
+def _numbers(fits: Sequence[Fit]) -> Sheet:
+    heads = ("number", "in the scene", "best", "±", "factor", "left of the difference", "path")
+    lines = tuple(
+        (fit.number.what, fit.number.value, fit.value, fit.spread, fit.factor,
+         fit.left, fit.number.path)
+        for fit in fits
+    )  # fmt: skip
+    return Sheet("numbers", "Numbers of the scene, each fitted alone", heads, lines)
+
+
+def _drawn(beside: Comparison) -> list[str]:
+    return list(beside.measured)[:DRAWN]
+
+
+def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
+    names = _drawn(beside)
+    figure, axes = stacked_axes(len(names), 2.2)
+    columns: dict[str, np.ndarray] = {"t [s]": beside.t}
+    runs = {"run": study.run} | ({"best number": best.run} if best else {})
+    found = {label: beside.at_times(run) for label, run in runs.items()}
+    for panel, name in zip(axes, names, strict=True):
+        panel.plot(beside.t, beside.measured[name], ".", color=GREY, markersize=3, label="measured")
+        panel.plot(beside.t, found["run"][name], color=VERMILION, label="this scene")
+        if best:
+            panel.plot(beside.t, found["best number"][name], color=BLUE, linestyle="--", label="best number")
+        panel.set_ylabel(name)
+    for name, column in beside.measured.items():
+        columns[f"measured {name}"] = column
+        columns |= {f"{label} {name}": found[label][name] for label in runs}
+    axes[-1].set_xlabel("time [s]")
+    legend_over(axes[0], figure=figure)
+    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    told = "What was measured, beside the run" + (f" and the run with another {best.number.what}." if best else ".")
+    return Picture("beside", "Measured and computed", figure, told, csv)
+
+
+def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
+    names = _drawn(beside)
+    figure, axes = stacked_axes(len(names), 2.0)
+    columns: dict[str, np.ndarray] = {"t [s]": beside.t}
+    for panel, name in zip(axes, names, strict=True):
+        panel.axhline(0.0, color=INK, linewidth=0.8)
+        columns[f"this scene {name}"] = beside.differences(study.run)[name]
+        panel.plot(beside.t, columns[f"this scene {name}"], color=VERMILION, label="this scene")
+        if best:
+            columns[f"best number {name}"] = beside.differences(best.run)[name]
+            panel.plot(beside.t, columns[f"best number {name}"], color=BLUE, label="best number")
+        panel.set_ylabel(f"Δ {name}")
+        panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
+    axes[-1].set_xlabel("time [s]")
+    legend_over(axes[0], figure=figure)
+    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    told = "Run less measured" + (f", also with the best value of {best.number.what}." if best else ".")
+    return Picture("difference", "What is left", figure, told, csv)

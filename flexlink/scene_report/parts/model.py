@@ -1,0 +1,99 @@
+"""What was modelled: the arm with its hinges, links, joints, springs, and what the scene says without effect."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexlink.describe.arm import Link
+from flexlink.describe.hinges import hinges_of
+from flexlink.dynamics.hints import notes
+from flexlink.dynamics.placement import frames
+from flexlink.pages.numbers import number, plural
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import legend_over
+from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Study
+from flexlink.scene_report.views import draw_arm, panels, views_of
+
+ID, TITLE, SHORT = "model", "What was modelled", "Model"
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    chain, scene = study.chain, study.scene
+    springs = int((chain.stiffness > 0).sum())
+    mass = float(chain.bodies["mass"].sum())
+    length = float(np.linalg.norm(chain.bodies["translation"], axis=1).sum())
+    moves = "in a plane" if chain.is_planar else "in space"
+    size = (
+        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. As a "
+        f"chain: {plural(chain.n, 'degree')} of freedom, {len(chain.active)} of them driven joints and {springs} "
+        f"springs, which moves {moves}."
+    )
+    gravity = f"Gravity ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
+    drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
+    if scene.motion:
+        drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
+    remarks = tuple(f"Without effect: {note}." for note in notes(scene))
+    sentences = (*((scene.about + ".",) if scene.about else ()), size, f"{gravity} {drive}", *remarks)
+    tables = [_links(study), _joints(study)]
+    if springs:
+        tables.append(_springs(study))
+    return Part(sentences, pictures=(_drawing(study),), tables=tuple(tables), files={"scene.toml": scene.to_toml()})
+
+
+def _drawing(study: Study) -> Picture:
+    chain, (q, _) = study.chain, study.start
+    points = frames(chain, q).points
+    views = views_of(points, chain.gravity)
+    figure, axes = panels(views, points)
+    for panel, view in zip(axes, views, strict=True):
+        draw_arm(panel, view, points, chain)
+    legend_over(axes[0], figure=figure)
+    csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
+    seen = "From the side, gravity downwards" + ("; below, from above." if len(views) > 1 else ".")
+    return Picture("arm", "The arm at the start", figure, seen, csv)
+
+
+def _links(study: Study) -> Sheet:
+    heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
+    arm = study.scene.arm
+    lines: list[tuple[Cell, ...]] = []
+    for link, (nodes, _) in zip(arm.links, hinges_of(arm), strict=True):
+        if link.flex == "rigid":
+            lines.append((link.name, float(link.length), "rigid", 0, "", link.material or "", link.section or "", None))
+        else:
+            named = link.lumping, link.material or "", link.section or ""
+            lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, arm.loss_time(link)))
+    return Sheet("links", "Links", heads, tuple(lines))
+
+
+def _joints(study: Study) -> Sheet:
+    heads = ("joint", "starts at [deg]", "limits [deg]", "viscous [N m s/rad]", "dry friction [N m]", "rotor [kg m²]")
+    starts = study.scene.initial.joint_deg
+    lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
+    return Sheet("joints", "Joints", heads, lines)
+
+
+def _joint(link: Link, start: float) -> tuple[Cell, ...]:
+    joint = link.joint
+    if joint.locked:
+        return (f"{link.name} (locked)", start, "", None, None, None)
+    limits = "none" if joint.limits_deg is None else " … ".join(map(number, joint.limits_deg))
+    return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
+
+
+def _springs(study: Study) -> Sheet:
+    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "slack at [deg]", "at the start [deg]")
+    return Sheet("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
+
+
+def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:
+    chain = study.chain
+    for k in np.flatnonzero(chain.stiffness > 0):
+        angles = math.degrees(chain.rest[k]), math.degrees(study.start[0][k])
+        yield (chain.joint_name(int(k)), float(chain.stiffness[k]), float(chain.damping[k]), *angles)

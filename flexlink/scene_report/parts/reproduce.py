@@ -1,0 +1,32 @@
+"""Versions, machine, command, and the scene: what it takes to get the same page again."""
+
+from __future__ import annotations
+
+import datetime
+import os
+import platform
+
+from flexlink.common.versions import processor, system, versions
+from flexlink.pages.tables import Cell, Sheet
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Study
+
+ID, TITLE, SHORT = "reproduce", "Machine, versions, command", "Reproduce"
+
+PACKAGES = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    date = datetime.datetime.now(datetime.UTC).replace(microsecond=0)
+    lines: list[tuple[Cell, ...]] = [
+        ("made", date.isoformat()), ("system", system()), ("processor", processor()),
+        ("cores", str(os.cpu_count() or "")), ("python", platform.python_version()),
+    ]  # fmt: skip
+    lines += [(name, version or "not installed") for name, version in versions(PACKAGES).items()]
+    sentences = (
+        f"Made by: {study.command}" if study.command else "Made by flexlink.report(scene, folder).",
+        "The scene below, scene.toml beside the page, is all that went in.",
+    )
+    table = Sheet("machine", "Machine and versions", ("what", "value"), tuple(lines), to_look_up=True)
+    return Part(sentences, tables=(table,), literal=study.scene.to_toml())

@@ -1,0 +1,100 @@
+"""How the arm comes to rest where its drive leads it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.equilibrium import solve_static
+from flexlink.dynamics.placement import tip_position
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import BLUE, GREY, INK, stacked_axes, tidy_logs
+from flexlink.pages.tables import Sheet, table_csv
+from flexlink.results.deflection import unbent
+from flexlink.results.settling import overshoot, residual_vibration, settling_time
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Array, Study
+
+ID, TITLE, SHORT = "settling", "Coming to rest", "Settling"
+
+WITHIN = (1e-2, 1e-3, 1e-4)
+"""Parts of the tip's travel within which the arm counts as settled."""
+
+
+def made(study: Study) -> Part | None:
+    """The chapter."""
+    goal = _goal(study)
+    if goal is None:
+        return None
+    angles, end = goal
+    chain, run = study.chain, study.run
+    wrench, follower = initial_wrench(study.scene, chain)
+    at = run.q[-1].copy()
+    at[chain.active] = angles
+    rest = solve_static(chain, unbent(chain, at), tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
+    target = tip_position(chain, rest.q)
+    if end >= run.t[-1]:
+        return Part((
+            f"The drive leads the joints until {number(end)} s; the run ends at {number(float(run.t[-1]))} s. How the "
+            "arm settles needs a longer run (run.duration).",
+        ))  # fmt: skip
+    way = float(np.linalg.norm(target - run.tip[0]))
+    off = float(np.linalg.norm(run.tip[-1] - target))
+    left = residual_vibration(run, after=end)
+    sentences = [
+        f"The drive leads the joints until {number(end)} s. Where the tip should rest: the joints at their goals, the "
+        f"links bent as gravity bends them. At the end of the run the tip is {number(1e3 * off)} mm from there.",
+        f"From {number(end)} s on it still swings by {number(1e3 * left)} mm.",
+    ]
+    if way > 0:
+        sentences.append(f"It gets {number(1e3 * overshoot(run, target=target))} mm beyond its goal on the way.")
+    return Part(tuple(sentences), pictures=(_picture(study, target, end),), tables=(_table(study, target, end),))
+
+
+def _goal(study: Study) -> tuple[Array, float] | None:
+    """Angles of the driven joints that a drive leads to [rad], and when it has led them there [s]; None without one."""
+    scene, chain = study.scene, study.chain
+    if scene.drive.kind not in ("pd", "computed_torque") or scene.motion:
+        return None
+    course = scene.course
+    if course is not None:
+        end = float(course.knots[-1])
+        return course(end)[0], end
+    return _targets(scene, chain), scene.initial.time
+
+
+def _targets(scene: Scene, chain: Chain) -> Array:
+    links = [chain.coordinate(int(k)).link - 1 for k in chain.active]
+    return np.radians([(scene.drive.target_deg or ())[link] for link in links])
+
+
+def _table(study: Study, target: Array, end: float) -> Sheet:
+    heads = ("within [m]", "of the travel", "settled after [s]")
+    lines = []
+    for part in WITHIN:
+        time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
+        lines.append((part * study.travel, part, time if math.isfinite(time) else "not in this run"))
+    return Sheet("settling", f"Time to settle, from {number(end)} s on", heads, tuple(lines))
+
+
+def _picture(study: Study, target: Array, end: float) -> Picture:
+    run = study.run
+    off = np.linalg.norm(run.tip - target, axis=1)
+    figure, (axes,) = stacked_axes(1, 2.6)
+    seen = off > 0
+    axes.plot(run.t[seen], off[seen], color=BLUE)
+    axes.axvline(end, color=INK, linestyle="--", linewidth=1.0)
+    for part in WITHIN:
+        axes.axhline(part * study.travel, color=GREY, linewidth=0.8)
+    axes.set(yscale="log", xlabel="time [s]", ylabel="tip to its goal [m]")
+    tidy_logs(axes)
+    csv = table_csv(("t [s]", "tip to its goal [m]"), zip(run.t.tolist(), off.tolist(), strict=True))
+    told = (
+        "Distance of the tip from where it should rest. Dashed: the drive has led the joints there. Grey: the table's."
+    )
+    return Picture("settling", "The tip comes to rest", figure, told, csv)

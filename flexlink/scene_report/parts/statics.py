@@ -1,0 +1,102 @@
+"""The arm at rest with its driven joints held: how it sags, what holds it, when it would buckle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import FlexlinkError
+from flexlink.dynamics.equilibrium import buckling_loads
+from flexlink.dynamics.placement import frames, tip_position
+from flexlink.dynamics.tangent import load_torque
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.pages.numbers import number
+from flexlink.pages.picture import Picture
+from flexlink.pages.style import legend_over
+from flexlink.pages.tables import Sheet, table_csv
+from flexlink.results.deflection import unbent
+from flexlink.scene_report.part import Part
+from flexlink.scene_report.study import Array, Study
+from flexlink.scene_report.views import draw_arm, draw_shadow, panels, views_of
+
+ID, TITLE, SHORT = "statics", "At rest, joints held", "Statics"
+
+ROUNDING = 1e-12
+"""Part of the largest number that nobody wants to read."""
+
+VISIBLE = 0.08
+"""Part of the arm's reach that the tip is drawn to sag by at least, the deflection magnified."""
+
+
+def made(study: Study) -> Part:
+    """The chapter."""
+    chain, q = study.chain, study.start[0]
+    if not study.bends:
+        wrench, follower = initial_wrench(study.scene, chain)
+        held = load_torque(chain, q, np.zeros(chain.n), wrench, follower)
+        return Part(("No link bends. The joints are held where they start.",), tables=_holding(chain, q, held))
+    rest = study.rest
+    sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
+    size = float(np.linalg.norm(sag))
+    x, y, z = (number(1e3 * part) for part in sag)
+    sentences = (
+        "The driven joints are held where they start; gravity and the tip wrench bend the links.",
+        f"The tip rests {number(1e3 * size)} mm from where straight links would have it, by ({x}, {y}, {z}) mm in "
+        f"frame 0. {'The posture is stable.' if rest.stable else 'The posture is not stable: it would fall.'}",
+        _buckling(study),
+    )
+    pictures = (_picture(study, size),) if size > 0 else ()
+    return Part(tuple(filter(None, sentences)), pictures=pictures, tables=_holding(chain, rest.q, rest.tau))
+
+
+def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Sheet, ...]:
+    """Torques of the driven joints, if there are any."""
+    heads, tau = ("joint", "angle [deg]", "held by [N m]"), _without_rounding(tau)
+    lines = tuple((chain.joint_name(int(k)), float(np.degrees(q[k])), float(tau[k])) for k in chain.active)
+    return (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
+
+
+def _buckling(study: Study) -> str:
+    chain = study.chain
+    wrench, follower = initial_wrench(study.scene, chain)
+    if follower:
+        return ""
+    try:
+        held = chain.active.tolist()
+        factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=held)
+    except FlexlinkError as error:
+        return f"Buckling could not be computed: {error}."
+    if not len(factors):
+        return "No multiple of the load would make it buckle."
+    return f"About this posture it would buckle under {number(float(factors[0]))} times the load."
+
+
+def _picture(study: Study, size: float) -> Picture:
+    chain, rest = study.chain, study.rest
+    straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
+    scale = max(1.0, _round(VISIBLE * study.reach / size))
+    shown = straight + scale * (bent - straight)
+    both = np.stack([straight, shown])
+    views = views_of(both, chain.gravity)
+    figure, axes = panels(views, both)
+    for panel, view in zip(axes, views, strict=True):
+        draw_shadow(panel, view, straight, "straight")
+        draw_arm(panel, view, shown, chain)
+    legend_over(axes[0], figure=figure)
+    csv = table_csv(
+        ("body", "x straight [m]", "y straight [m]", "z straight [m]", "x bent [m]", "y bent [m]", "z bent [m]"),
+        [(k, *a, *b) for k, (a, b) in enumerate(zip(straight.tolist(), bent.tolist(), strict=True))],
+    )
+    magnified = f"the deflection magnified {scale:g} times" if scale > 1 else "true to scale"
+    return Picture("sag", "How the arm sags", figure, f"Grey: straight links. Blue: bent, {magnified}.", csv)
+
+
+def _without_rounding(values: Array) -> Array:
+    """What is as small as rounding of the largest one, as zero."""
+    return np.where(np.abs(values) > ROUNDING * np.abs(values).max(initial=0.0), values, 0.0)
+
+
+def _round(value: float) -> float:
+    """The next lower of 1, 2, 5, 10, 20, …"""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-12)))

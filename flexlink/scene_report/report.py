@@ -1,0 +1,90 @@
+"""report(scene, folder) → Report: one page about a user's own arm, and the files beside it."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+
+from flexlink.chain.arguments import callable_or_none, given
+from flexlink.common.errors import ArgumentError, MissingDependencyError
+from flexlink.describe.data_files import given_path
+from flexlink.describe.scene import Scene
+from flexlink.pages.verdict import Report
+from flexlink.scene_report.study import FILES, MEASURED, Study
+
+
+def report(
+    scene: Scene,
+    folder: str | Path,
+    *,
+    against: str | Path | None = None,
+    command: str = "",
+    progress: Callable[[str], None] | None = None,
+) -> Report:
+    """Write a report on a scene: what was modelled, whether engines agree, how good it is, what it costs, what it does.
+
+    One page that stands alone, offline and on a phone; beside it a CSV a table, a PNG, SVG and CSV a picture. A chapter
+    that cannot be computed says why in its place.
+
+    Parameters
+    ----------
+    scene
+        The scene, with the model and the steps that are judged.
+    folder
+        For the page and its files; made if missing. Files of the same names are replaced.
+    against
+        MJCF, URDF or SDF of the same arm, written by whomever, which is compared and diagnosed; or what was measured:
+        a CSV whose columns are "t [s]" and some of `Trajectory.columns`, angles also in deg, lengths in mm.
+    command
+        What the page says that it was made by.
+    progress
+        Called with a line on every chapter that is done.
+
+    Returns
+    -------
+    Report
+        The page, and what its first screen says.
+
+    Raises
+    ------
+    ArgumentError
+        `scene` is no Scene, `against` no file of a kind that is read, or not there.
+    SceneError, DataFileError
+        Of the scene's chain, as in `lump`.
+    MissingDependencyError
+        matplotlib or jinja2 is not installed.
+    OutputError
+        The folder cannot be made, or a file in it not be written.
+    """
+    study = Study(given("scene", scene, Scene), None if against is None else _beside(against), command)
+    callable_or_none("progress", progress)
+    found: Report = building().build(study, given_path("folder", folder), progress or (lambda _: None))
+    return found
+
+
+def building() -> ModuleType:
+    """The module that builds pages, which needs matplotlib and jinja2.
+
+    Raises
+    ------
+    MissingDependencyError
+        One of them is not installed.
+    """
+    try:
+        return importlib.import_module("flexlink.scene_report.building")
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"a report needs matplotlib and jinja2 ({error}); install them with: "
+            "python -m pip install 'flexlink[report]'"
+        ) from None
+
+
+def _beside(against: str | Path) -> Path:
+    path = given_path("against", against)
+    if path.suffix.lower() not in (*FILES, MEASURED):
+        raise ArgumentError(f"against = {str(path)!r}: expected {', '.join(FILES)}, or {MEASURED} of measurements")
+    if not path.is_file():
+        raise ArgumentError(f"against = {str(path)!r}: there is no such file")
+    return path

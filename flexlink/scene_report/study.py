@@ -1,0 +1,133 @@
+"""What the chapters of a report share: the scene, its chain, its run, each found once, whoever asks first."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.advice.goal import farthest
+from flexlink.advice.model_runner import Bench
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.dynamics import rounding
+from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.motion.simulate import simulate
+from flexlink.results.deflection import deflections, unbent
+from flexlink.results.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
+"""Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
+
+SOME = 1e6
+"""Roundings of a place from which on a motion is one."""
+
+BUDGET = 3.0
+"""CPU time that one run beside the scene's own may take [s]."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """One scene, and what a report looks at; what cannot be computed raises the same error for all who ask.
+
+    Attributes
+    ----------
+    scene
+        The scene.
+    against
+        File of somebody else's, or of what was measured, if any.
+    command
+        What the report was asked for with.
+    """
+
+    scene: Scene
+    against: Path | None = None
+    command: str = ""
+
+    @property
+    def measurements(self) -> bool:
+        """Whether `against` is what was measured, and not an arm."""
+        return self.against is not None and self.against.suffix.lower() == MEASURED
+
+    @cached_property
+    def chain(self) -> Chain:
+        """The scene's chain."""
+        return lump(self.scene)
+
+    @cached_property
+    def start(self) -> tuple[Array, Array]:
+        """Angles and rates at the start."""
+        return initial_state(self.scene, self.chain)
+
+    @cached_property
+    def reach(self) -> float:
+        """How far the arm reaches [m]."""
+        return self.chain.reach
+
+    @cached_property
+    def bends(self) -> bool:
+        """Whether any joint is a spring."""
+        return bool(self.chain.stiffness.any())
+
+    @cached_property
+    def bench(self) -> Bench:
+        """Where other models of the scene are run, with a budget."""
+        return Bench(self.scene, BUDGET)
+
+    @property
+    def run(self) -> Trajectory:
+        """The scene's own run.
+
+        Raises
+        ------
+        FlexlinkError
+            There is none; `attempt` is why.
+        """
+        if isinstance(self.attempt, FlexlinkError):
+            raise FlexlinkError("there is no run, as the chapter on the motion says")
+        return self.attempt
+
+    @cached_property
+    def travel(self) -> float:
+        """How far the tip gets from its start [m]."""
+        return farthest(self.run.tip)
+
+    @cached_property
+    def moves(self) -> bool:
+        """Whether the tip gets anywhere, beyond rounding."""
+        return self.travel > SOME * rounding.of_position(self.chain)
+
+    @cached_property
+    def bent_by(self) -> Array:
+        """How far the springs bend the tip away, at every sample [m]."""
+        return deflections(self.run)
+
+    @cached_property
+    def attempt(self) -> Trajectory | FlexlinkError:
+        """The scene's own run, or why there is none."""
+        try:
+            return simulate(self.scene)
+        except FlexlinkError as error:
+            return error
+
+    @cached_property
+    def rest(self) -> Equilibrium:
+        """How the arm sags with its driven joints held where they start.
+
+        Raises
+        ------
+        FlexlinkError
+            As of `solve_static`.
+        """
+        wrench, follower = initial_wrench(self.scene, self.chain)
+        held, start = self.chain.active.tolist(), unbent(self.chain, self.start[0])
+        return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)

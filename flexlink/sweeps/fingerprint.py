@@ -1,0 +1,76 @@
+"""What the rows of a sweep depend on: the sweep, its scene, files that these name, and versions."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from flexlink.common.versions import __version__
+from flexlink.describe.data_files import is_own
+from flexlink.describe.spec import short
+from flexlink.sweeps.plan import Sweep
+
+PACKAGES = ("numpy", "scipy", "numba")
+"""Whose versions may change the last bit of a number, or the points of a sample."""
+
+TOLD = 3
+"""Differences that a message names."""
+
+Identity = dict[str, Any]
+
+
+@functools.cache
+def version() -> str:
+    """flexlink's version, with a digest of its sources: a checkout changes without a new version."""
+    folder = Path(__file__).parent.parent
+    digest = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in {".py", ".toml"}:
+            digest.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
+    return f"{__version__} (sources {digest.hexdigest()[:12]})"
+
+
+def identity(sweep: Sweep) -> Identity:
+    """Everything that the rows depend on, as JSON has it; words about it left out."""
+    parts: dict[str, Any] = msgspec.to_builtins(sweep)
+    parts.pop("about")
+    parts["scene"].pop("about")
+    files = {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in sorted(set(_own_files(parts)))}
+    versions = {"flexlink": version(), **{name: importlib.metadata.version(name) for name in PACKAGES}}
+    return {**parts, "files": files, "versions": versions}
+
+
+def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """What differs between two identities, in words; empty if nothing does."""
+    found = [f"{path} was {short(a)} and is {short(b)}" for path, a, b in _different(there, here)]
+    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
+    return "; ".join(found[:TOLD]) + more
+
+
+def _different(there: Any, here: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(there, Mapping) and isinstance(here, Mapping):
+        for key in {**there, **here}:
+            yield from _different(there.get(key), here.get(key), f"{path}.{key}".lstrip("."))
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        for k, (a, b) in enumerate(zip(there, here, strict=True)):
+            yield from _different(a, b, f"{path}[{k}]")
+    elif there != here:
+        yield path, there, here
+
+
+def _own_files(value: Any) -> Iterator[str]:
+    """Files of methods and rules, wherever they are named, that are there."""
+    if isinstance(value, Mapping):
+        for item in value.values():
+            yield from _own_files(item)
+    elif isinstance(value, list | tuple):
+        for item in value:
+            yield from _own_files(item)
+    elif is_own(value) and Path(value).is_file():
+        yield value
