@@ -7,7 +7,7 @@ import numpy as np
 import flexlink as fl
 
 bending = fl.load_scene(Path(__file__).parents[1] / "models" / "computed_torque.toml")
-twin = fl.rigid_twin(bending)
+twin = fl.rigidified(bending)
 rigid, model, reference = twin.varied({"drive": bending.drive}), fl.lump(twin), bending.course
 
 

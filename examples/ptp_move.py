@@ -11,7 +11,7 @@ drive, move, chain = scene.drive, scene.drive.reference, fl.lump(scene)
 there = scene.varied({"initial.joint_deg": move.to_deg, "drive": fl.Drive()})
 goal = fl.solve_static(chain, fl.initial_state(there, chain)[0], locked=chain.active).q  # bent by gravity
 slow = fl.pd_poles(chain, goal, kp=drive.kp, kd=drive.kd)[:2]  # both are first bending, upright and sideways
-shapers = {"unshaped": None, "ZV": fl.Shaper.at(slow, "ZV"), "ZVD": fl.Shaper.at(slow, "ZVD")}
+shapers = {"unshaped": None, "ZV": fl.InputShaper.at(slow, "ZV"), "ZVD": fl.InputShaper.at(slow, "ZVD")}
 runs = {name: fl.simulate(scene.varied({"drive.reference.shaper": shaper})) for name, shaper in shapers.items()}
 left = {name: fl.residual_vibration(run, after=2.0) for name, run in runs.items()}  # [m]; all references have ended
 rest = fl.tip_position(chain, goal)

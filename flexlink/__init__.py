@@ -26,14 +26,14 @@ from flexlink.common.errors import (
 )
 from flexlink.common.versions import __version__ as __version__
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
-from flexlink.describe.conditions import Drive, Initial, Motion, Run, Wrench
+from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, RunSettings, Wrench
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.reference import Reference
-from flexlink.describe.reference_trajectory import Course
-from flexlink.describe.rigid_body import Payload
-from flexlink.describe.rigidified import rigid_twin
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
+from flexlink.describe.rigid_body import RigidBody
+from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene, load_scene
-from flexlink.describe.shaping import Shaper
+from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import (
     ForwardDerivatives,
@@ -70,17 +70,17 @@ from flexlink.results.samples import State
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.stop_reasons import ControlError, DivergenceError, EvaluationLimitError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
-from flexlink.robots.flexible import Flexible
-from flexlink.robots.importing import Imported, import_urdf
+from flexlink.robots.flexible import FlexibleLink
+from flexlink.robots.importing import ImportResult, import_urdf
 
 if TYPE_CHECKING:
     from flexlink.diagnosis.comparison import Comparison, compare
     from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories
     from flexlink.pages.verdict import Report
     from flexlink.scene_report.report import report
-    from flexlink.sweeps.measures import Quantity
+    from flexlink.sweeps.measures import SweepOutput
     from flexlink.sweeps.plan import Sweep, load_sweep
-    from flexlink.sweeps.ranges import Sample
+    from flexlink.sweeps.ranges import RandomDesign
     from flexlink.sweeps.run import InterruptedSweepError, sweep
     from flexlink.sweeps.table import SweepRows
 
@@ -96,7 +96,6 @@ __all__ = [
     "ControlError",
     "ConvergenceError",
     "Coordinate",
-    "Course",
     "Damping",
     "DataFileError",
     "DenavitHartenberg",
@@ -106,13 +105,14 @@ __all__ = [
     "EngineError",
     "Equilibrium",
     "EvaluationLimitError",
-    "Flexible",
+    "FlexibleLink",
     "FlexlinkError",
     "ForwardDerivatives",
     "Frames",
     "Friction",
-    "Imported",
-    "Initial",
+    "ImportResult",
+    "InitialState",
+    "InputShaper",
     "InternalLoads",
     "InterruptedRunError",
     "InterruptedSweepError",
@@ -124,25 +124,25 @@ __all__ = [
     "Material",
     "MissingDependencyError",
     "Modes",
-    "Motion",
     "Mount",
     "OutputError",
-    "Payload",
     "PointMotion",
-    "Quantity",
+    "PrescribedMotion",
+    "RandomDesign",
     "Reference",
+    "ReferenceTrajectory",
     "Report",
-    "Run",
-    "Sample",
+    "RigidBody",
+    "RunSettings",
     "Scene",
     "SceneError",
     "Section",
     "Sensitivities",
-    "Shaper",
     "Simulator",
     "SingularMassError",
     "State",
     "Sweep",
+    "SweepOutput",
     "SweepRows",
     "Trajectory",
     "TrajectoryComparison",
@@ -179,7 +179,7 @@ __all__ = [
     "point_motion",
     "report",
     "residual_vibration",
-    "rigid_twin",
+    "rigidified",
     "sensitivities",
     "settling_time",
     "simulate",
@@ -198,9 +198,9 @@ LATER = {
     "Comparison": "diagnosis.comparison",
     "compare": "diagnosis.comparison",
     "InterruptedSweepError": "sweeps.run",
-    "Quantity": "sweeps.measures",
+    "SweepOutput": "sweeps.measures",
     "Report": "pages.verdict",
-    "Sample": "sweeps.ranges",
+    "RandomDesign": "sweeps.ranges",
     "Sweep": "sweeps.plan",
     "SweepRows": "sweeps.table",
     "TrajectoryComparison": "diagnosis.trajectories",

@@ -6,7 +6,7 @@ from typing import Any
 
 from conftest import chain_of
 
-from flexlink import Arm, Chain, Joint, Link, Material, Payload, Section
+from flexlink import Arm, Chain, Joint, Link, Material, RigidBody, Section
 
 THIN = 1e-16
 """Second moment of a section without rotary inertia: EI = 1 by E = 1/I, and I is below rounding beside ρ A L²."""
@@ -21,7 +21,7 @@ def thin_link(rule: str, hinges: int, name: str = "link", flex: str = "z", free:
 
 def thin_arm(
     *links: Link,
-    tip: Payload | None = None,
+    tip: RigidBody | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     locked_deg: tuple[float, ...] | None = None,
 ) -> Chain:
@@ -30,7 +30,7 @@ def thin_arm(
         links=links,
         materials={"unit": Material(young=1 / THIN, poisson=-0.5, density=1.0)},
         sections={"thin": Section(shape="general", area=1.0, i_y=THIN, i_z=THIN, torsion=THIN)},
-        tip=tip or Payload(),
+        tip=tip or RigidBody(),
     )
     return chain_of(arm, gravity, locked_deg)
 
@@ -51,7 +51,7 @@ def torsion_bar(rule: str, hinges: int, tip_inertia: float = 0.0) -> tuple[Chain
         ),
         materials={"unit": Material(young=2.0, poisson=0.0, density=1.0)},
         sections={"disc": Section(shape="general", area=1e-6, i_y=0.5, i_z=0.5, torsion=1.0)},
-        tip=Payload(inertia=(tip_inertia, 0.0, 0.0)),
+        tip=RigidBody(inertia=(tip_inertia, 0.0, 0.0)),
     )  # fmt: skip
     chain = chain_of(arm, (0.0, 0.0, 0.0))
     return chain, [k for k, c in enumerate(chain.coordinates) if c.axis != 1]

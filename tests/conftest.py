@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
-from flexlink import Arm, Chain, Initial, Joint, Link, Material, Mount, Payload, Scene, Section, load_scene, lump
+from flexlink import Arm, Chain, InitialState, Joint, Link, Material, Mount, RigidBody, Scene, Section, load_scene, lump
 from flexlink.describe.spec import Vector3
 
 ROOT = Path(__file__).parent.parent
@@ -60,15 +60,15 @@ def flexible(name: str, flex: str = "z", segments: int = 5, **fields: object) ->
     return Link(name=name, flex=flex, segments=segments, **{**defaults, **fields})
 
 
-def make_scene(*links: Link, tip: Payload | None = None, **fields: object) -> Scene:
+def make_scene(*links: Link, tip: RigidBody | None = None, **fields: object) -> Scene:
     """A scene of the given links at zero angles."""
-    arm = Arm(links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or Payload())
-    return Scene(name="test", arm=arm, **{"initial": Initial(joint_deg=(0.0,) * len(links)), **fields})
+    arm = Arm(links=links, materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE}, tip=tip or RigidBody())
+    return Scene(name="test", arm=arm, **{"initial": InitialState(joint_deg=(0.0,) * len(links)), **fields})
 
 
 def chain_of(arm: Arm, gravity: Vector3 = (0.0, 0.0, 0.0), joint_deg: tuple[float, ...] | None = None) -> Chain:
     """The chain of an arm, by default without gravity and at zero angles."""
-    initial = Initial(joint_deg=joint_deg or (0.0,) * len(arm.links))
+    initial = InitialState(joint_deg=joint_deg or (0.0,) * len(arm.links))
     return lump(Scene(name="arm", arm=arm, gravity=gravity, initial=initial))
 
 
@@ -80,9 +80,9 @@ def nasty_scene() -> Scene:
         Link(name="rigid", length=0.4, material="aluminium", section="square", mount=Mount(rpy_deg=(0.0, 40.0, 0.0))),
         flexible("fore", "yz", 3, lumping="midpoint", mount=Mount(xyz=(0.05, 0.02, 0.0)), joint=Joint(coulomb=0.7)),
         flexible("hand", "z", 3, lumping="gauss", joint=Joint(locked=True)),
-        tip=Payload(mass=0.8, inertia=(1e-3, 2e-3, 3e-3)),
+        tip=RigidBody(mass=0.8, inertia=(1e-3, 2e-3, 3e-3)),
         gravity=(1.0, -2.0, 9.0),
-        initial=Initial(joint_deg=(0.0, 10.0, 20.0, 30.0, 25.0)),
+        initial=InitialState(joint_deg=(0.0, 10.0, 20.0, 30.0, 25.0)),
     )
 
 

@@ -77,12 +77,12 @@ def random_jump(dice: Dice) -> fl.Scene:
             links=links, materials={"stuff": fl.Material(young=dice.decades(9.5, 11.3), density=2700.0,
                                                          loss_time=dice.one_of(0.0, dice.decades(-5, -3)))},
             sections={"bar": fl.Section(shape="rectangle", height=dice.linear(0.015, 0.05), width=0.03)},
-            tip=fl.Payload(mass=dice.one_of(0.0, 2.0)),
+            tip=fl.RigidBody(mass=dice.one_of(0.0, 2.0)),
         ),
         gravity=dice.one_of((0.0, 0.0, -9.81), (0.0, 0.0, 0.0)),
-        initial=fl.Initial(joint_deg=start),
+        initial=fl.InitialState(joint_deg=start),
         drive=drive, wrench=wrench,
-        run=fl.Run(method="auto", duration=2.0, sample=0.05, tolerance=dice.decades(-6, -2)),
+        run=fl.RunSettings(method="auto", duration=2.0, sample=0.05, tolerance=dice.decades(-6, -2)),
     )  # fmt: skip
 
 

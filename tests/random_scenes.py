@@ -42,10 +42,10 @@ def random_scene(dice: Dice) -> fl.Scene:
         name="random",
         arm=fl.Arm(
             links=links, materials={"stuff": material}, sections=sections,
-            tip=fl.Payload(mass=dice.one_of(0.0, dice.decades(-1, 1))),
+            tip=fl.RigidBody(mass=dice.one_of(0.0, dice.decades(-1, 1))),
         ),
         gravity=dice.three(9.81),
-        initial=fl.Initial(joint_deg=tuple(dice.linear(-180, 180) for _ in links), rate_deg=rates),
+        initial=fl.InitialState(joint_deg=tuple(dice.linear(-180, 180) for _ in links), rate_deg=rates),
         drive=random_drive(dice, free),
         wrench=fl.Wrench(force=dice.three(20), moment=dice.three(2)) if dice.chance(0.3) else fl.Wrench(),
     )  # fmt: skip
@@ -85,13 +85,13 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
     step = factor * min(largest_step(scene), 0.1)
     per_sample = max(1, round(min(max(8.0, 1.0 / step), 20_000.0) / 50))
     sample = per_sample * step
-    return scene.varied({"run": fl.Run(step=step, sample=sample, duration=50 * sample)})
+    return scene.varied({"run": fl.RunSettings(step=step, sample=sample, duration=50 * sample)})
 
 
 def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
-        prepare(scene.varied({"run": fl.Run(step=1e9, sample=1e9, duration=1e9)}), fl.lump(scene))
+        prepare(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)}), fl.lump(scene))
     except fl.UnstableStepError as error:
         return error.largest
     return float("inf")

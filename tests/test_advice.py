@@ -17,10 +17,10 @@ from flexlink.advice import rigid
 from flexlink.advice.axes import SHARE, Screening
 from flexlink.advice.candidates import HOPELESS, MOST, Pool
 from flexlink.advice.goal import Goal, Ruler, goal_of
-from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Ladder, Level, Limit
+from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Level, Limit, RefinementStudy
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Axes, Model, uniform
-from flexlink.advice.model_runner import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
 from flexlink.advice.step_options import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
 from flexlink.describe.scene import Scene
@@ -68,7 +68,7 @@ class Oracle:
 
 def probed(told: dict[float, Told], largest: float = 10.0) -> tuple[Oracle, Probes]:
     oracle = Oracle(told)
-    return oracle, Probes(cast("Bench", oracle), RULER, (None,), along_x(0.0, 0.0), ALLOWED, largest)
+    return oracle, Probes(cast("ModelRunner", oracle), RULER, (None,), along_x(0.0, 0.0), ALLOWED, largest)
 
 
 SMOOTH = {1.0: Told(1000, 0.01 * ALLOWED), 10.0: Told(500, 0.1 * ALLOWED), 100.0: Told(250, 1.0 * ALLOWED)}
@@ -130,7 +130,7 @@ def test_ways_are_data_that_name_methods_and_probe_tolerances_that_they_have() -
 class Study(NamedTuple):
     """A scene with what was measured of it."""
 
-    bench: Bench
+    bench: ModelRunner
     parts: Parts
     pool: Pool
 
@@ -147,14 +147,14 @@ def bars(*, skew: float = 0.0) -> Scene:
     return fl.Scene(
         name="bars", arm=fl.Arm(links=links, materials={"steel": fl.Material(young=210e9, density=7850.0)},
                                 sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(0.0, 0.0)),
-        run=fl.Run(duration=0.2, sample=0.01, step=0.01),
+        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0, 0.0)),
+        run=fl.RunSettings(duration=0.2, sample=0.01, step=0.01),
     )  # fmt: skip
 
 
 def study(scene: Scene, axes: Axes, tip: float = 1e-3) -> Study:
-    bench, goal = Bench(scene, 1.0), goal_of(tip, deflection=False, band=None, run=scene.run)
-    ladder = Ladder(bench, RULER, goal, axes, Stepping("Radau5", tolerance=1e-4))
+    bench, goal = ModelRunner(scene, 1.0), goal_of(tip, deflection=False, band=None, run=scene.run)
+    ladder = RefinementStudy(bench, RULER, goal, axes, Stepping("Radau5", tolerance=1e-4))
     ladder.climb()
     parts = Parts(bench, RULER, ladder, ladder.stepping)
     base = uniform(axes, parts.base)
@@ -251,9 +251,9 @@ def test_no_choice_for_a_link_is_worse_and_dearer_by_either_kind_of_steps_than_a
 # limits
 
 
-def ladder_of(**paths: Array) -> Ladder:
+def ladder_of(**paths: Array) -> RefinementStudy:
     """A ladder whose levels, named n1, n2 …, have these paths of the tip."""
-    ladder = Ladder(cast("Bench", None), RULER, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
+    ladder = RefinementStudy(cast("ModelRunner", None), RULER, Goal(1e-3, metres=True), ("z",), Stepping("Radau5"))
     ladder.tolerance = 1e-3
     for name, path in paths.items():
         ladder.levels["gauss"].append(Level(int(name[1:]), outcome(path)))
@@ -292,16 +292,16 @@ def test_the_error_of_a_limit_is_told_by_its_change() -> None:
 def test_a_bend_that_is_let_go_goes_to_the_joint_and_the_rest_of_it_swings() -> None:
     """A bar with a heavy load sags by m g L³ / 3EI while it is held; let go, its load stays, and the joint turns."""
     load, two = 1000.0, bars()
-    arm = replace(two.arm, links=two.arm.links[:1], tip=fl.Payload(mass=load))
-    initial = fl.Initial(joint_deg=(0.0,), passive="static")
+    arm = replace(two.arm, links=two.arm.links[:1], tip=fl.RigidBody(mass=load))
+    initial = fl.InitialState(joint_deg=(0.0,), passive="static")
     scene = replace(two, arm=arm, gravity=(0.0, -0.001, 0.0), initial=initial)
-    bench, model = Bench(scene, 1.0), uniform(("z",), 2)
+    bench, model = ModelRunner(scene, 1.0), uniform(("z",), 2)
     strict = bench.run((None,), Stepping("Radau5", tolerance=1e-9))
     found = release(bench, strict, model, np.zeros(bench.chain(model).n))
     sag = load * 0.001 / (3 * 210e9 * 0.006**4 / 12)
     assert found.start == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
     assert found.drift[0] == pytest.approx([0.0, -sag, 0.0], abs=0.01 * sag)
-    straight = Bench(replace(scene, initial=fl.Initial(joint_deg=(0.0,))), 1.0)
+    straight = ModelRunner(replace(scene, initial=fl.InitialState(joint_deg=(0.0,))), 1.0)
     assert not release(straight, strict, model, np.zeros(3)).drift.any()
 
 
@@ -317,11 +317,11 @@ class Strict:
         return outcome(self.paths[model[0].hinges])
 
 
-def with_strict_steps(off: dict[int, float], **strict: Array) -> Ladder:
+def with_strict_steps(off: dict[int, float], **strict: Array) -> RefinementStudy:
     """A ladder of levels, their steps off by so much in x at the last sample, beside stricter ones."""
     ladder = ladder_of(**{f"n{n}": strict[f"n{n}"] + along_x(0.0, x) for n, x in off.items()})
     ladder.stepping = Stepping("Radau5", tolerance=1e-4)
-    ladder.bench = cast("Bench", Strict({int(name[1:]): path for name, path in strict.items()}))
+    ladder.bench = cast("ModelRunner", Strict({int(name[1:]): path for name, path in strict.items()}))
     return ladder
 
 
@@ -339,7 +339,7 @@ def test_where_no_stricter_steps_can_be_taken_at_the_last_level_a_coarser_one_te
     exact = {f"n{n}": along_x(0.0, 0.2 + 4e-3 / n**2) for n in (1, 2, 4)}
     ladder = with_strict_steps({1: 0.0, 2: 1e-6, 4: 0.0}, **{**exact, "n4": along_x(0.0, 0.2)})
     before = ladder.limit
-    ladder.bench = cast("Bench", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
+    ladder.bench = cast("ModelRunner", Strict({2: exact["n2"], 4: along_x(0.0, np.nan)}))
     assert ladder.settle_time() == pytest.approx([0.0, SCATTER * 1e-6])
     assert ladder.limit is before
 
@@ -378,7 +378,7 @@ def test_axes_that_are_left_out_count_together() -> None:
         return outcome(along_x(0.0, moved[axes] * SHARE * ALLOWED))
 
     bench = SimpleNamespace(scene=SimpleNamespace(arm=SimpleNamespace(links=links)), run=run)
-    screening = Screening(cast("Bench", bench), RULER, ("yz", "yz"), Stepping("Radau5"), ALLOWED)
+    screening = Screening(cast("ModelRunner", bench), RULER, ("yz", "yz"), Stepping("Radau5"), ALLOWED)
     assert screening.axes == ("z", "yz")
     assert [trial.kept for trial in screening.trials] == [True, False, True]
 
@@ -396,7 +396,7 @@ def test_the_growth_of_an_error_is_how_much_farther_the_tip_is_off_than_the_star
 
     bench = SimpleNamespace(chain=lambda _: SimpleNamespace(reach=reach), twin=twin)
     ladder = SimpleNamespace(finest=SimpleNamespace(outcome=finest), model=(None,), motion=1.0)
-    found = horizons.growth(cast("Bench", bench), cast("Ladder", ladder), ALLOWED)
+    found = horizons.growth(cast("ModelRunner", bench), cast("RefinementStudy", ladder), ALLOWED)
     assert found.factor == pytest.approx(3.0)
     assert found.e_fold == np.inf
 
@@ -408,13 +408,13 @@ def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> No
     """−ρ A g L⁴ / 8 E I at the tip of 1 m of steel, 1 cm thick: two hinges are off by less than a tenth."""
     bar = fl.Link(name="bar", length=1.0, material="steel", section="square")
     steel, square = fl.Material(young=210e9, density=7850.0), fl.Section(shape="rectangle", height=0.01, width=0.01)
-    still = fl.Motion(link="bar", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    still = fl.PrescribedMotion(link="bar", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     scene = fl.Scene(
         name="bar", arm=fl.Arm(links=(bar,), materials={"steel": steel}, sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(0.0,)), motion=(still,),
-        run=fl.Run(duration=0.02, sample=0.01, step=0.01),
+        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0,)), motion=(still,),
+        run=fl.RunSettings(duration=0.02, sample=0.01, step=0.01),
     )  # fmt: skip
-    bench, seen = Bench(scene, 1.0), []
+    bench, seen = ModelRunner(scene, 1.0), []
 
     def ruler(difference: Array) -> float:
         seen.append(difference)
@@ -429,8 +429,8 @@ def test_a_rod_that_is_held_bends_by_its_weight_downwards_as_a_beam_does() -> No
 def test_a_run_ends_where_it_has_used_up_its_budget() -> None:
     """A tenth of what the whole run takes."""
     scene, model, steps = bars().varied({"run.duration": 2.0}), (None, None), Stepping("RK4", step=1e-3)
-    whole = Bench(scene, 60.0).run(model, steps)
+    whole = ModelRunner(scene, 60.0).run(model, steps)
     assert whole.whole
-    short = Bench(scene, 0.1 * whole.seconds).run(model, steps)
+    short = ModelRunner(scene, 0.1 * whole.seconds).run(model, steps)
     assert short.dear
     assert "took the budget" in short.why

@@ -13,7 +13,7 @@ import flexlink as fl
 from flexlink.advice.cost_model import bodies_of, price, prices
 from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.model import Bend, capped, most_axes, uniform, with_model
-from flexlink.advice.model_runner import Bench, Stepping
+from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.rigid import swung
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
@@ -37,15 +37,15 @@ def arm(thick: float = 0.01, *, links: int = 1, locked: bool = False, **situatio
     square = fl.Section(shape="rectangle", height=thick, width=thick)
     scene = fl.Scene(
         name="bars", arm=fl.Arm(links=bars, materials={"steel": steel}, sections={"square": square}),
-        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(0.0,) * links),
-        run=fl.Run(duration=0.5, sample=0.01, step=0.01),
+        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(0.0,) * links),
+        run=fl.RunSettings(duration=0.5, sample=0.01, step=0.01),
     )  # fmt: skip
     return scene.varied(situation)
 
 
 def truth(scene: fl.Scene, *, flex: str = "xyz", hinges: tuple[int, int] = (8, 12)) -> Array:
     """Tip of so many hinges at Gauss points, extrapolated; about all axes unless nothing leaves the plane."""
-    bench, axes = Bench(scene, 60.0), capped(most_axes(scene), flex)
+    bench, axes = ModelRunner(scene, 60.0), capped(most_axes(scene), flex)
     coarse, fine = (bench.run(uniform(axes, n), Stepping("Radau9", tolerance=1e-8)).tip for n in hinges)
     return np.asarray(fine + (fine - coarse) / ((hinges[1] / hinges[0]) ** 2 - 1))
 
@@ -55,10 +55,10 @@ def true_error(scene: fl.Scene, advice: fl.Advice) -> float:
     return float(np.linalg.norm(fl.simulate(advice.scene).tip - truth(scene), axis=1).max())
 
 
-def led(*links: str, by: float = 40.0, end: float = 0.3) -> list[fl.Motion]:
+def led(*links: str, by: float = 40.0, end: float = 0.3) -> list[fl.PrescribedMotion]:
     zero = (0.0, 0.0)
     return [
-        fl.Motion(link=link, times=(0.0, end), angle_deg=(0.0, by), rate_deg=zero, acceleration_deg=zero)
+        fl.PrescribedMotion(link=link, times=(0.0, end), angle_deg=(0.0, by), rate_deg=zero, acceleration_deg=zero)
         for link in links
     ]
 
@@ -221,7 +221,7 @@ def test_arguments_out_of_range_are_refused_by_name(options: dict[str, object], 
 
 
 def test_a_goal_is_a_part_or_a_length() -> None:
-    run = fl.Run(sample=0.01, step=0.01)
+    run = fl.RunSettings(sample=0.01, step=0.01)
     assert goal_of(1e-3, deflection=False, band=None, run=run).tolerance(2.0, 0.5) == 2e-3
     assert goal_of(1e-3, deflection=True, band=None, run=run).tolerance(2.0, 0.5) == 5e-4
     assert goal_of("50 µm", deflection=False, band=None, run=run).tolerance(2.0, 0.5) == pytest.approx(5e-5)

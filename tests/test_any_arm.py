@@ -22,35 +22,35 @@ coordinate = st.floats(-1.0, 1.0)
 directions = st.tuples(coordinate, coordinate, coordinate).filter(lambda v: max(map(abs, v)) > 1e-3)
 
 
-def arm_of(*links: fl.Link, tip: fl.Payload | None = None, joint_deg: tuple[float, ...] = ()) -> fl.Scene:
+def arm_of(*links: fl.Link, tip: fl.RigidBody | None = None, joint_deg: tuple[float, ...] = ()) -> fl.Scene:
     """The links as a scene with a flat section and gravity in no plane of symmetry."""
     arm = fl.Arm(
         links=links, materials={"aluminium": ALUMINIUM}, sections={"flat": FLAT, "square": SQUARE},
-        tip=tip or fl.Payload(),
+        tip=tip or fl.RigidBody(),
     )  # fmt: skip
-    initial = fl.Initial(joint_deg=joint_deg or (0.0,) * len(links))
+    initial = fl.InitialState(joint_deg=joint_deg or (0.0,) * len(links))
     return fl.Scene(name="any", arm=arm, gravity=(1.0, -3.0, 9.0), initial=initial)
 
 
-def body(rng: np.random.Generator) -> fl.Payload:
+def body(rng: np.random.Generator) -> fl.RigidBody:
     """Some kilogram of points in a box, with all products of inertia."""
     points = rng.uniform(-0.1, 0.1, (5, 3))
     points -= points.mean(axis=0)
     covariance = points.T @ points
     I = np.trace(covariance) * np.eye(3) - covariance
-    return fl.Payload(mass=5.0, center=tuple(rng.uniform(-0.1, 0.1, 3)), inertia=six(I))
+    return fl.RigidBody(mass=5.0, center=tuple(rng.uniform(-0.1, 0.1, 3)), inertia=six(I))
 
 
 def six(I: np.ndarray) -> tuple[float, ...]:
     return (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
 
 
-def turned(payload: fl.Payload, F: np.ndarray) -> fl.Payload:
+def turned(payload: fl.RigidBody, F: np.ndarray) -> fl.RigidBody:
     """The same body in axes that are turned by F."""
-    return fl.Payload(mass=payload.mass, center=F.T @ payload.center, inertia=six(F.T @ payload.matrix @ F))
+    return fl.RigidBody(mass=payload.mass, center=F.T @ payload.center, inertia=six(F.T @ payload.matrix @ F))
 
 
-def in_other_frames(links: list[fl.Link], tip: fl.Payload, frames: list[np.ndarray]) -> fl.Scene:
+def in_other_frames(links: list[fl.Link], tip: fl.RigidBody, frames: list[np.ndarray]) -> fl.Scene:
     """The same arm, with every link's frame turned by a rotation of its own."""
     before, out = np.eye(3), []
     for link, F in zip(links, frames, strict=True):
@@ -97,7 +97,7 @@ def test_an_arm_does_not_depend_on_the_frames_in_which_its_links_are_described(r
 def test_a_joint_turns_its_link_about_its_axis(axes, angles) -> None:
     """R = R₁ R₂ by Rodrigues' formula, SciPy's; the second joint stands at the end of the first one's line."""
     ends = ((0.1, 0.2, 0.3), (0.4, -0.2, 0.1))
-    load = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))
+    load = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
     links = [fl.Link(name=f"l{k}", joint=fl.Joint(axis=axis), line=ends, end=load) for k, axis in enumerate(axes)]
     first, second = (
         Rotation.from_rotvec(angle * np.array(axis) / np.linalg.norm(axis)).as_matrix()
@@ -109,7 +109,7 @@ def test_a_joint_turns_its_link_about_its_axis(axes, angles) -> None:
 
 
 def test_locking_a_joint_turns_what_follows_as_a_free_one_at_that_angle() -> None:
-    axis, load = (1.0, -2.0, 0.5), fl.Payload(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.1, 0.2, 0.25, 0.01, 0, 0))
+    axis, load = (1.0, -2.0, 0.5), fl.RigidBody(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.1, 0.2, 0.25, 0.01, 0, 0))
     base, free = fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(axis=axis), length=0.4, hub=load)
     locked = fl.Link(name="b", joint=fl.Joint(axis=axis, locked=True), length=0.4, hub=load)
     loose, fast = (fl.lump(arm_of(base, link, joint_deg=(0.0, 35.0))) for link in (free, locked))
@@ -191,7 +191,7 @@ def test_a_body_turns_about_an_axis_with_steiners_share(rng) -> None:
     center, axis = points.mean(axis=0), unit("axis", (1.0, 2.0, -1.0))
     spread = points - center
     I = (spread**2).sum() * np.eye(3) - spread.T @ spread
-    load = fl.Payload(mass=5.0, center=center, inertia=six(I))
+    load = fl.RigidBody(mass=5.0, center=center, inertia=six(I))
     distances = np.linalg.norm(np.cross(axis, points), axis=1)
     assert load.about(axis) == pytest.approx((distances**2).sum(), rel=1e-14, abs=0)
     M = fl.mass_matrix(fl.lump(arm_of(fl.Link(name="a", joint=fl.Joint(axis=axis), hub=load))), np.zeros(1))
@@ -203,19 +203,19 @@ def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
     """One moment is the sum of the other two, but for rounding."""
     R = Rotation.from_rotvec(angle * np.array(axis)).as_matrix()
     inertia = six(R @ np.diag([0.0037238, 0.0018619, 0.0018619]) @ R.T)
-    assert fl.Payload(mass=2.0, inertia=inertia).mass == 2.0
+    assert fl.RigidBody(mass=2.0, inertia=inertia).mass == 2.0
 
 
 @pytest.mark.parametrize(
     ("build", "wanted"),
     [
         (lambda: fl.Joint(axis=(0, 0, 0)), r"^axis = \(0\.0, 0\.0, 0\.0\): must not be zero; it is a direction"),
-        (lambda: fl.Payload(mass=1.0, inertia=(1, 1)), r"^inertia = \(1\.0, 1\.0\): expected 3 moments, .* or 6"),
-        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 2.1)), r"^inertia = .* moments are 1, 1, 2\.1; .* sum of the"),
-        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 2 + 1e-13)), "exceed the sum of the other two, here by 9.99e-14$"),
-        (lambda: fl.Payload(mass=1.0, inertia=(1, 1, 1, 0.9, 0, 0)), r"moments are 0\.1, 1, 1\.9; .* sum of the other"),
-        (lambda: fl.Payload(inertia=(1, 1, 1, 2, 0, 0)), r"moments are -1, 1, 3; none may be negative$"),
-        (lambda: fl.Payload(inertia=(1, -1, 1)), r"none may be negative$"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1)), r"^inertia = \(1\.0, 1\.0\): expected 3 moments, .* or 6"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2.1)), r"^inertia = .* moments are 1, 1, 2\.1; .* sum of the"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 2 + 1e-13)), "the sum of the other two, here by 9.99e-14$"),
+        (lambda: fl.RigidBody(mass=1.0, inertia=(1, 1, 1, 0.9, 0, 0)), r"are 0\.1, 1, 1\.9; .* sum of the other"),
+        (lambda: fl.RigidBody(inertia=(1, 1, 1, 2, 0, 0)), r"moments are -1, 1, 3; none may be negative$"),
+        (lambda: fl.RigidBody(inertia=(1, -1, 1)), r"none may be negative$"),
         (lambda: fl.Link(name="a", line=((0, 0, 0), (0, 0, 0))), r"^line = .*: is 0 m long; must run from one point"),
         (lambda: fl.Link(name="a", line=((-1e308, 0, 0), (1e308, 0, 0))), r"^line = .*: is inf m long"),
         (lambda: fl.Link(name="a", line=((0, 0, 0), (1, 0, 0)), length=1.0), r"^length = 1\.0: line = .* is given"),
@@ -230,7 +230,7 @@ def test_what_no_arm_can_have_is_refused(build, wanted) -> None:
 
 
 def test_wheels_without_mass_need_only_moments_that_are_not_negative() -> None:
-    assert fl.Payload(inertia=(0, 0, 1)).mass == 0
+    assert fl.RigidBody(inertia=(0, 0, 1)).mass == 0
 
 
 def skew_arm(rng: np.random.Generator) -> fl.Scene:
@@ -258,13 +258,13 @@ def test_paths_reach_the_new_keys() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5), fl.Link(name="b", joint=fl.Joint(locked=True), length=0.4))
     varied = scene.varied({"link.*.joint.axis": (0, 1, 0), "link.a.end.mass": 2.0, "link.a.end.center": (0, 0, 1)})
     assert [link.joint.axis for link in varied.arm.links] == [(0, 1, 0)] * 2
-    assert varied.arm.links[0].end == fl.Payload(mass=2.0, center=(0, 0, 1))
+    assert varied.arm.links[0].end == fl.RigidBody(mass=2.0, center=(0, 0, 1))
     line = scene.varied({"link.a.length": None, "link.a.line": ((0, 0, 0), (0, 0, 1))})
     assert line.arm.links[0].beam.length == 1.0
 
 
 def test_what_has_no_effect_is_noted() -> None:
-    lost = fl.Link(name="a", length=0.5, up=(0, 1, 0), hub=fl.Payload(center=(0, 0, 1)), end=fl.Payload(mass=1.0))
+    lost = fl.Link(name="a", length=0.5, up=(0, 1, 0), hub=fl.RigidBody(center=(0, 0, 1)), end=fl.RigidBody(mass=1.0))
     assert [note.partition(" = ")[0] for note in notes(make_scene(lost, gravity=(0.0, 9.81, 0.0)))] == [
         "link[0].up", "link[0].hub.center",
     ]  # fmt: skip

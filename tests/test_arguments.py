@@ -20,7 +20,7 @@ from flexlink.engines import load
 @functools.cache
 def scene() -> fl.Scene:
     upper = flexible("upper", "xyz", 3, mount=fl.Mount(rpy_deg=(-90.0, 0.0, 0.0)))
-    return make_scene(fl.Link(name="waist"), upper, run=fl.Run(step=2.5e-5, duration=0.005))
+    return make_scene(fl.Link(name="waist"), upper, run=fl.RunSettings(step=2.5e-5, duration=0.005))
 
 
 @functools.cache
@@ -43,7 +43,7 @@ WRONG = {
     "number": 3.5,
     "text": "waist",
     "bytes": b"waist",
-    "class": fl.Run,
+    "class": fl.RunSettings,
     "array": np.array(["a"]),
     "object": Unprintable(),
     "none in a 0-d array": np.array(None),
@@ -148,11 +148,17 @@ BEYOND = 10**400
         (lambda: fl.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
         (lambda: fl.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
         (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a part of the motion"),
-        (lambda: fl.Course([0.0], [[[BEYOND]]]), "coefficients has dtype object; expected real numbers .*beyond"),
-        (lambda: fl.Course([0.0], [[[0.0]]])(BEYOND), "t has dtype object; expected real numbers .*beyond"),
-        (lambda: fl.Course([0.0], [[[0.0]]])("a"), "t has dtype <U1; expected real numbers"),
-        (lambda: fl.Course([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "times has dtype object"),
-        (lambda: fl.Course([0.0], [[[0.0]]]).delayed(BEYOND), "delay has dtype object"),
+        (
+            lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),
+            "coefficients has dtype object; expected real numbers .*beyond",
+        ),
+        (
+            lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])(BEYOND),
+            "t has dtype object; expected real numbers .*beyond",
+        ),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]])("a"), "t has dtype <U1; expected real numbers"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).shaped([BEYOND], [1.0]), "times has dtype object"),
+        (lambda: fl.ReferenceTrajectory([0.0], [[[0.0]]]).delayed(BEYOND), "delay has dtype object"),
     ],
 )
 def test_an_integer_beyond_float64_is_refused_by_name(call: Callable[[], object], wanted: str) -> None:
@@ -174,8 +180,8 @@ def test_numpy_numbers_are_numbers_in_every_description() -> None:
     assert type(link.length) is float
     assert type(link.segments) is int
     angles = np.radians([30.0, 45.0])
-    assert fl.Initial(joint_deg=tuple(np.degrees(angles))).joint_deg == tuple(np.degrees(angles).tolist())
-    assert fl.Run(step=np.array(1e-4), sample=f(0.005)) == fl.Run(step=1e-4, sample=0.005)
+    assert fl.InitialState(joint_deg=tuple(np.degrees(angles))).joint_deg == tuple(np.degrees(angles).tolist())
+    assert fl.RunSettings(step=np.array(1e-4), sample=f(0.005)) == fl.RunSettings(step=1e-4, sample=0.005)
     assert fl.Material(young=np.linspace(1.0, 2.0, 3)[1], density=np.longdouble(2)) == fl.Material(young=1.5, density=2)
     table = fl.Drive(kind="table", times=np.arange(2), torques=np.ones((2, 1)))
     assert table == fl.Drive(kind="table", times=(0, 1), torques=((1,), (1,)))
@@ -183,14 +189,14 @@ def test_numpy_numbers_are_numbers_in_every_description() -> None:
 
 def test_numpy_arrays_are_sequences_in_every_description() -> None:
     ones = np.ones(3)
-    assert fl.Initial(joint_deg=np.array([1, 2]), rate_deg=ones[:2]).joint_deg == (1.0, 2.0)
-    assert fl.Payload(mass=np.float32(1), inertia=ones) == fl.Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    assert fl.InitialState(joint_deg=np.array([1, 2]), rate_deg=ones[:2]).joint_deg == (1.0, 2.0)
+    assert fl.RigidBody(mass=np.float32(1), inertia=ones) == fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     assert fl.Wrench(force=ones, moment=2 * ones) == fl.Wrench(force=(1, 1, 1), moment=(2, 2, 2))
     names = np.array(["a"])
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link=names[0], times=ones[:1] - 1, angle_deg=ones[:1], rate_deg=ones[:1], acceleration_deg=ones[:1]
     )
-    assert motion == fl.Motion(link="a", times=(0,), angle_deg=(1,), rate_deg=(1,), acceleration_deg=(1,))
+    assert motion == fl.PrescribedMotion(link="a", times=(0,), angle_deg=(1,), rate_deg=(1,), acceleration_deg=(1,))
     assert make_scene(fl.Link(name="a"), gravity=-9.81 * ones).gravity == (-9.81,) * 3
     with pytest.raises(fl.SceneError, match=r"^force = \[1\.0, 1\.0\]: expected"):
         fl.Wrench(force=ones[:2])
@@ -212,11 +218,11 @@ def test_numpy_numbers_that_do_not_fit_are_refused_like_pythons() -> None:
     with pytest.raises(fl.SceneError, match=r"^young = nan: must be a finite number"):
         fl.Material(young=np.float64("nan"), density=1.0)
     with pytest.raises(fl.SceneError, match=r"^joint_deg = \{.*\}: a set has no order"):
-        fl.Initial(joint_deg={1.0, 2.0})
+        fl.InitialState(joint_deg={1.0, 2.0})
     nested: list = []
     nested.append(nested)
     with pytest.raises(fl.SceneError, match=r"^joint_deg: nested too deeply"):
-        fl.Initial(joint_deg=nested)
+        fl.InitialState(joint_deg=nested)
 
 
 def test_numpy_numbers_are_arguments_and_run_settings() -> None:
@@ -257,7 +263,7 @@ def test_friction_beyond_float64_is_an_error_and_far_beyond_the_width_is_none() 
 
 
 def test_a_mass_matrix_beyond_float64_is_an_error() -> None:
-    arm = make_scene(flexible("a"), flexible("b"), tip=fl.Payload(mass=1e308))
+    arm = make_scene(flexible("a"), flexible("b"), tip=fl.RigidBody(mass=1e308))
     with pytest.raises(fl.ArgumentError, match="the mass matrix of 'test' is beyond float64"):
         fl.mass_matrix(fl.lump(arm), np.zeros(fl.lump(arm).n))
 
@@ -287,7 +293,7 @@ def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None
 
 def test_a_motion_names_its_link_or_its_number() -> None:
     def moved(link: str | int) -> fl.Trajectory:
-        motion = fl.Motion(link=link, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])  # type: ignore[arg-type]
+        motion = fl.PrescribedMotion(link=link, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])  # type: ignore[arg-type]
         return fl.simulate(
             make_scene(fl.Link(name="waist"), flexible("upper", segments=2), motion=(motion,)), duration=0.0
         )
@@ -296,7 +302,7 @@ def test_a_motion_names_its_link_or_its_number() -> None:
         by_name, by_number = moved(link).chain, moved(number).chain
         np.testing.assert_array_equal(by_name.hinges["prescribed"], by_number.hinges["prescribed"])
         assert by_name.hinges["prescribed"][by_name.index(link, 0, 0)] == 1
-    two = fl.Motion(link=1, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
+    two = fl.PrescribedMotion(link=1, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
     with pytest.raises(fl.SceneError, match=r"^motion\[1\]\.link = 'waist': has two motions"):
         make_scene(fl.Link(name="waist", length=1.0), motion=(two, msgspec.structs.replace(two, link="waist")))
 

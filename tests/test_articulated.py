@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 
 from flexlink import (
     Chain,
-    Initial,
+    InitialState,
     Joint,
     Link,
     Mount,
-    Payload,
+    RigidBody,
     bias_torque,
     elastic_torque,
     forward_dynamics,
@@ -81,8 +81,8 @@ def test_payload_locked_joint_and_zero_length_links(rng: np.random.Generator) ->
         flexible("upper", "xyz", 4, joint=Joint(locked=True), mount=SKEW),
         flexible("fore", "yz", 3, lumping="midpoint"),
     )
-    tip = Payload(mass=2.0, inertia=(0.1, 0.2, 0.3))
-    assert_as_lu(lump(make_scene(*links, tip=tip, initial=Initial(joint_deg=(0.0, 0.0, 40.0, 0.0)))), rng)
+    tip = RigidBody(mass=2.0, inertia=(0.1, 0.2, 0.3))
+    assert_as_lu(lump(make_scene(*links, tip=tip, initial=InitialState(joint_deg=(0.0, 0.0, 40.0, 0.0)))), rng)
 
 
 def test_rotors_and_friction_on_passive_hinges(rng: np.random.Generator) -> None:
@@ -392,7 +392,7 @@ def test_plane_motion_is_recognised_and_gives_the_numbers_of_the_spatial_recursi
     links, planar = PLANAR[name]
     for joint in (Joint(), ROTOR):
         free = [link if link.joint.locked else msgspec.structs.replace(link, joint=joint) for link in links]
-        tip = Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
+        tip = RigidBody(mass=0.5, inertia=(0.1, 0.2, 0.3))
         chain = lump(make_scene(*free, tip=tip, gravity=(3.0, -4.0, 8.0)))
         assert chain.is_planar is planar
         assert_as_lu(chain, rng)

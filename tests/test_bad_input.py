@@ -318,7 +318,7 @@ def test_quotes_in_names_stay_inside_their_csv_column(tmp_path: Path) -> None:
 
 
 def test_motions_do_not_make_engines_disagree() -> None:
-    motion = fl.Motion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
+    motion = fl.PrescribedMotion(link="upper", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
     comparison = compare(make_scene(flexible("upper")), samples=1)
     moved = compare(make_scene(flexible("upper"), motion=[motion]), samples=1)
     assert comparison.passed
@@ -328,7 +328,7 @@ def test_motions_do_not_make_engines_disagree() -> None:
 def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
     link = fl.Link(name="a", joint={"viscous": 1}, mount=fl.Mount(xyz=np.ones(3)))
     assert link == fl.Link(name="a", joint=fl.Joint(viscous=1.0), mount=fl.Mount(xyz=(1.0, 1.0, 1.0)))
-    scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.Initial(joint_deg=[1]))
+    scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.InitialState(joint_deg=[1]))
     assert scene.gravity == (0.0, 0.0, 9.81)
     assert scene.initial.joint_deg == (1.0,)
     with pytest.raises(fl.SceneError, match=r"^joint\.viscous = -1: expected float >= 0\.0"):

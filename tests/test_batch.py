@@ -47,10 +47,10 @@ def members(flex: str, count: int) -> list[fl.Scene]:
             flexible("a", flex, 3, length=1.0 + 0.1 * i, joint=fl.Joint(coulomb=0.1 * (i % 2))),
             flexible("b", flex, 3, mount=fl.Mount(rpy_deg=(0.0 if flex == "z" else 40.0, 0.0, 5.0 * i))),
             gravity=(0.0, 9.0 + i, 1.0),
-            initial=fl.Initial(joint_deg=(-80.0 + i, 3.0 * i)),
+            initial=fl.InitialState(joint_deg=(-80.0 + i, 3.0 * i)),
             drive=drive,
             wrench=wrench,
-            run=fl.Run(step=2e-5, sample=1e-3, duration=0.01),
+            run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.01),
         )
         for i in range(count)
     ]
@@ -82,7 +82,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
 
 @compiled
 def test_unlike_scenes_run_one_by_one() -> None:
-    settings = fl.Run(step=1e-5, sample=1e-4, duration=1e-3)
+    settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
     scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, dynamics="lu")}))
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
@@ -92,14 +92,16 @@ def test_unlike_scenes_run_one_by_one() -> None:
 def driven(**change: object) -> fl.Scene:
     """An arm that turns about one free joint, with `change`."""
     arm = flexible("a", segments=3), flexible("b", segments=3, joint=fl.Joint(locked=True))
-    fields = {"gravity": (0.0, 9.81, 0.0), "initial": fl.Initial(joint_deg=(0.0, 30.0))}
-    return make_scene(*arm, **{**fields, "run": fl.Run(step=2e-5, sample=1e-3, duration=0.01), **change})
+    fields = {"gravity": (0.0, 9.81, 0.0), "initial": fl.InitialState(joint_deg=(0.0, 30.0))}
+    return make_scene(*arm, **{**fields, "run": fl.RunSettings(step=2e-5, sample=1e-3, duration=0.01), **change})
 
 
-def swung(degrees: float) -> tuple[fl.Motion, ...]:
+def swung(degrees: float) -> tuple[fl.PrescribedMotion, ...]:
     """The first joint goes from 0 to an angle within a second."""
     zero = (0.0, 0.0)
-    return (fl.Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, degrees), rate_deg=zero, acceleration_deg=zero),)
+    return (
+        fl.PrescribedMotion(link="a", times=(0.0, 1.0), angle_deg=(0.0, degrees), rate_deg=zero, acceleration_deg=zero),
+    )
 
 
 @pytest.mark.parametrize(
@@ -108,11 +110,14 @@ def swung(degrees: float) -> tuple[fl.Motion, ...]:
         {"drive": fl.Drive(kind="constant", torque=(50.0, 0.0))},
         {"wrench": fl.Wrench(force=(0.0, 50.0, 0.0))},
         {"gravity": (0.0, -9.81, 0.0)},
-        {"initial": fl.Initial(joint_deg=(0.0, 90.0))},  # of the locked joint: another chain
-        {"initial": fl.Initial(joint_deg=(20.0, 30.0))},
-        {"run": fl.Run(step=1e-5, sample=1e-3, duration=0.01)},
+        {"initial": fl.InitialState(joint_deg=(0.0, 90.0))},  # of the locked joint: another chain
+        {"initial": fl.InitialState(joint_deg=(20.0, 30.0))},
+        {"run": fl.RunSettings(step=1e-5, sample=1e-3, duration=0.01)},
         {"motion": swung(90.0)},
-        {"arm": make_scene(flexible("a", "yz", 3), flexible("b", "z", 3)).arm, "initial": fl.Initial(joint_deg=(0, 0))},
+        {
+            "arm": make_scene(flexible("a", "yz", 3), flexible("b", "z", 3)).arm,
+            "initial": fl.InitialState(joint_deg=(0, 0)),
+        },
         {"name": "other"},
     ],
     ids=lambda change: next(iter(change)),
@@ -155,14 +160,14 @@ def test_neighbours_with_one_reference_follow_it_each_from_its_own_start() -> No
     """A reference leads from where the joints are."""
     reference = fl.Reference(profile="quintic", to_deg=(60.0, 30.0), duration=0.01)
     drive = fl.Drive(kind="pd", kp=(1e4, 0.0), kd=(10.0, 0.0), reference=reference)
-    scenes = [driven(drive=drive, initial=fl.Initial(joint_deg=(angle, 30.0))) for angle in (0.0, 40.0)]
+    scenes = [driven(drive=drive, initial=fl.InitialState(joint_deg=(angle, 30.0))) for angle in (0.0, 40.0)]
     for many, scene in zip(fl.simulate_many(scenes), scenes, strict=True):
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
 
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
     calm = driven().varied({"run.unstable": "allow"})
-    wild = calm.varied({"initial": fl.Initial(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
+    wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
     with pytest.raises(fl.DivergenceError) as caught:
         fl.simulate_many([calm, wild, calm])
     first, _, last = caught.value.runs
@@ -172,7 +177,7 @@ def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
 
 def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
-    runs = fl.Run(duration=0.05), fl.Run(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
+    runs = fl.RunSettings(duration=0.05), fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
     good, wild = (paper.varied({"run": run}) for run in runs)
     with pytest.raises(fl.DivergenceError, match="try a smaller step than") as caught:
         fl.simulate_many([good, wild, good])
@@ -207,8 +212,8 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
 
 def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    coarse = fl.Run(step=0.35, sample=0.35, duration=35.0)
-    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)), run=coarse)
+    coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
     with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
         fl.simulate_many([scene, scene])
 
@@ -217,9 +222,11 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     """All runs come back, each as far as it went; those that had not started hold their initial sample."""
-    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.Run(duration=50.0)})
-    starts = [paper.varied({"initial": fl.Initial(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)]
-    fl.simulate_many([start.varied({"run": fl.Run(duration=0.01)}) for start in starts])  # compiles
+    paper = fl.load_scene(models / "paper_fig5.toml").varied({"run": fl.RunSettings(duration=50.0)})
+    starts = [
+        paper.varied({"initial": fl.InitialState(joint_deg=(0.0, float(angle), 0.0))}) for angle in range(-90, -72)
+    ]
+    fl.simulate_many([start.varied({"run": fl.RunSettings(duration=0.01)}) for start in starts])  # compiles
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
     with pytest.raises(fl.InterruptedRunError) as caught:

@@ -19,7 +19,7 @@ CONE = {"thick": fl.Section(shape="circle", diameter=0.06), "thin": fl.Section(s
 def tapered(**fields: object) -> fl.Scene:
     link = flexible("a", section="thick", section_tip="thin", **fields)
     arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections=CONE)
-    return fl.Scene(name="cone", arm=arm, initial=fl.Initial(joint_deg=(0.0,)))
+    return fl.Scene(name="cone", arm=arm, initial=fl.InitialState(joint_deg=(0.0,)))
 
 
 def test_a_tapered_link_has_the_mass_centre_and_inertia_of_a_cone() -> None:
@@ -149,7 +149,7 @@ def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: P
     link = flexible("a", "yz", 3, lumping=str(rule))  # which has no twist
     assert fl.lump(fl.Scene(
         name="s", arm=fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]}),
-        initial=fl.Initial(joint_deg=(0.0,)),
+        initial=fl.InitialState(joint_deg=(0.0,)),
     )).n == 5  # fmt: skip
 
 
@@ -160,7 +160,7 @@ def damping_ratios(damping: fl.Damping, flex: str = "z") -> tuple[np.ndarray, np
     """Frequencies [Hz] and damping ratios of a clamped link."""
     link = flexible("a", flex, 8, damping=damping, joint=fl.Joint(locked=True), lumping="midpoint")
     arm = fl.Arm(links=(link,), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]})
-    chain = fl.lump(fl.Scene(name="s", arm=arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0.0,))))
+    chain = fl.lump(fl.Scene(name="s", arm=arm, gravity=(0, 0, 0), initial=fl.InitialState(joint_deg=(0.0,))))
     found = fl.modes(chain, np.zeros(chain.n))
     return found.hertz, found.damping_ratios
 
@@ -179,7 +179,7 @@ def crane(hinges: int, first: fl.Damping, second: fl.Damping) -> fl.Chain:
     ]
     arm = fl.Arm(
         links=tuple(links), materials={"aluminium": ALUMINIUM}, sections={"square": CONE["thin"]},
-        tip=fl.Payload(mass=1.0),
+        tip=fl.RigidBody(mass=1.0),
     )  # fmt: skip
     return chain_of(arm, joint_deg=(0.0, 90.0))
 

@@ -23,8 +23,8 @@ from flexlink.motion.simulate import prepare
 def swinging(**changes: Any) -> fl.Scene:
     """Two links that bend in a plane, released at an angle, with a tolerance."""
     links = flexible("a", segments=3), flexible("b", segments=3)
-    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
-    run = fl.Run(method="Radau5", tolerance=1e-7, duration=0.3, sample=0.02)
+    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(40.0, -70.0)))
+    run = fl.RunSettings(method="Radau5", tolerance=1e-7, duration=0.3, sample=0.02)
     return scene.varied({"run": run, **changes})
 
 
@@ -32,7 +32,7 @@ def held_too_seldom(**changes: Any) -> fl.Scene:
     """A loop that needs a rate of some hundred Hz, sampled at 20 Hz."""
     drive = fl.Drive(kind="pd", kp=(2e3,), kd=(200.0,), target_deg=(30.0,), rate=20.0)
     scene = make_scene(flexible("a", segments=3), gravity=(9.81, 0.0, 0.0), drive=drive)
-    run = fl.Run(method="Radau5", tolerance=1e-4, duration=1.0, sample=0.05)
+    run = fl.RunSettings(method="Radau5", tolerance=1e-4, duration=1.0, sample=0.05)
     return scene.varied({"run": run, **changes})
 
 

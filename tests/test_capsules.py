@@ -97,7 +97,7 @@ def test_a_capsule_is_as_thick_as_a_solid_rod_of_its_inertia() -> None:
 
 
 def test_a_link_without_mass_or_length_is_drawn_thin_or_not_at_all() -> None:
-    chain = fl.lump(make_scene(fl.Link(name="a"), fl.Link(name="b", length=2.0), tip=fl.Payload(mass=1.0)))
+    chain = fl.lump(make_scene(fl.Link(name="a"), fl.Link(name="b", length=2.0), tip=fl.RigidBody(mass=1.0)))
     nothing, thin = capsules(chain)
     assert nothing is None
     assert thin is not None

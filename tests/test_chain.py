@@ -12,14 +12,14 @@ from flexlink import (
     ArgumentError,
     Arm,
     Chain,
-    Initial,
+    InitialState,
     Joint,
     Link,
     Material,
-    Motion,
     Mount,
-    Payload,
-    Run,
+    PrescribedMotion,
+    RigidBody,
+    RunSettings,
     SceneError,
     Section,
     initial_state,
@@ -65,7 +65,7 @@ def test_sequential_and_three_index_coordinates_are_inverse(chain: Chain) -> Non
 
 @pytest.mark.parametrize("names", [("a", "a.1.z"), ("a.1.z", "a"), ("a", "a.1.z", "a.1.z_2"), ("a.1", "a", "a.1.1.z")])
 def test_no_joint_is_called_like_another_and_no_column_is_lost(names: tuple[str, ...]) -> None:
-    scene = make_scene(*(flexible(name, segments=2) for name in names), run=Run(duration=0.0))
+    scene = make_scene(*(flexible(name, segments=2) for name in names), run=RunSettings(duration=0.0))
     chain = lump(scene)
     given = [chain.joint_name(k) for k in range(chain.n)]
     assert len(set(given)) == chain.n
@@ -117,7 +117,7 @@ def test_stiffness_is_rigidity_over_weight_times_length() -> None:
 
 def test_locking_a_joint_equals_a_fixed_rotation() -> None:
     locked = lump(
-        make_scene(flexible("a"), flexible("b", joint=Joint(locked=True)), initial=Initial(joint_deg=(0.0, 30.0)))
+        make_scene(flexible("a"), flexible("b", joint=Joint(locked=True)), initial=InitialState(joint_deg=(0.0, 30.0)))
     )
     turned = lump(make_scene(flexible("a"), flexible("b", joint=Joint(locked=True), mount=Mount(rpy_deg=(0, 0, 30)))))
     for field in ("translation", "rotation", "mass", "center", "inertia"):
@@ -149,7 +149,7 @@ def test_what_follows_a_locked_joint_is_turned_and_moved_by_its_mount() -> None:
     R = np.array(Rz) @ Ry @ Rx
     inertia = (0.1, 0.2, 0.3)
     locked = Link(
-        name="b", length=0.7, joint=Joint(locked=True), hub=Payload(inertia=inertia),
+        name="b", length=0.7, joint=Joint(locked=True), hub=RigidBody(inertia=inertia),
         mount=Mount(rpy_deg=(30.0, 40.0, 50.0), xyz=(0.1, 0.2, 0.3)),
     )  # fmt: skip
     chain = lump(make_scene(Link(name="a", length=0.5), locked))
@@ -168,7 +168,7 @@ def test_stiffness_takes_the_weight_of_its_own_hinge() -> None:
 
 
 def test_a_payload_joins_the_last_segment() -> None:
-    bare, loaded = lump(make_scene(flexible("a"))), lump(make_scene(flexible("a"), tip=Payload(mass=2.0)))
+    bare, loaded = lump(make_scene(flexible("a"))), lump(make_scene(flexible("a"), tip=RigidBody(mass=2.0)))
     m, h = bare.bodies[-2]["mass"], 0.25
     assert loaded.bodies[-2]["mass"] == pytest.approx(m + 2.0)
     assert loaded.bodies[-2]["center"][0] == pytest.approx((m * h / 2 + 2.0 * h) / (m + 2.0))
@@ -185,7 +185,7 @@ def test_kelvin_voigt_damping_is_loss_time_times_stiffness(models) -> None:
 
 
 def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> None:
-    hub = Payload(mass=3.0, inertia=(0.1, 0.2, 0.3))
+    hub = RigidBody(mass=3.0, inertia=(0.1, 0.2, 0.3))
     bare, loaded = make_scene(flexible("a"), flexible("b")), make_scene(flexible("a"), flexible("b", hub=hub))
     i = lump(bare).bodies["first"].tolist().index(5)  # the body behind the second active joint
     assert lump(loaded).bodies["mass"][i] == pytest.approx(lump(bare).bodies["mass"][i] + 3.0)
@@ -205,7 +205,7 @@ def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
         lump(make_scene(flexible("a", lumping=str(rule))))
     for fields in (
         {"joint": Joint(armature=0.1)},
-        {"hub": Payload(inertia=(0, 0, 0.1))},
+        {"hub": RigidBody(inertia=(0, 0, 0.1))},
         {"joint": Joint(locked=True)},
     ):
         chain = lump(make_scene(flexible("a", lumping=str(rule), **fields)))
@@ -254,7 +254,7 @@ def test_one_layout_means_that_hinges_turn_alike(tmp_path) -> None:
     files = {order: tmp_path / f"{order}.toml" for order in ("true", "false")}
     for order, file in files.items():
         file.write_text(rule.format(order), encoding="utf-8")
-    swing = Motion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    swing = PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     tilted = flexible("b", mount=Mount(rpy_deg=(40, 0, 0)))
     pairs = {
         "axes": [make_scene(flexible("a", "xyz", lumping=str(file))) for file in files.values()],
@@ -283,7 +283,7 @@ def test_mounts_behind_each_other_add_up_before_axes_are_compared() -> None:
 
 def test_inertias_are_symmetric_to_the_bit() -> None:
     """R I Rᵀ is so up to rounding only, and files hold six numbers."""
-    heavy = Payload(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.3, 0.25, 0.2, 0.03, 0.02, 0.01))
+    heavy = RigidBody(mass=1.0, center=(0.1, 0.2, 0.3), inertia=(0.3, 0.25, 0.2, 0.03, 0.02, 0.01))
     links = [
         flexible(f"link {k}", mount=Mount(rpy_deg=(10.0 * k, 20.0, 30.0)), joint=Joint(locked=k > 0), end=heavy)
         for k in range(8)

@@ -33,12 +33,12 @@ DRIVES: dict[str, dict[str, Any]] = {
 def arm(drive: str, **changes: object) -> fl.Scene:
     friction = fl.Joint(viscous=0.1, coulomb=0.3, coulomb_width=0.05, armature=0.01)
     links = flexible("upper", segments=3, joint=friction), flexible("fore", segments=3)
-    scene = make_scene(*links, tip=fl.Payload(mass=0.5), initial=fl.Initial(joint_deg=(-80.0, -10.0)))
+    scene = make_scene(*links, tip=fl.RigidBody(mass=0.5), initial=fl.InitialState(joint_deg=(-80.0, -10.0)))
     run = {"run.duration": 0.08, "run.sample": 0.01, "run.step": 1e-4}
     return scene.varied({"drive": DRIVES[drive], "wrench.force": [1.0, -2.0, 0.0], **run, **changes})
 
 
-MOTION = fl.Motion(
+MOTION = fl.PrescribedMotion(
     link="upper", times=(0.0, 0.0137), angle_deg=(-80.0, -78.0), rate_deg=(0.0, 50.0), acceleration_deg=(0.0, 0.0)
 )
 
@@ -130,11 +130,11 @@ def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:
     joint = fl.Joint(limits_deg=(10.0, 90.0))
     q = tuple(np.linspace(0.2, 0.3, 9))
     links = flexible("a", joint=joint), flexible("b", joint=fl.Joint(locked=True))
-    whole = make_scene(*links, initial=fl.Initial(q=q))
+    whole = make_scene(*links, initial=fl.InitialState(q=q))
     assert whole.initial.joint_deg == (0.0, 0.0), "where the locked joint stays; the other one's limits do not count"
     assert fl.initial_state(whole, fl.lump(whole))[0].tolist() == list(q)
     path = tmp_path / "whole.toml"
     path.write_text(whole.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == whole
     with pytest.raises(fl.SceneError, match="joint_deg: missing; this key is required where q is not given"):
-        fl.Initial(rate_deg=(1.0,))
+        fl.InitialState(rate_deg=(1.0,))

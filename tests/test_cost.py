@@ -27,7 +27,7 @@ def test_a_cost_is_stages_a_step_times_the_time_of_an_evaluation() -> None:
 @pytest.mark.parametrize("flex", ["z", "xyz"])
 def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
     """Within a factor of three: the run also judges its samples, and other programs share core and caches."""
-    scene = make_scene(flexible("a", flex, 12), initial=fl.Initial(joint_deg=(30.0,)))
+    scene = make_scene(flexible("a", flex, 12), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
     λ, evaluation = fastest_eigenvalues(chain, np.zeros(chain.n)), evaluation_time(scene, chain)
     step, seconds = cost("RK4", λ, evaluation, planar=chain.is_planar)

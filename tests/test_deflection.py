@@ -10,8 +10,8 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.advice.goal import Goal, Ruler
-from flexlink.advice.ladder import Ladder
-from flexlink.advice.model_runner import Bench, Stepping
+from flexlink.advice.ladder import RefinementStudy
+from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.results.deflection import deflections, unbent
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
@@ -36,11 +36,11 @@ def test_the_deflection_of_an_elastic_gear_is_the_same_in_advice_sweeps_report_a
 
 
 def test_advice_takes_a_part_of_the_same_deflection(two_masses: fl.Scene) -> None:
-    scene = two_masses.varied({"initial": fl.Initial(joint_deg=(0.0,)), "link.1.material": "steel",
+    scene = two_masses.varied({"initial": fl.InitialState(joint_deg=(0.0,)), "link.1.material": "steel",
                                "link.1.section": "bar", "material.steel": STEEL, "gravity": (0.0, -9.81, 0.0),
                                "section.bar": fl.Section(shape="circle", diameter=0.02)})  # fmt: skip
-    bench = Bench(scene, 1.0)
-    ladder = Ladder(
+    bench = ModelRunner(scene, 1.0)
+    ladder = RefinementStudy(
         bench, Ruler(Goal(1e-2), 1e-3), Goal(1e-2, deflection=True), ("z",), Stepping("Radau5", tolerance=1e-5)
     )
     ladder.climb()

@@ -11,7 +11,7 @@ from conftest import ALUMINIUM, SQUARE, make_scene
 import flexlink as fl
 
 EPS = np.finfo(float).eps
-HUB = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))
+HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))
 UR5 = [  # a, α, d: the maker's table, standard
     (0.0, 90.0, 0.089159), (-0.425, 0.0, 0.0), (-0.39225, 0.0, 0.0), (0.0, 90.0, 0.10915), (0.0, -90.0, 0.09465),
     (0.0, 0.0, 0.0823),

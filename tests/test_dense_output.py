@@ -23,12 +23,12 @@ def struck(tolerance: float, torque: float = 1.5) -> fl.Scene:
         name="struck",
         arm=fl.Arm(
             links=(beam,), materials={"aluminium": fl.Material(young=70e9, density=2700.0)},
-            sections={"bar": fl.Section(shape="rectangle", height=0.03, width=0.03)}, tip=fl.Payload(mass=2.0),
+            sections={"bar": fl.Section(shape="rectangle", height=0.03, width=0.03)}, tip=fl.RigidBody(mass=2.0),
         ),
         gravity=(0.0, 0.0, -9.81),
-        initial=fl.Initial(joint_deg=(0.0,)),
+        initial=fl.InitialState(joint_deg=(0.0,)),
         drive=fl.Drive(kind="table", times=(0.0, 0.5), torques=((0.0,), (torque,)), hold=True),
-        run=fl.Run(method="auto", tolerance=tolerance, duration=2.0, sample=0.05),
+        run=fl.RunSettings(method="auto", tolerance=tolerance, duration=2.0, sample=0.05),
     )  # fmt: skip
 
 
@@ -60,10 +60,11 @@ def test_every_sample_after_a_jump_of_torque_is_within_the_tolerance(name: str, 
 def test_a_heavy_rotor_that_is_sent_a_degree_on_is_no_alarm(tolerance: float) -> None:
     """100 kg m² with a target 0.9° away: the work of the drive was that of stages before the last pass."""
     wheel = fl.Link(name="wheel", length=0.2, flex="rigid", joint=fl.Joint(armature=100.0))
-    scene = make_scene(wheel, tip=fl.Payload(mass=1.0)).varied({
+    scene = make_scene(wheel, tip=fl.RigidBody(mass=1.0)).varied({
         "drive": fl.Drive(kind="pd", kp=(4e4,), kd=(2.8e3,), reference=fl.Reference(
             profile="hold", times=(0.0, 0.7), angle_deg=((0.0,), (0.9,)))),
-        "initial.joint_deg": (0.0,), "run": fl.Run(method="Radau5", tolerance=tolerance, duration=2.0, sample=0.05),
+        "initial.joint_deg": (0.0,),
+        "run": fl.RunSettings(method="Radau5", tolerance=tolerance, duration=2.0, sample=0.05),
     })  # fmt: skip
     run, exact = fl.simulate(scene), fl.simulate(scene, method="DOP853", tolerance=1e-10)
     assert np.linalg.norm(run.tip - exact.tip, axis=1).max() < tolerance

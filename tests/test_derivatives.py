@@ -9,7 +9,7 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink import ArgumentError, Chain, Joint, Link, Motion, Mount, Payload, SingularMassError
+from flexlink import ArgumentError, Chain, Joint, Link, Mount, PrescribedMotion, RigidBody, SingularMassError
 from flexlink.describe.spec import Vector3
 from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
 from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
@@ -33,7 +33,7 @@ def random_arm(rng: np.random.Generator) -> Chain:
         fields = {
             "mount": Mount(rpy_deg=_three(rng, 180.0), xyz=_three(rng, 0.3)),
             "joint": joint(),
-            "hub": Payload(mass=rng.uniform(), inertia=(0.01, 0.01, 0.01)),
+            "hub": RigidBody(mass=rng.uniform(), inertia=(0.01, 0.01, 0.01)),
         }
         if flex == "rigid":
             return Link(
@@ -42,7 +42,7 @@ def random_arm(rng: np.random.Generator) -> Chain:
         return flexible(f"l{number}", flex, int(rng.integers(2, 4)), **fields)
 
     links = [link(number) for number in range(rng.integers(1, 3))]
-    tip = Payload(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02))
+    tip = RigidBody(mass=rng.uniform(), inertia=(0.01, 0.02, 0.02))
     return fl.lump(make_scene(*links, tip=tip, gravity=_three(rng, 10.0)))
 
 
@@ -129,7 +129,7 @@ def test_a_small_rotor_behind_an_elastic_gear_keeps_its_digits() -> None:
     """What is left of the arm's inertia about the motor's axis, 1e-16 of it, is 1e-8 of this rotor."""
     gear = Joint(armature=1e-8, gear_stiffness=100.0)
     links = Link(name="a"), Link(name="b", joint=gear, length=0.5, mount=Mount(rpy_deg=(40.0, 50.0, 60.0)))
-    chain = fl.lump(make_scene(*links, tip=Payload(mass=3.0, inertia=(1.0, 1.0, 1.0)), gravity=(1.0, 2.0, 9.0)))
+    chain = fl.lump(make_scene(*links, tip=RigidBody(mass=3.0, inertia=(1.0, 1.0, 1.0)), gravity=(1.0, 2.0, 9.0)))
     q, qd, tau = np.array([0.3, 0.7, 0.02]), np.array([1.0, -2.0, 3.0]), np.array([0.1, 0.2, 0.0])
     (exact,) = accelerations(chain, (q, qd, tau))
     assert fl.forward_dynamics(chain, q, qd, tau) == pytest.approx(exact, rel=1e-14)
@@ -137,7 +137,9 @@ def test_a_small_rotor_behind_an_elastic_gear_keeps_its_digits() -> None:
 
 def test_a_planar_arm_has_the_same_derivatives_by_the_recursion_in_space(rng: np.random.Generator) -> None:
     """Two recursions that share the equation of motion only."""
-    motion = Motion(link="b", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0))
+    motion = PrescribedMotion(
+        link="b", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
     links = (
         flexible("a"),
         flexible("b", joint=Joint(armature=0.1)),
@@ -204,7 +206,9 @@ def test_hinges_beyond_a_body_do_not_move_it() -> None:
 def test_where_motion_is_prescribed_the_acceleration_is_the_input(rng: np.random.Generator) -> None:
     links = Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)
     motion = (
-        Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)),
+        PrescribedMotion(
+            link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+        ),
     )
     given = fl.lump(make_scene(*links, motion=motion))
     free = fl.lump(make_scene(*links))
@@ -223,7 +227,7 @@ def test_where_motion_is_prescribed_the_acceleration_is_the_input(rng: np.random
 
 
 def test_one_joint_has_the_derivatives_of_a_pendulum() -> None:
-    arm = Link(name="a", length=1.0, joint=Joint(viscous=0.3)), Payload(mass=2.0)
+    arm = Link(name="a", length=1.0, joint=Joint(viscous=0.3)), RigidBody(mass=2.0)
     chain = fl.lump(make_scene(arm[0], tip=arm[1], gravity=(0.0, 9.81, 0.0)))
     q = np.array([0.4])
     found = fl.forward_dynamics_derivatives(chain, q, np.array([1.5]), np.array([0.7]))
@@ -274,6 +278,6 @@ def test_a_derivative_that_is_not_there_is_an_error() -> None:
             fl.forward_dynamics_derivatives(chain, **state)
     with pytest.raises(ArgumentError, match="body = 3: must be -3 … 2"):
         fl.jacobian(chain, q, body=3)
-    massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=Payload(mass=1.0)))
+    massless = fl.lump(make_scene(Link(name="a"), Link(name="b", length=1.0), tip=RigidBody(mass=1.0)))
     with pytest.raises(SingularMassError, match="moves no inertia"):
         fl.forward_dynamics_derivatives(massless, [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])

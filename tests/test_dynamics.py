@@ -17,7 +17,7 @@ from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.dynamics.terms import MASS_METHODS
 from flexlink.inputs.actuation import input_arrays
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
-from flexlink.motion.monitor import Watch
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.record import Record
 
@@ -37,14 +37,14 @@ def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.
 def test_inertia_without_mass_counts_in_every_mass_method(rng) -> None:
     """A wheel given by its inertia alone, behind a skew mount, adds its moments about the joints' axes to M."""
     skew = fl.Mount(rpy_deg=(30.0, 40.0, 50.0))
-    hubs = fl.Payload(), fl.Payload(inertia=(0.1, 0.2, 0.3))
+    hubs = fl.RigidBody(), fl.RigidBody(inertia=(0.1, 0.2, 0.3))
     chains = [
         fl.lump(
             make_scene(
-                fl.Link(name="a", length=0.5, hub=fl.Payload(inertia=(1.0, 2.0, 3.0))),
+                fl.Link(name="a", length=0.5, hub=fl.RigidBody(inertia=(1.0, 2.0, 3.0))),
                 fl.Link(name="b", mount=skew, hub=hub),
                 fl.Link(name="c", length=0.5, mount=skew),
-                tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1)),
+                tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)),
             )
         )
         for hub in hubs
@@ -184,13 +184,13 @@ def test_frames_are_rotations_and_the_last_is_the_tip(chain: fl.Chain, rng) -> N
 
 def test_a_straight_arm_reaches_its_length() -> None:
     links = [fl.Link(name=f"l{i}", length=0.5) for i in range(3)]
-    heavy = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    heavy = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     np.testing.assert_array_equal(fl.tip_position(fl.lump(make_scene(*links, tip=heavy)), np.zeros(3)), [1.5, 0, 0])
 
 
 @pytest.mark.parametrize("method", SOLVERS)
 def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
-    coaxial = fl.lump(make_scene(fl.Link(name="a"), fl.Link(name="b", length=1.0), tip=fl.Payload(mass=1.0)))
+    coaxial = fl.lump(make_scene(fl.Link(name="a"), fl.Link(name="b", length=1.0), tip=fl.RigidBody(mass=1.0)))
     wanted = (
         r"^mass matrix of 'test' is singular: joint 'b' moves no inertia of its own at b = 30°; give it an armature"
     )
@@ -235,8 +235,8 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
         for k, turn in enumerate(turns)
     ]
     links = fl.Link(name="a"), *locked, fl.Link(name="b", length=1.0, mount=fl.Mount(rpy_deg=(0.0, 0.0, -56.0)))
-    run = fl.Run(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
-    scene = make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
+    run = fl.RunSettings(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
+    scene = make_scene(*links, tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
     M = fl.mass_matrix(fl.lump(scene), [0.0, 0.0])
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
     with pytest.raises(fl.SingularMassError):  # told before the run, or where the run gets there, by nan
@@ -244,12 +244,12 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     chain = fl.lump(scene)
     record = Record(scene, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
     with pytest.raises(fl.DivergenceError, match="no longer finite"):
-        SingleRun(scene, Watch(run, record)).finish(Stop())
+        SingleRun(scene, RunMonitor(run, record)).finish(Stop())
 
 
 def test_heavy_payloads_are_not_singular(rng) -> None:
     """cond(M) of 1e10 costs ten digits and leaves six."""
-    chain = fl.lump(make_scene(flexible("a", "xyz", 7), flexible("b", "xyz", 7), tip=fl.Payload(mass=1e4)))
+    chain = fl.lump(make_scene(flexible("a", "xyz", 7), flexible("b", "xyz", 7), tip=fl.RigidBody(mass=1e4)))
     q, qd, tau = rng.uniform(-0.01, 0.01, (3, chain.n))
     right = fl.forward_dynamics(chain, q, qd, tau)
     for method in ("lu", "cholesky"):
@@ -266,7 +266,7 @@ def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, m
 
 def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
     joint = fl.Joint(coulomb=2.0, coulomb_width=0.05, viscous=0.0)
-    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0, joint=joint), tip=fl.Payload(mass=1.0)))
+    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0, joint=joint), tip=fl.RigidBody(mass=1.0)))
     assert fl.friction_torque(chain, [0.15])[0] == pytest.approx(2.0, rel=5e-3)
     assert fl.friction_torque(chain, [-10.0])[0] == pytest.approx(-2.0)
     assert fl.friction_torque(chain, [0.0])[0] == 0
@@ -302,7 +302,7 @@ def test_unknown_methods_are_listed(models) -> None:
 @given(st.lists(st.floats(-1e3, 1e3), min_size=10, max_size=10), st.integers(0, 9), st.integers(-3, 3))
 def test_dynamics_have_the_period_of_a_turn(angles: list[float], joint: int, turns: int) -> None:
     chain = fl.lump(make_scene(fl.Link(name="waist"), *[fl.Link(name=f"l{i}", length=0.3) for i in range(9)],
-                       tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))))  # fmt: skip
+                       tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))))  # fmt: skip
     q = np.array(angles)
     turned = q.copy()
     turned[joint] += 2 * np.pi * turns

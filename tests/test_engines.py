@@ -18,12 +18,12 @@ from flexlink import (
     DivergenceError,
     Drive,
     FlexlinkError,
-    Initial,
+    InitialState,
     Joint,
     Link,
     MissingDependencyError,
-    Motion,
     Mount,
+    PrescribedMotion,
     Scene,
     Wrench,
     initial_state,
@@ -143,7 +143,8 @@ SHORT = {
     ),
     "coulomb": shortened(
         make_scene(
-            flexible("arm", joint=Joint(coulomb=3.0, viscous=0.1)), initial=Initial(joint_deg=(0.0,), rate_deg=(9.0,))
+            flexible("arm", joint=Joint(coulomb=3.0, viscous=0.1)),
+            initial=InitialState(joint_deg=(0.0,), rate_deg=(9.0,))
         ),
         0.1,
     ),
@@ -244,7 +245,7 @@ def test_what_diverges_in_the_very_last_step_is_no_sample(name: str, samples: in
 
 def moved(*links: Link) -> Scene:
     """An arm whose first joint is led from 0° to 60° in 0.1 s, and rests there."""
-    motion = Motion(
+    motion = PrescribedMotion(
         link="upper", times=(0.0, 0.1), angle_deg=(0.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
     return shortened(make_scene(*links, motion=(motion,), wrench=Wrench((5, -3, 2), (1, 2, -3))), 0.15, step=5e-5)

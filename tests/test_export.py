@@ -18,7 +18,7 @@ from flexlink import (
     Damping,
     Link,
     Mount,
-    Payload,
+    RigidBody,
     Section,
     SingularMassError,
     lump,
@@ -262,13 +262,13 @@ def test_the_lightest_segments_that_mujoco_loads_are_exported_and_lighter_ones_r
 
 
 def test_a_point_mass_is_refused_by_name() -> None:
-    point_mass = lump(make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=Payload(mass=1.0)))
+    point_mass = lump(make_scene(Link(name="rod", length=1.0, mount=Mount()), tip=RigidBody(mass=1.0)))
     with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': mass 1 kg, .* 0, 0, 0 kg m²: .* below 1e-15"):
         to_mjcf(point_mass)
 
 
 def test_an_inertia_that_no_body_can_have_is_refused_by_name() -> None:
-    wheel, load = Payload(inertia=(0.0, 0.0, 1.1)), Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    wheel, load = RigidBody(inertia=(0.0, 0.0, 1.1)), RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     flat = lump(make_scene(Link(name="rod", length=1.0, hub=wheel), tip=load))
     with pytest.raises(ArgumentError, match=r"segment behind joint 'rod': .* no moment larger than the other two"):
         to_mjcf(flat)
@@ -290,7 +290,7 @@ def test_a_mass_matrix_close_to_singular_is_exported_or_refused_by_name(damping:
         link = flexible("a", "z", 5, length=1.6527754983443814, section="round", lumping="gauss", damping=damping)
         arm = Arm(
             links=(link,), materials={"aluminium": ALUMINIUM},
-            sections={"round": Section(shape="circle", diameter=0.04)}, tip=Payload(mass=float(mass)),
+            sections={"round": Section(shape="circle", diameter=0.04)}, tip=RigidBody(mass=float(mass)),
         )  # fmt: skip
         chain = chain_of(arm, (0.0, 0.0, 9.81))
         for work in (to_mjcf, modes, stable_step):

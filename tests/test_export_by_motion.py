@@ -34,8 +34,8 @@ def test_engines_read_products_of_inertia_in_their_places(engine: str, rng: np.r
 
 def test_pinocchio_reads_a_wheel_without_mass() -> None:
     pytest.importorskip("pinocchio")
-    links = fl.Link(name="a", length=0.5, hub=fl.Payload(inertia=(0.1, 0.2, 0.3))), fl.Link(name="b", length=0.5)
-    chain = fl.lump(make_scene(*links, tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))))
+    links = fl.Link(name="a", length=0.5, hub=fl.RigidBody(inertia=(0.1, 0.2, 0.3))), fl.Link(name="b", length=0.5)
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))))
     q = np.array([0.3, 0.7])
     M = fl.mass_matrix(chain, q)
     assert load("pinocchio", chain).mass_matrix(q) == pytest.approx(M, rel=0, abs=rounding.of_mass_matrix(chain, q))

@@ -45,7 +45,7 @@ def test_prescribed_joints_do_not_swing() -> None:
 
 
 def test_without_springs_nothing_swings() -> None:
-    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0)))
+    chain = fl.lump(make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0)))
     assert slowest_frequency(chain, np.zeros(1)) == np.inf
     assert fastest_frequency(chain, np.zeros(1)) == 0.0
 
@@ -61,7 +61,7 @@ def test_links_without_mass_under_a_point_mass_run(
     Of less than eps rounding decides whether anything is left of it, and without fused multiply-adds often nothing is,
     and no q̈ at the start: implicit steps need none.
     """
-    arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.Payload(mass=1.0))
+    arm = make_scene(flexible("a", segments=4), flexible("b", segments=4), tip=fl.RigidBody(mass=1.0))
     light = arm.varied({"material.aluminium.density": density, "initial.joint_deg": np.degrees(q)})
     chain = fl.lump(light)
     assert slowest_frequency(chain, fl.initial_state(light, chain)[0]) > 1e6
@@ -72,7 +72,7 @@ def test_links_without_mass_under_a_point_mass_run(
 def test_of_joints_whose_inertia_is_less_than_rounding_one_is_named() -> None:
     """Twist of a stretched arm without mass on tilted bases: rounding alone is left of M's diagonal, often below 0."""
     links = (flexible("a", "xyz", 9, lumping="legendre"), flexible("b", "xyz", 9, lumping="legendre"))
-    light = make_scene(*links, tip=fl.Payload(mass=1.0)).varied({"material.aluminium.density": 1e-300})
+    light = make_scene(*links, tip=fl.RigidBody(mass=1.0)).varied({"material.aluminium.density": 1e-300})
     for tilt in np.random.default_rng(1).uniform(-90, 90, (20, 3)).tolist():
         chain = fl.lump(light.varied({"link.a.mount": fl.Mount(rpy_deg=tuple(tilt))}))
         q, zero = np.zeros((2, chain.n))

@@ -13,7 +13,9 @@ from flexlink.formats.features import FEATURES, not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 
 PAPER = str(ROOT / "models" / "paper_fig5.toml")
-BARE = make_scene(fl.Link(name="rod", length=1.0), tip=fl.Payload(mass=1.0, inertia=(1, 1, 1)), gravity=(0.0, 0.0, 0.0))
+BARE = make_scene(
+    fl.Link(name="rod", length=1.0), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 1)), gravity=(0.0, 0.0, 0.0)
+)
 COLUMNS = ("times", "angle_deg", "rate_deg", "acceleration_deg")
 EXAMPLES = {
     "gravity": BARE.varied({"gravity": (0.0, 0.0, 9.81)}),
@@ -21,7 +23,9 @@ EXAMPLES = {
     "rotor inertia": BARE.varied({"link.rod.joint.armature": 0.1}),
     "dry friction": BARE.varied({"link.rod.joint.coulomb": 0.1}),
     "elastic gear": BARE.varied({"link.rod.joint.gear_stiffness": 10.0, "link.rod.joint.armature": 0.1}),
-    "prescribed motion": BARE.varied({"motion": (fl.Motion(link="rod", **dict.fromkeys(COLUMNS, (0.0, 1.0))),)}),
+    "prescribed motion": BARE.varied(
+        {"motion": (fl.PrescribedMotion(link="rod", **dict.fromkeys(COLUMNS, (0.0, 1.0))),)}
+    ),
     "drive torques": BARE.varied({"drive": fl.Drive(kind="constant", torque=(1.0,))}),
     "tip wrench": BARE.varied({"wrench": fl.Wrench(force=(1.0, 0.0, 0.0))}),
     "initial state": BARE.varied({"initial.joint_deg.rod": 10.0}),
@@ -43,7 +47,7 @@ def test_each_feature_is_noticed_and_no_other(feature: str) -> None:
 
 def test_the_angle_of_a_locked_joint_is_part_of_the_arm() -> None:
     links = fl.Link(name="base", joint=fl.Joint(locked=True)), fl.Link(name="rod", length=1.0)
-    scene = make_scene(*links, gravity=(0.0, 0.0, 0.0), initial=fl.Initial(joint_deg=(30.0, 0.0)))
+    scene = make_scene(*links, gravity=(0.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(30.0, 0.0)))
     assert not_held(scene, fl.lump(scene), format="sdf") == {}
 
 

@@ -13,7 +13,7 @@ from flexlink.inputs.references import reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 
 INERTIA, KP, KD = 4.0, 40.0, 6.0
-ZVD = fl.Shaper(kind="ZVD", frequency_hz=(2.0,), damping=(0.05,))
+ZVD = fl.InputShaper(kind="ZVD", frequency_hz=(2.0,), damping=(0.05,))
 REFERENCES = {
     "quintic": fl.Reference(profile="quintic", to_deg=(50.0,), start=0.1, duration=0.6),
     "trapezoidal": fl.Reference(profile="trapezoidal", to_deg=(50.0,), duration=0.6),
@@ -28,11 +28,11 @@ REFERENCES = {
 def wheel(reference: fl.Reference, **run: object) -> fl.Scene:
     """I q̈ = kp (r − q) + kd (ṙ − q̇)."""
     drive = fl.Drive(kind="pd", kp=(KP,), kd=(KD,), reference=reference)
-    tip = fl.Payload(mass=1.0, inertia=(2.0, 2.0, INERTIA - 1.0))
-    return make_scene(fl.Link(name="a", length=1.0), tip=tip, gravity=(0, 0, 0), drive=drive, run=fl.Run(**run))
+    tip = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, INERTIA - 1.0))
+    return make_scene(fl.Link(name="a", length=1.0), tip=tip, gravity=(0, 0, 0), drive=drive, run=fl.RunSettings(**run))
 
 
-def exact(course: fl.Course, times: np.ndarray) -> np.ndarray:
+def exact(course: fl.ReferenceTrajectory, times: np.ndarray) -> np.ndarray:
     """Angles at these times by matrix exponentials of (q, q̇, x⁰, x¹, …), piece by piece."""
     order = course.coefficients.shape[1]
     ends, states, y = np.union1d(course.knots, times), {}, np.zeros(2)
@@ -81,8 +81,8 @@ def arm(reference: fl.Reference, **drive: object) -> fl.Scene:
     law = {"kind": "pd", "kp": (3e3, 1e3), "kd": (60.0, 20.0), "reference": reference, **drive}
     return make_scene(
         flexible("upper", "z", 3), fl.Link(name="fore", length=0.5, material="aluminium", section="square"),
-        tip=fl.Payload(mass=1.0), drive=fl.Drive(**law), initial=fl.Initial(joint_deg=(30.0, -20.0)),
-        gravity=(0.0, -9.81, 0.0), run=fl.Run(step=1e-4, sample=0.01, duration=0.2),
+        tip=fl.RigidBody(mass=1.0), drive=fl.Drive(**law), initial=fl.InitialState(joint_deg=(30.0, -20.0)),
+        gravity=(0.0, -9.81, 0.0), run=fl.RunSettings(step=1e-4, sample=0.01, duration=0.2),
     )  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from flexlink.dynamics.hints import notes
 EPS = np.finfo(float).eps
 K, I_A, J = 300.0, 0.02, 0.5
 GEAR = fl.Joint(gear_stiffness=K, armature=I_A)
-WHEEL = fl.Payload(inertia=(0.0, 0.0, J))
+WHEEL = fl.RigidBody(inertia=(0.0, 0.0, J))
 
 
 def geared(joint: fl.Joint = GEAR, **fields: object) -> fl.Scene:
@@ -37,7 +37,7 @@ def test_motor_and_wheel_are_two_inertias_and_a_spring() -> None:
 
 
 def test_a_locked_motor_holds_its_side_of_the_gear() -> None:
-    chain = fl.lump(geared(fl.Joint(gear_stiffness=K, locked=True), initial=fl.Initial(joint_deg=(90.0,))))
+    chain = fl.lump(geared(fl.Joint(gear_stiffness=K, locked=True), initial=fl.InitialState(joint_deg=(90.0,))))
     assert chain.joint_names == ("a.gear",)
     assert fl.natural_frequencies(chain, np.zeros(1)).tolist() == pytest.approx([np.sqrt(K / J)], rel=1e-14, abs=0)
     np.testing.assert_array_equal(fl.frames(chain, np.zeros(1)).rotations[0], [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -50,10 +50,10 @@ def test_gear_damping_and_motor_friction_stand_on_their_own_sides() -> None:
 
 
 def test_a_gear_sags_under_what_its_link_carries() -> None:
-    """k θ = m g r cos θ behind a motor that is held, and Initial(passive="static") starts there."""
+    """k θ = m g r cos θ behind a motor that is held, and InitialState(passive="static") starts there."""
     link = fl.Link(name="a", length=0.5, joint=fl.Joint(gear_stiffness=K, armature=I_A, axis=(0, 0, -1)))
-    load = fl.Payload(mass=4.0, inertia=(0.1, 0.1, 0.1))
-    start = fl.Initial(joint_deg=(0.0,), passive="static")
+    load = fl.RigidBody(mass=4.0, inertia=(0.1, 0.1, 0.1))
+    start = fl.InitialState(joint_deg=(0.0,), passive="static")
     scene = make_scene(link, tip=load, gravity=(0.0, -9.81, 0.0), initial=start)
     assert not notes(scene)
     q, _ = fl.initial_state(scene, fl.lump(scene))
@@ -69,7 +69,7 @@ def arm_with_gears(**fields: object) -> fl.Scene:
     return make_scene(
         flexible("a", "yz", 3, joint=first, friction=rubbing),
         flexible("b", "xyz", 3, joint=second, friction=fl.Friction(coulomb=0.3), mount=fl.Mount(rpy_deg=(30, 0, 60))),
-        tip=fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
+        tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1)), **fields,
     )  # fmt: skip
 
 
@@ -117,7 +117,7 @@ def test_implicit_and_explicit_steps_see_the_same_gears_and_friction(scene) -> N
 
 def test_hinges_that_rub_lose_energy() -> None:
     """A link that swings on its locked joint, and the same link with friction: the second comes to rest sooner."""
-    start = fl.Initial(joint_deg=(0.0,))
+    start = fl.InitialState(joint_deg=(0.0,))
     smooth = make_scene(
         flexible("a", "z", 3, joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0), initial=start,
     )  # fmt: skip
@@ -132,7 +132,7 @@ def test_the_motor_follows_a_prescribed_motion_and_the_gear_gives() -> None:
     α, end = 2.0, 0.2
     path = [(t, 0.5 * α * t * t, α * t, α) for t in (0.0, 2 * end)]
     times, angle, rate, acceleration = zip(*path, strict=True)
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link="a", times=times, angle_deg=np.degrees(angle), rate_deg=np.degrees(rate),
         acceleration_deg=np.degrees(acceleration),
     )  # fmt: skip
@@ -144,7 +144,7 @@ def test_the_motor_follows_a_prescribed_motion_and_the_gear_gives() -> None:
 
 
 def test_a_gear_may_turn_further_than_a_hinge_of_a_beam_may_bend() -> None:
-    soft = geared(fl.Joint(gear_stiffness=0.1, armature=1.0, viscous=1e3), initial=fl.Initial(joint_deg=(0.0,)))
+    soft = geared(fl.Joint(gear_stiffness=0.1, armature=1.0, viscous=1e3), initial=fl.InitialState(joint_deg=(0.0,)))
     pushed = soft.varied({"wrench.moment": (0.0, 0.0, 1.0)})
     run = fl.simulate(pushed, step=1e-3, duration=2.0)
     assert np.degrees(run.q[-1, 1]) > 84
@@ -155,7 +155,9 @@ LIMITS = fl.Joint(limits_deg=(-90.0, 45.0))
 
 
 def test_a_run_past_a_limit_says_so_and_is_not_stopped() -> None:
-    scene = make_scene(flexible("a", joint=LIMITS), gravity=(0.0, 9.81, 0.0), initial=fl.Initial(joint_deg=(45.0,)))
+    scene = make_scene(
+        flexible("a", joint=LIMITS), gravity=(0.0, 9.81, 0.0), initial=fl.InitialState(joint_deg=(45.0,))
+    )
     free = fl.simulate(scene.varied({"link.a.joint.limits_deg": None}), step=5e-5, duration=0.1)
     run = fl.simulate(scene, step=5e-5, duration=0.1)
     np.testing.assert_array_equal(run.q, free.q)
@@ -187,9 +189,9 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
         (lambda: fl.Joint(gear_damping=1.0), r"^gear_damping = 1\.0: needs a gear_stiffness"),
         (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), r"^gear_stiffness = 0\.0: expected float > 0"),
         (lambda: fl.Joint(limits_deg=(10, 10)), r"^limits_deg = \(10\.0, 10\.0\): the lower one must be below"),
-        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), initial=fl.Initial(joint_deg=(46.0,))),
+        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), initial=fl.InitialState(joint_deg=(46.0,))),
          r"^initial\.joint_deg\[0\] = 46\.0: outside limits_deg = \[-90\.0, 45\.0\] of the joint of 'a'"),
-        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), motion=(fl.Motion(
+        (lambda: make_scene(fl.Link(name="a", joint=LIMITS), motion=(fl.PrescribedMotion(
             link="a", times=(0, 1), angle_deg=(0, 46), rate_deg=(0, 0), acceleration_deg=(0, 0)),)),
          r"^motion\[0\]\.angle_deg\[1\] = 46\.0: outside limits_deg"),
         (lambda: fl.Friction(coulomb=-1.0), r"^coulomb = -1\.0: expected float >= 0"),

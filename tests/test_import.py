@@ -14,14 +14,14 @@ import pytest
 from urdf_texts import RandomRobot
 
 import flexlink as fl
-from flexlink.chain.rigid import Pose, RigidBody, body_with
+from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.directions import line_of
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_bias_torque, of_mass_matrix
 from flexlink.robots.cut import cut, largest_mass
-from flexlink.robots.flexible import Flexible, _prism, bent, payload
-from flexlink.robots.importing import Imported, import_urdf
+from flexlink.robots.flexible import FlexibleLink, _prism, bent, payload
+from flexlink.robots.importing import ImportResult, import_urdf
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import _positions
 from flexlink.robots.tuning import clamped_frequency
@@ -34,7 +34,7 @@ SEEDS = range(4)
 def robot(tmp_path: Path):
     """Writes a random robot, and imports it."""
 
-    def write(seed: int, **flexible: Flexible) -> tuple[RandomRobot, Path, Imported]:
+    def write(seed: int, **flexible: FlexibleLink) -> tuple[RandomRobot, Path, ImportResult]:
         described, path = RandomRobot(seed), tmp_path / f"{seed}.urdf"
         path.write_text(described.text(), encoding="utf-8")
         found = import_urdf(
@@ -106,7 +106,9 @@ def test_springs_that_do_not_bend_leave_the_arm_as_it_was(seed: int, robot) -> N
     """The rigid block of M and T_GC, wherever the beam runs."""
     bends = {"line": ((0.02, 0.01, 0.0), (0.3, -0.1, 0.2)), "frequency_hz": 10.0, "flex": "xyz"}
     _, _, rigid = robot(seed)
-    _, _, bent = robot(seed, p3=Flexible(**bends), p8=Flexible(frequency_hz=8.0, line=((0, 0, 0), (0.1, 0.2, 0.0))))
+    _, _, bent = robot(
+        seed, p3=FlexibleLink(**bends), p8=FlexibleLink(frequency_hz=8.0, line=((0, 0, 0), (0.1, 0.2, 0.0)))
+    )
     one, other = fl.lump(rigid.scene), fl.lump(bent.scene)
     for s in random_states(one, 3):
         q, qd = np.zeros((2, other.n))
@@ -117,7 +119,7 @@ def test_springs_that_do_not_bend_leave_the_arm_as_it_was(seed: int, robot) -> N
         assert in_units(fl.bias_torque(one, s.q, s.qd) - torque, of_bias_torque(other, q, qd)).max() <= 1
 
 
-def bodies(random: np.random.Generator) -> tuple[RigidBody, RigidBody, Pose, float]:
+def bodies(random: np.random.Generator) -> tuple[SpatialInertia, SpatialInertia, Pose, float]:
     """A link of some points, and a beam of 1 kg on some line."""
     points, masses = random.normal(size=(8, 3)) * random.uniform(0.01, 0.3, 3), random.uniform(0.1, 1.0, 8)
     points += random.normal(size=3) * 0.3
@@ -136,7 +138,7 @@ def test_a_cut_keeps_mass_centre_and_inertia_and_leaves_bodies_that_can_be(rng) 
     for _ in range(100):
         link, beam, line, L = bodies(rng)
         mass = largest_mass(link, beam) * rng.uniform(0.01, 0.999)
-        taken = RigidBody(mass, beam.center, beam.inertia * mass)
+        taken = SpatialInertia(mass, beam.center, beam.inertia * mass)
         parts = cut(link, taken, line, L)
         whole = parts[0].plus(parts[1]).plus(taken)
         assert whole.mass == pytest.approx(link.mass, rel=1e-14)
@@ -158,11 +160,11 @@ def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
     """As CAD writes it: −5e-20 kg m² of half a kilogram, 3 cm from its frame; 32 eps of its m c² are 3e-18."""
     center = np.array([0.0, 0.0, 0.03])
     assert (
-        payload(RigidBody(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
+        payload(SpatialInertia(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
         == np.zeros((3, 3)).tolist()
     )
     with pytest.raises(fl.SceneError, match="no body can have it"):
-        payload(RigidBody(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
+        payload(SpatialInertia(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
 
 
 def test_limits_of_1e16_are_none(tmp_path: Path) -> None:
@@ -186,7 +188,7 @@ def test_a_plate_has_no_room_for_what_stands_out_of_it() -> None:
 def test_a_link_gets_the_frequency_that_is_asked_for(hertz: float, robot) -> None:
     """f ∝ √E: one evaluation, one correction; at the start's posture, without gravity."""
     lines = {"p3": ((0, 0, 0), (0.1, 0.1, 0.2)), "p5": ((0, 0, 0), (0.2, 0.1, 0.0))}
-    _, _, imported = robot(2, **{name: Flexible(frequency_hz=hertz, line=line) for name, line in lines.items()})
+    _, _, imported = robot(2, **{name: FlexibleLink(frequency_hz=hertz, line=line) for name, line in lines.items()})
     chain = fl.lump(imported.scene.varied({"gravity": [0.0, 0.0, 0.0]}))
     q, _ = fl.initial_state(imported.scene, chain)
     for name in lines:
@@ -200,22 +202,22 @@ def test_a_link_of_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
     text = RandomRobot(0).text().replace('"p3"', quoteattr(name))
     path = tmp_path / "robot.urdf"
     path.write_text(text, encoding="utf-8")
-    imported = import_urdf(path, tip="p8", locked={"j4": 0.0}, flexible={name: Flexible(frequency_hz=12.0)})
+    imported = import_urdf(path, tip="p8", locked={"j4": 0.0}, flexible={name: FlexibleLink(frequency_hz=12.0)})
     assert clamped_frequency(imported.scene, name) == pytest.approx(12.0, rel=1e-6)
 
 
 def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> None:
     line = ((0, 0, 0), (0.1, 0.1, 0.2))
     with pytest.raises(ArgumentError, match=r"link 'p3': a beam of 900 kg does not fit into its \S+ kg") as caught:
-        robot(3, p3=Flexible(frequency_hz=9.0, mass=900.0, line=line))
+        robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=900.0, line=line))
     fits = float(re.search(r"at most (\S+) kg", str(caught.value))[1])
-    robot(3, p3=Flexible(frequency_hz=9.0, mass=fits, line=line))
+    robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=fits, line=line))
     with pytest.raises(ArgumentError, match="does not fit"):
-        robot(3, p3=Flexible(frequency_hz=9.0, mass=1.002 * fits, line=line))
+        robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=1.002 * fits, line=line))
 
 
 def test_little_room_for_a_beam_is_told(robot) -> None:
-    _, _, imported = robot(3, p3=Flexible(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
+    _, _, imported = robot(3, p3=FlexibleLink(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
     (warning,) = imported.warnings
     assert re.fullmatch(r"p3: only \d\.\d% of its mass fit along this line: does its tube run elsewhere\?", warning)
 
@@ -242,11 +244,11 @@ WRONG = {
     "limits of a slide": ({"locked": {"j4": 3.1}}, "locked: 'j4' = 3.1 m: its limits are "),
     "stated twice": ({"posture": {"j4": 0.1}, "locked": {"j4": 0.2}}, "joint 'j4': stands in posture and in locked"),
     "too high": (
-        {"locked": {"j4": 0.0}, "flexible": {"p3": Flexible(frequency_hz=1e200)}},
+        {"locked": {"j4": 0.0}, "flexible": {"p3": FlexibleLink(frequency_hz=1e200)}},
         "link 'p3': frequency_hz = 1e+200: young = inf Pa is beyond",
     ),
     "too low": (
-        {"locked": {"j4": 0.0}, "flexible": {"p3": Flexible(frequency_hz=1e-200)}},
+        {"locked": {"j4": 0.0}, "flexible": {"p3": FlexibleLink(frequency_hz=1e-200)}},
         "link 'p3': frequency_hz = 1e-200: young = 0 Pa is beyond",
     ),
     "no number": ({"posture": {"j3": "x"}}, "posture: 'j3' = 'x': expected a finite number"),
@@ -254,10 +256,10 @@ WRONG = {
     "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: 'b2' is not between 'p0' and 'p8'"),
     "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "armature: joint 'j4' is no free one"),
     "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature: 'j5' = -1.0: expected"),
-    "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": Flexible(frequency_hz=1.0)}}, "is folded into 'p3'"),
-    "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": Flexible(frequency_hz=1.0)}}, "link 'x' is not on the path"),
+    "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": FlexibleLink(frequency_hz=1.0)}}, "is folded into 'p3'"),
+    "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": FlexibleLink(frequency_hz=1.0)}}, "'x' is not on the path"),
     "no line": (
-        {"locked": {"j4": 0}, "flexible": {"p3": Flexible(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
+        {"locked": {"j4": 0}, "flexible": {"p3": FlexibleLink(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
         "flexible: link 'p3': line = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)): is 0 m long",
     ),
     "no dict": ({"flexible": ["p3"]}, "flexible = ['p3']: expected a dict, got list"),
@@ -277,7 +279,7 @@ def test_what_does_not_fit_the_robot_is_refused_by_name(name: str, tmp_path: Pat
 
 def test_a_flexible_link_needs_to_know_its_stiffness() -> None:
     with pytest.raises(fl.SceneError, match="section: missing; a beam needs a section, or frequency_hz"):
-        Flexible(mass=1.0)
+        FlexibleLink(mass=1.0)
 
 
 def test_a_joint_that_cannot_be_at_zero_starts_in_the_middle(tmp_path: Path) -> None:
@@ -310,7 +312,7 @@ def test_a_beam_of_the_very_largest_mass_is_refused_for_what_it_would_leave(tmp_
     section = fl.Section(shape="rectangle", height=0.01, width=0.01)
     largest = largest_mass(rod, _prism(section, 1.0, line_of(((0, 0, 0), (1, 0, 0)), None, part.joint.axis)))
     for mass, fits in ((0.999 * largest, True), (largest, False)):
-        asked = Flexible(section=section, mass=mass)
+        asked = FlexibleLink(section=section, mass=mass)
         with contextlib.nullcontext() if fits else pytest.raises(ArgumentError, match="does not fit"):
             bent(cast("Any", part), link, asked, np.array([1.0, 0.0, 0.0]))
 

@@ -45,8 +45,8 @@ def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
         fl.Link(name="base", length=0.2, material="aluminium", section="square", joint=fl.Joint(armature=0.5)),
         flexible("upper", "yz", 3, mount=UP, joint=fl.Joint(armature=0.5, coulomb=1.0, coulomb_width=0.1)),
         flexible("fore", "z", 3, joint=gear),
-        tip=fl.Payload(mass=1.0, center=(0.1, 0.0, 0.05)),
-        initial=fl.Initial(joint_deg=(10.0, 60.0, -20.0), passive="static"),
+        tip=fl.RigidBody(mass=1.0, center=(0.1, 0.0, 0.05)),
+        initial=fl.InitialState(joint_deg=(10.0, 60.0, -20.0), passive="static"),
     )
     run = {"run.step": 1e-4, "run.sample": 0.01, "run.duration": 0.1, "material.aluminium.loss_time": 1e-4}
     return scene.varied({**run, "drive": drive or {"kind": "none"}, **changes})
@@ -54,7 +54,7 @@ def arm(drive: dict[str, Any] | None = None, **changes: object) -> fl.Scene:
 
 def in_python(scene: fl.Scene) -> Callable[[float, np.ndarray, np.ndarray], np.ndarray]:
     """The law of a scene whose reference stays, by its formula."""
-    drive, chain, model = scene.drive, fl.lump(scene), fl.lump(fl.rigid_twin(scene))
+    drive, chain, model = scene.drive, fl.lump(scene), fl.lump(fl.rigidified(scene))
     a, r = chain.active, np.radians(drive.target_deg)
     kp, kd = np.array(drive.kp), np.array(drive.kd)
     at_rest, free = np.zeros(len(a)), np.setdiff1d(np.arange(chain.n), a)
@@ -114,7 +114,7 @@ def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatc
     order = 1 if law.get("gravity") == "static" else 4
     ref = ReferenceArrays(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
     monkeypatch.setattr(drives, "reference_arrays", lambda scene, chain: ref)
-    chain, model, whole = fl.lump(scene), *(inverse_dynamics(by, s) for s in (fl.rigid_twin(scene), scene))
+    chain, model, whole = fl.lump(scene), *(inverse_dynamics(by, s) for s in (fl.rigidified(scene), scene))
     drive, a, kp, kd = drive_arrays(scene, chain), chain.active, np.array(law["kp"]), np.array(law["kd"])
     for _ in range(20):
         t, (q, qd) = rng.uniform(0, 1), rng.uniform(-2, 2, (2, chain.n))
@@ -273,7 +273,7 @@ def test_a_law_at_its_limit_still_has_its_gains() -> None:
 
 def test_a_rigid_arm_under_computed_torque_forgets_its_errors_as_its_gains_say() -> None:
     """ë + 12 ė + 60 e = 0 in every joint, whatever the posture and the payload."""
-    scene = fl.rigid_twin(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
+    scene = fl.rigidified(arm()).varied({"drive": LAWS["computed torque"], "link.*.joint.coulomb": 0.0,
                                          "link.*.joint.viscous": 0.0, "run.duration": 1.0})  # fmt: skip
     run = fl.simulate(scene)
     ω = np.sqrt(60.0 - 36.0)
@@ -284,7 +284,7 @@ def test_a_rigid_arm_under_computed_torque_forgets_its_errors_as_its_gains_say()
 
 def test_the_twin_is_the_arm_without_what_bends() -> None:
     scene = arm(**{"initial.q": tuple(np.linspace(-0.1, 0.1, 10)), "initial.passive": None})
-    twin = fl.rigid_twin(scene)
+    twin = fl.rigidified(scene)
     chain, model = fl.lump(scene), fl.lump(twin)
     assert (model.n, len(chain.active)) == (3, 3)
     assert model.bodies["mass"].sum() == pytest.approx(chain.bodies["mass"].sum(), rel=1e-14)
@@ -297,7 +297,7 @@ def test_the_twin_is_the_arm_without_what_bends() -> None:
     for name in ("armature", "coulomb", "damping"):
         np.testing.assert_array_equal(model.hinges[name], chain.hinges[name][chain.active])
     with pytest.raises(fl.ArgumentError, match="scene = 3: expected a Scene, got int"):
-        fl.rigid_twin(3)
+        fl.rigidified(3)
 
 
 def test_an_arm_without_driven_joints_has_nothing_to_drive() -> None:

@@ -9,7 +9,7 @@ from scipy import linalg
 from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
-from flexlink import ArgumentError, Chain, Damping, Joint, Motion
+from flexlink import ArgumentError, Chain, Damping, Joint, PrescribedMotion
 from flexlink.dynamics.vibration.linear import graded
 
 EPS = np.finfo(float).eps
@@ -99,7 +99,9 @@ def test_scipy_finds_a_regulator_for_it_that_settles_the_arm() -> None:
 
 
 def test_a_prescribed_joint_is_driven_by_its_acceleration() -> None:
-    motion = Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0))
+    motion = PrescribedMotion(
+        link="a", times=(0.0, 1.0), angle_deg=(0.0, 9.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
+    )
     chain = fl.lump(make_scene(flexible("a"), flexible("b", joint=Joint(viscous=1.0)), motion=(motion,)))
     q = np.zeros(chain.n)
     model = fl.linearize(chain, q, q, np.ones(chain.n), outputs=("joints",))

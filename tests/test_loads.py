@@ -108,7 +108,7 @@ def cantilever(lumping: str, segments: int, **fields: object) -> fl.Scene:
 def test_a_cantilever_has_the_moment_line_of_the_books(lumping: str, segments: int) -> None:
     """M_z = −q (L − x)²/2 + P (L − x), T = −q (L − x) + P: load q downwards, tip force P upwards, at every hinge."""
     P, H = 7.0, 11.0
-    scene = cantilever(lumping, segments, gravity=(0.0, -9.81, 0.0), tip=fl.Payload(mass=0.5))
+    scene = cantilever(lumping, segments, gravity=(0.0, -9.81, 0.0), tip=fl.RigidBody(mass=0.5))
     chain = fl.lump(scene)
     wrench = [H, P, 0.0, 0.0, 0.0, 0.0]
     rest = fl.solve_static(chain, np.zeros(chain.n), tip_wrench=wrench)
@@ -168,7 +168,7 @@ def test_a_point_moves_as_its_path_says(chain: fl.Chain, rng) -> None:
 
 def test_an_accelerometer_reads_the_support_at_rest_and_nothing_in_free_fall() -> None:
     link = fl.Link(name="a", joint=fl.Joint(axis=(0.0, 0.0, 1.0)))
-    chain = fl.lump(make_scene(link, tip=fl.Payload(mass=1.0, center=(1.0, 0.0, 0.0)), gravity=(0.0, -9.81, 0.0)))
+    chain = fl.lump(make_scene(link, tip=fl.RigidBody(mass=1.0, center=(1.0, 0.0, 0.0)), gravity=(0.0, -9.81, 0.0)))
     still = [0.0]
     assert fl.point_motion(chain, still, still, still).accelerometer.tolist() == [0.0, 9.81, 0.0]
     qdd = fl.forward_dynamics(chain, still, still, still)  # a mass on a massless rod begins to fall freely
@@ -183,7 +183,7 @@ def test_a_joint_has_its_body(chain: fl.Chain) -> None:
 
 def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
     """With a tip wrench and a joint whose motion is prescribed: its acceleration is that of the motion."""
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link="a", times=(0.0, 1.0), angle_deg=(0.0, 0.0), rate_deg=(0.0, 0.0), acceleration_deg=(90.0, 0)
     )
     links = fl.Link(name="a", length=0.5, material="aluminium", section="square"), flexible("b", "yz", 3)

@@ -26,7 +26,7 @@ def marks(scene: fl.Scene) -> Marks:
 
 def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) -> fl.Scene:
     drive = fl.Drive(kind="table", times=times, torques=tuple((x,) for x in torques))
-    return ARM.varied({"drive": drive, "run": fl.Run(sample=0.1, duration=1.0, **run)})
+    return ARM.varied({"drive": drive, "run": fl.RunSettings(sample=0.1, duration=1.0, **run)})
 
 
 def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -> None:
@@ -54,7 +54,9 @@ def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
 
 def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None:
     drive = fl.Drive(kind="pd", kp=(1.0,), kd=(0.1,), target_deg=(0.0,), rate=10.0)
-    scene = ARM.varied({"drive": drive, "run": fl.Run(sample=0.5, duration=0.5, method="Radau5", tolerance=1e-3)})
+    scene = ARM.varied(
+        {"drive": drive, "run": fl.RunSettings(sample=0.5, duration=0.5, method="Radau5", tolerance=1e-3)}
+    )
     law = drive_arrays(scene, fl.lump(scene))
     assert instants(law, 0.0, 0.34) == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert marks(scene).up_to(0.0, 0.34) == pytest.approx([0.1, 0.2, 0.3, 0.34])

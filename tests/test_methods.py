@@ -11,7 +11,7 @@ from scipy.integrate._ivp import dop853_coefficients as published
 
 from flexlink import simulate
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.describe.spec import decode
 from validation.oracles.collocation import collocation
@@ -137,4 +137,4 @@ def from_file(fields: dict) -> Method:
 def test_a_tolerance_takes_no_method_without_an_error_estimate() -> None:
     allowed = "run.method = 'Gauss4': does not estimate its error; with a tolerance allowed are auto, DOP853, Radau5, "
     with pytest.raises(SceneError, match=f"^{allowed}"):
-        simulate(make_scene(flexible("a"), run=Run(method="Gauss4", tolerance=1e-4)))
+        simulate(make_scene(flexible("a"), run=RunSettings(method="Gauss4", tolerance=1e-4)))

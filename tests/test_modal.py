@@ -21,7 +21,7 @@ from flexlink import (
     Link,
     Material,
     Mount,
-    Payload,
+    RigidBody,
     Section,
     elastic_torque,
     forward_dynamics,
@@ -92,7 +92,7 @@ def test_at_a_torque_free_joint_the_papers_layout_has_order_four():
 def test_clamped_link_with_payload(case):
     μ, j = (float(part.split("=")[1]) for part in case.split(","))
     exact = np.array(look_up("cantilever_tip_mass")["beta_n_L"][case][:3], float) ** 2
-    tip = Payload(mass=μ, inertia=(j, j, j))
+    tip = RigidBody(mass=μ, inertia=(j, j, j))
     assert natural_frequencies(cantilever("legendre", 10, tip=tip))[:3] == pytest.approx(exact, rel=1e-3)
 
 
@@ -176,7 +176,7 @@ def de_luca_siciliano(rule, hinges, *, elbow_deg=90.0, **root):
             ),
             materials={"link": Material(young=1e16, density=0.2), "hub": Material(young=1.0, density=1.0)},
             sections={"thin": Section(shape="general", area=1.0, i_y=1e-16, i_z=1e-16, torsion=1e-16), "hub": hub},
-            tip=Payload(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)),
+            tip=RigidBody(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)),
         ),
         (0.0, 0.0, 0.0),
         joint_deg=(0.0, elbow_deg, 0.0),
@@ -194,9 +194,11 @@ def test_de_luca_and_sicilianos_clamped_links():
     )  # fmt: skip
     beyond = 0.1 + 0.2 * 0.5**3 / 3 + 0.1 * 0.5**2 + 5e-4  # hub, link 2 and payload about the elbow [kg m²]
     first = chain_of(
-        Arm(links=(link,), tip=Payload(mass=1.2, inertia=(beyond, beyond, beyond)), **clamped), (0.0, 0.0, 0.0)
+        Arm(links=(link,), tip=RigidBody(mass=1.2, inertia=(beyond, beyond, beyond)), **clamped), (0.0, 0.0, 0.0)
     )
-    second = chain_of(Arm(links=(link,), tip=Payload(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)), **clamped), (0.0, 0.0, 0.0))
+    second = chain_of(
+        Arm(links=(link,), tip=RigidBody(mass=0.1, inertia=(5e-4, 5e-4, 5e-4)), **clamped), (0.0, 0.0, 0.0)
+    )
     measured = np.concatenate([modes(first).hertz[:2], modes(second).hertz[:2]])
     published = [0.4797, 1.7966, 2.1783, 15.9145]
     assert measured[:3] == pytest.approx(published[:3], rel=1e-3)  # measured 1e-6
@@ -436,7 +438,7 @@ def random_arm(rng, gravity):
     section = Section(shape="rectangle", height=float(sizes[0]), width=float(sizes[1]))
     material = Material(young=float(10 ** rng.uniform(7, 12)), density=2000.0)
     return chain_of(
-        Arm(links=tuple(links), materials={"m": material}, sections={"s": section}, tip=Payload(mass=1.0)), gravity
+        Arm(links=tuple(links), materials={"m": material}, sections={"s": section}, tip=RigidBody(mass=1.0)), gravity
     )
 
 
@@ -468,7 +470,7 @@ def test_joints_along_gravity_rest(rng):
         angles = tuple(rng.uniform(-180, 180, 3).tolist())
         links = (flexible("a", mount=Mount(rpy_deg=angles), damping=damping), flexible("b", joint=Joint(viscous=0.5)))
         along = tuple((9.81 * matrix_from_rpy_deg(angles)[:, 2]).tolist())
-        chain = fl.lump(make_scene(*links, tip=Payload(mass=300.0), gravity=along))
+        chain = fl.lump(make_scene(*links, tip=RigidBody(mass=300.0), gravity=along))
         for _ in range(5):
             found = modes(chain, rng.uniform(-0.5, 0.5, chain.n))
             assert found.stable
@@ -492,7 +494,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
 def test_what_falls_however_slowly_is_no_rest(g, viscous):
     """Upright on a joint, a stiff bar: λ = √(g/l') whatever the springs."""
     link = flexible("a", joint=Joint(viscous=viscous), lumping="gauss")
-    chain = fl.lump(make_scene(link, tip=Payload(mass=5.0), gravity=(-g, 0.0, 0.0)))
+    chain = fl.lump(make_scene(link, tip=RigidBody(mass=5.0), gravity=(-g, 0.0, 0.0)))
     found = modes(chain)
     m, L = float(chain.bodies["mass"].sum()), 1.25
     beam = m - 5.0
@@ -579,7 +581,7 @@ def test_bad_locks_are_named(function, locked, message):
 
 def test_a_joint_with_prescribed_motion_takes_no_part_in_modes_and_stable_steps():
     link = flexible("a", segments=5)
-    held = fl.Motion(link="a", times=[0.0], angle_deg=[0.0], rate_deg=[0.0], acceleration_deg=[0.0])
+    held = fl.PrescribedMotion(link="a", times=[0.0], angle_deg=[0.0], rate_deg=[0.0], acceleration_deg=[0.0])
     prescribed = fl.lump(make_scene(link, motion=(held,)))
     locked = fl.lump(make_scene(msgspec.structs.replace(link, joint=fl.Joint(locked=True))))
     np.testing.assert_allclose(fl.natural_frequencies(prescribed), fl.natural_frequencies(locked), rtol=1e-12)

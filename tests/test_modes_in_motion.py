@@ -16,7 +16,7 @@ def test_modes_of_a_spinning_arm_are_those_of_its_linearised_equation_of_motion(
     Straight and without gravity it is in relative equilibrium; T_GC is quadratic in the rates, so that its central
     difference is exact, and a trigonometric polynomial in the angles.
     """
-    wheel = fl.Payload(mass=1.0, inertia=(0.5, 0.3, 0.4))
+    wheel = fl.RigidBody(mass=1.0, inertia=(0.5, 0.3, 0.4))
     chain = fl.lump(make_scene(flexible("a", "xyz", 3), tip=wheel, gravity=(0, 0, 0)))
     q, qd, free = np.zeros(chain.n), np.zeros(chain.n), np.arange(1, chain.n)
     qd[0] = 20.0
@@ -61,7 +61,7 @@ def test_damped_modes_come_slowest_first() -> None:
 def test_coaxial_joints_are_singular_also_where_rounding_hides_it(rng: np.random.Generator) -> None:
     skew = fl.Mount(rpy_deg=(-75.0, 20.0, 30.0))
     links = fl.Link(name="a", mount=skew), fl.Link(name="b", length=0.7, joint=fl.Joint(viscous=1.0))
-    chain = fl.lump(make_scene(*links, tip=fl.Payload(mass=1.3, inertia=(0.1, 0.2, 0.3))))
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.3, inertia=(0.1, 0.2, 0.3))))
     for q in rng.uniform(-np.pi, np.pi, (50, 2)):
         with pytest.raises(fl.SingularMassError, match="moves no inertia of its own"):
             fl.modes(chain, q)

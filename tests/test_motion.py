@@ -13,16 +13,18 @@ from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
 
 
-def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.Motion:
+def swing(link: str = "a", knots: int = 41, duration: float = 2.0) -> fl.PrescribedMotion:
     """θ = 30° (1 − cos 2t), with its exact rate and acceleration at the knots."""
     t = np.linspace(0, duration, knots)
     columns = (30 * (1 - np.cos(2 * t)), 60 * np.sin(2 * t), 120 * np.cos(2 * t))
     angle, rate, acceleration = (tuple(column.tolist()) for column in columns)
-    return fl.Motion(link=link, times=tuple(t.tolist()), angle_deg=angle, rate_deg=rate, acceleration_deg=acceleration)
+    return fl.PrescribedMotion(
+        link=link, times=tuple(t.tolist()), angle_deg=angle, rate_deg=rate, acceleration_deg=acceleration
+    )
 
 
 def test_quintic_pieces_follow_a_smooth_motion_to_sixth_order() -> None:
-    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0), motion=(swing(),))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0), motion=(swing(),))
     motion = motion_arrays(scene, fl.lump(scene))
     q, qd, qdd = np.zeros((3, 1))
     for t in np.linspace(0, 1.99, 333):
@@ -38,7 +40,7 @@ def test_quintic_pieces_follow_a_smooth_motion_to_sixth_order() -> None:
 
 @pytest.mark.parametrize("dynamics", SOLVERS)
 def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(dynamics: str) -> None:
-    wheel = fl.Payload(mass=1.0, inertia=(2.0, 2.0, 3.0))
+    wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0))
     scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), motion=(swing(),))
     run = fl.simulate(scene, step=1e-2, sample=0.05, duration=2.0, dynamics=dynamics)
     exact = 3.0 * np.radians(120) * np.cos(2 * run.t)
@@ -50,7 +52,7 @@ def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(dynamics: str
 def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on_the_tip(dynamics: str) -> None:
     joint = fl.Joint(viscous=2.0, coulomb=0.5, coulomb_width=0.1, armature=0.25)
     scene = make_scene(
-        fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(2.0, 2.0, 3.0)), gravity=(0, 0, 0),
+        fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0)), gravity=(0, 0, 0),
         motion=(swing(),), wrench=fl.Wrench(moment=(0.0, 0.0, 7.0)),
     )  # fmt: skip
     run = fl.simulate(scene, step=1e-2, sample=0.05, duration=1.9, dynamics=dynamics)
@@ -67,10 +69,10 @@ def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(dyn
     """
     at_rest = {"rate_deg": (0.0, 0.0), "acceleration_deg": (0.0, 0.0)}
     motion = (
-        fl.Motion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), **at_rest),
-        fl.Motion(link="c", times=(0.0, 0.5), angle_deg=(0.0, -40.0), **at_rest),
+        fl.PrescribedMotion(link="a", times=(0.0, 1.0), angle_deg=(0.0, 90.0), **at_rest),
+        fl.PrescribedMotion(link="c", times=(0.0, 0.5), angle_deg=(0.0, -40.0), **at_rest),
     )
-    heavy = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 1.0))
+    heavy = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     links = [fl.Link(name=name, length=0.5, hub=heavy) for name in "abc"]
     run = fl.simulate(
         make_scene(*links, tip=heavy, motion=motion), step=0.1, sample=0.1, duration=1.3, dynamics=dynamics
@@ -103,7 +105,7 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(dynamics: st
 @pytest.mark.parametrize("dynamics", SOLVERS)
 def test_solvers_agree_at_prescribed_accelerations(models, dynamics: str) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
-    moving = fl.Motion(
+    moving = fl.PrescribedMotion(
         link="upper", times=(0.0, 1.0), angle_deg=(-60.0, 0.0), rate_deg=(0.0, 9.0), acceleration_deg=(0.0, 0.0)
     )
     both = [
@@ -146,16 +148,20 @@ def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: s
     fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),
               "acceleration_deg": (0.0, 0.0)}  # fmt: skip
     with pytest.raises(fl.SceneError, match=wanted):
-        make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0), motion=(fl.Motion(**{**fields, **change}),))
+        make_scene(
+            fl.Link(name="a", length=1.0),
+            tip=fl.RigidBody(mass=1.0),
+            motion=(fl.PrescribedMotion(**{**fields, **change}),),
+        )
 
 
 def test_a_motion_checks_its_table() -> None:
     with pytest.raises(fl.SceneError, match=r"times\[0\] = 1.0: must be 0"):
-        fl.Motion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+        fl.PrescribedMotion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     rows = {"angle_deg": (0.0,) * 4, "rate_deg": (0.0,) * 4, "acceleration_deg": (0.0,) * 4}
     with pytest.raises(fl.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"):
-        fl.Motion(link="a", times=(0.0, 1.0, 0.5, 2.0), **rows)
+        fl.PrescribedMotion(link="a", times=(0.0, 1.0, 0.5, 2.0), **rows)
     with pytest.raises(fl.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
-        fl.Motion(link="a", times=(0.0, 1.0, 1.5, 2.0), **rows | {"rate_deg": (0.0, 0.0, 0.0, np.nan)})
+        fl.PrescribedMotion(link="a", times=(0.0, 1.0, 1.5, 2.0), **rows | {"rate_deg": (0.0, 0.0, 0.0, np.nan)})
     with pytest.raises(fl.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
-        fl.Motion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))
+        fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))

@@ -44,12 +44,12 @@ def test_axes_that_a_mount_turns_are_parallel_up_to_its_rounding() -> None:
     [
         {"gravity": (0.0, 1e-9, 9.81)},
         {"gravity": (0.0, 0.0, 0.0)},  # said on purpose
-        {"initial": fl.Initial(joint_deg=(0, 0), rate_deg=(0, 1))},
+        {"initial": fl.InitialState(joint_deg=(0, 0), rate_deg=(0, 1))},
         {"wrench": fl.Wrench(force=(0, 1, 0))},
         {"drive": fl.Drive(kind="constant", torque=(0, 1))},
         {"drive": fl.Drive(kind="table", times=(0, 1), torques=((0, 0), (0, 1)))},
         {"drive": fl.Drive(kind="pd", kp=(0, 1), kd=(0, 0), target_deg=(0, 10))},
-        {"motion": [fl.Motion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])]},
+        {"motion": [fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])]},
     ],
 )
 def test_an_arm_that_something_else_moves_needs_no_note(fields: dict) -> None:
@@ -71,8 +71,8 @@ def test_what_has_no_effect_is_noted_by_key_and_value() -> None:
     scene = make_scene(
         fl.Link(name="a", mount=UPRIGHT, damping=fl.Damping(ratio=0.01, at_hz=4.0), **bar),
         fl.Link(name="b", joint=fl.Joint(locked=True, viscous=2.0, armature=0.1), **bar),
-        initial=fl.Initial(joint_deg=(0, 0), passive="static"),
-        motion=[fl.Motion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])],
+        initial=fl.InitialState(joint_deg=(0, 0), passive="static"),
+        motion=[fl.PrescribedMotion(link="a", times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])],
         drive=fl.Drive(kind="constant", torque=(5.0, 0.0)),
     )
     assert notes(scene) == (
@@ -87,7 +87,7 @@ def test_what_has_no_effect_is_noted_by_key_and_value() -> None:
 @pytest.mark.parametrize("passive", ["zero", "static"])
 def test_a_rigid_arm_has_one_static_posture(passive: str) -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square", mount=UPRIGHT)
-    scene = make_scene(link, initial=fl.Initial(joint_deg=(30.0,), passive=passive))
+    scene = make_scene(link, initial=fl.InitialState(joint_deg=(30.0,), passive=passive))
     q, _ = fl.initial_state(scene, fl.lump(scene))
     assert q == pytest.approx([np.radians(30.0)], rel=1e-15, abs=0)
 

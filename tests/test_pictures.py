@@ -16,10 +16,10 @@ from PIL import Image, ImageSequence
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.pictures.film import Film, film_of
-from flexlink.pictures.page import turned_window
-from flexlink.pictures.projection import Projected
-from flexlink.pictures.view import view_of
+from flexlink.results.pictures.film import Film, film_of
+from flexlink.results.pictures.page import turned_window
+from flexlink.results.pictures.projection import Projected
+from flexlink.results.pictures.view import view_of
 
 SCENES = ("paper_fig5", "t3_spatial", "ptp_move", "steel_strips", "nasty")
 FFMPEG = shutil.which("ffmpeg")
@@ -42,8 +42,8 @@ def filmed(run: fl.Trajectory, **options: object) -> Film:
 def hanging(**fields: object) -> fl.Scene:
     """A clamped beam with a load, bent by gravity and at rest."""
     beam = flexible("beam", "yz", 5, lumping="gauss", joint=fl.Joint(locked=True), **fields)
-    initial = fl.Initial(joint_deg=(0.0,), passive="static")
-    return make_scene(beam, tip=fl.Payload(mass=2.0), gravity=(0.0, -9.81, -3.0), initial=initial)
+    initial = fl.InitialState(joint_deg=(0.0,), passive="static")
+    return make_scene(beam, tip=fl.RigidBody(mass=2.0), gravity=(0.0, -9.81, -3.0), initial=initial)
 
 
 def replace_chain(run: fl.Trajectory, hinges: np.ndarray) -> fl.Trajectory:
@@ -99,7 +99,9 @@ def test_gravity_points_down_in_the_picture_whatever_the_scene_calls_down(gravit
 
 def test_an_arm_that_moves_in_a_plane_is_seen_across_it() -> None:
     for axis in [(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (1.0, 2.0, -2.0)]:
-        chain = fl.lump(make_scene(fl.Link(name="a", length=1.0, joint=fl.Joint(axis=axis)), tip=fl.Payload(mass=1.0)))
+        chain = fl.lump(
+            make_scene(fl.Link(name="a", length=1.0, joint=fl.Joint(axis=axis)), tip=fl.RigidBody(mass=1.0))
+        )
         assert abs(view_of(chain).axes[2] @ chain.axes[0]) == pytest.approx(1.0)
         assert not view_of(chain).spatial
 
@@ -113,7 +115,7 @@ def test_a_round_link_is_as_wide_from_all_sides() -> None:
     pipe = fl.Section(shape="circle", diameter=0.04)
     links = flexible("a", "yz", 3, section="pipe", mount=fl.Mount(rpy_deg=(25.0, 40.0, 10.0)))
     arm = fl.Arm(links=(links,), sections={"pipe": pipe}, materials={"aluminium": fl.Material(70e9, 2700.0)})
-    run = fl.simulate(fl.Scene("pipe", arm, fl.Initial(joint_deg=(0.0,))), duration=0.0)
+    run = fl.simulate(fl.Scene("pipe", arm, fl.InitialState(joint_deg=(0.0,))), duration=0.0)
     quads, _ = Projected(filmed(run)).outlines(0)
     assert np.linalg.norm(quads[:, 0] - quads[:, 3], axis=1) == pytest.approx(0.04)
 
@@ -129,7 +131,7 @@ def test_what_is_near_hides_what_is_far() -> None:
 
 def pendulum(center: tuple[float, float, float], mass: float = 3.0) -> fl.Trajectory:
     rod = fl.Link(name="a", length=1.0)
-    tip, start = fl.Payload(mass=mass, center=center), fl.Initial(joint_deg=(30.0,))
+    tip, start = fl.RigidBody(mass=mass, center=center), fl.InitialState(joint_deg=(30.0,))
     return fl.simulate(make_scene(rod, tip=tip, initial=start, gravity=(0.0, -9.81, 0.0)), duration=0.2)
 
 
@@ -161,7 +163,9 @@ def test_bodies_are_where_they_are_and_links_as_wide_as_their_sections() -> None
     arm = fl.Arm(
         links=(link,), sections={"wide": wide, "slim": slim}, materials={"aluminium": fl.Material(70e9, 2700.0)}
     )
-    run = fl.simulate(fl.Scene("taper", arm, fl.Initial(joint_deg=(0.0,)), gravity=(0.0, -9.81, 0.0)), duration=0.02)
+    run = fl.simulate(
+        fl.Scene("taper", arm, fl.InitialState(joint_deg=(0.0,)), gravity=(0.0, -9.81, 0.0)), duration=0.02
+    )
     film = filmed(run, fps=100.0)
     assert film.points[-1, -1] == pytest.approx(run.tip[-1], abs=1e-12)
     quads, _ = Projected(film).outlines(0)
@@ -340,7 +344,7 @@ def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, 
 
 
 def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
-    monkeypatch.setattr("flexlink.pictures.film.MOST_FRAMES", 20)
+    monkeypatch.setattr("flexlink.results.pictures.film.MOST_FRAMES", 20)
     run = run_of("paper_fig5", 0.01)
     with pytest.raises(fl.ArgumentError) as refused:
         filmed(run, speed=1e-6)

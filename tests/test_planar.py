@@ -17,7 +17,7 @@ from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.tools.sincos import OFTEN, less_whole_turns
 
 EPS = np.finfo(float).eps
-TIP = fl.Payload(mass=0.5, inertia=(0.1, 0.2, 0.3))
+TIP = fl.RigidBody(mass=0.5, inertia=(0.1, 0.2, 0.3))
 
 
 def assert_solves_its_equation_of_motion(chain: fl.Chain, rng: np.random.Generator) -> None:
@@ -61,7 +61,7 @@ def random_chain(rng: np.random.Generator) -> fl.Chain:
         skew = fl.Mount(rpy_deg=tuple(rng.uniform(-90, 90, 3)), xyz=tuple(rng.normal(size=3)))
         joint = fl.Joint(armature=rng.uniform(0, 2)) if k == 0 or rng.random() < 0.7 else fl.Joint(locked=True)
         links.append(flexible(f"l{k}", segments=int(rng.integers(2, 6)), mount=over if k else skew, joint=joint))
-    tip = fl.Payload(mass=rng.uniform(0.1, 2), inertia=(0.1, 0.2, 0.25))
+    tip = fl.RigidBody(mass=rng.uniform(0.1, 2), inertia=(0.1, 0.2, 0.25))
     chain = fl.lump(make_scene(*links, tip=tip, gravity=tuple(rng.normal(0, 8, 3))))
     hinges, bodies = chain.hinges.copy(), chain.bodies.copy()
     hinges["armature"] += rng.uniform(0, 0.1, chain.n) * rng.integers(2)

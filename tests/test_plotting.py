@@ -38,7 +38,7 @@ def test_every_energy_takes_a_good_part_of_its_panel(run: fl.Trajectory) -> None
 
 
 def test_panels_without_content_are_left_out() -> None:
-    rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
+    rigid = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
     locked = make_scene(flexible("beam", joint=fl.Joint(locked=True)), gravity=(0.0, 9.81, 0.0))
     labels = [
         [panel.get_ylabel() for panel in plotting.plot_trajectory(fl.simulate(scene, duration=0.01)).axes]

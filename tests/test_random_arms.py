@@ -31,7 +31,7 @@ def fields(kind: type[Spec], above: str = "") -> set[str]:
 def test_no_key_of_a_link_is_left_out_of_the_draw() -> None:
     found = keys_of([said(link) for seed in range(100) for link in random_arm(seed).arm.links])
     wanted = fields(fl.Link) | fields(fl.Joint, "joint.") | fields(fl.Mount, "mount.")
-    wanted |= fields(fl.DenavitHartenberg, "dh.") | fields(fl.Payload, "end.") | {"friction.coulomb"}
+    wanted |= fields(fl.DenavitHartenberg, "dh.") | fields(fl.RigidBody, "end.") | {"friction.coulomb"}
     assert wanted <= found
 
 
@@ -68,9 +68,9 @@ def test_engines_take_every_random_arm_and_agree() -> None:
 
 def test_a_disc_with_rounding_on_top_is_exported_and_read_back() -> None:
     """Of 0.1 + 0.2 + ε no more than 0.1 + 0.2 stands in the file; the chain that is read back has the ε again."""
-    disc = fl.Payload(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
+    disc = fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, np.nextafter(0.1 + 0.2, 1.0)))
     arm = fl.Arm(links=(fl.Link(name="a", hub=disc),))
-    chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.Initial(joint_deg=(0.0,))))
+    chain = fl.lump(fl.Scene(name="disc", arm=arm, initial=fl.InitialState(joint_deg=(0.0,))))
     engine = load("mujoco", chain)
     assert engine.mass_matrix(np.zeros(1))[0, 0] == pytest.approx(0.3, rel=4 * EPS)
     assert read_mjcf(fl.to_mjcf(chain)).bodies.tobytes() == chain.bodies.tobytes()

@@ -82,7 +82,7 @@ def small_chain() -> fl.Chain:
     arm = flexible(
         "arm", "yz", 2, mount=fl.Mount(rpy_deg=(20.0, 30.0, 40.0)), joint=fl.Joint(armature=0.1, coulomb=0.2)
     )
-    return fl.lump(make_scene(fl.Link(name="waist", length=0.5), arm, tip=fl.Payload(mass=0.3, inertia=(1, 2, 2.5))))
+    return fl.lump(make_scene(fl.Link(name="waist", length=0.5), arm, tip=fl.RigidBody(mass=0.3, inertia=(1, 2, 2.5))))
 
 
 def places(root: ET.Element) -> Iterator[tuple[ET.Element, str | None]]:

@@ -21,7 +21,7 @@ MAY_LIMIT = {
     "trapezoidal": ("max_rate_deg", "max_acceleration_deg"),
     "s_curve": ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg"),
 }
-ZV = fl.Shaper(kind="ZV", frequency_hz=(2.0,))
+ZV = fl.InputShaper(kind="ZV", frequency_hz=(2.0,))
 TABLE = {"times": (0.0, 0.5, 2.0), "angle_deg": ((0.0,), (30.0,), (-10.0,))}
 Move = tuple[fl.Reference, tuple[float, ...]]
 
@@ -37,21 +37,25 @@ def moves(draw: st.DrawFn, limited: bool | None = None) -> Move:
     return fl.Reference(profile=profile, to_deg=to, start=draw(st.floats(0, 5)), **how), start
 
 
-def derivatives(course: fl.Course, number: int) -> list[fl.Course]:
+def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.ReferenceTrajectory]:
     """The course, its rate, its acceleration, …: as courses, too."""
     found = [course]
     for _ in range(number):
         c = found[-1].coefficients
-        found.append(fl.Course(course.knots, c[:, 1:] * np.arange(1, c.shape[1])[:, None] if c.shape[1] > 1 else 0 * c))
+        found.append(
+            fl.ReferenceTrajectory(
+                course.knots, c[:, 1:] * np.arange(1, c.shape[1])[:, None] if c.shape[1] > 1 else 0 * c
+            )
+        )
     return found
 
 
-def peaks(course: fl.Course, number: int = 3) -> np.ndarray:
+def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
     """Exact largest |value| of the course and its derivatives, (number + 1, d)."""
     return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
 
 
-def came_to(course: fl.Course, piece: int) -> np.ndarray:
+def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
     """Angle, rate and acceleration that a piece has at its end, (3, d)."""
     x = course.knots[piece + 1] - course.knots[piece]
     c = [each.coefficients[piece] for each in derivatives(course, 2)]
@@ -203,7 +207,7 @@ def test_a_course_on_other_knots_is_the_same(rng: np.random.Generator) -> None:
     """Taylor's shift of a quintic: some twenty sums, within 64 ε of the largest term."""
     course = fl.Reference(profile="quintic", to_deg=(90.0, -45.0), duration=1.0).course((0.0, 10.0))
     knots = np.union1d(course.knots, rng.uniform(0, 1.2, 9))
-    other = fl.Course(knots, course.restated(knots))
+    other = fl.ReferenceTrajectory(knots, course.restated(knots))
     t = np.linspace(-0.5, 2.0, 500)
     for ours, theirs in zip(other(t), course(t), strict=True):
         np.testing.assert_allclose(ours, theirs, atol=64 * EPS * 60)
@@ -259,7 +263,7 @@ def test_a_course_of_ones_own_is_checked() -> None:
         ([0.0], np.ones((1, 2, 1)), "must be constant"),
     ):
         with pytest.raises(fl.ArgumentError, match=message):
-            fl.Course(knots, c)
+            fl.ReferenceTrajectory(knots, c)
     assert repr(still([1.0, 2.0])) == "<Course of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
 
 
@@ -268,8 +272,8 @@ def driven(reference: fl.Reference, **fields: object) -> fl.Scene:
     near, far = fl.Joint(limits_deg=(-90.0, 45.0)), fl.Joint(limits_deg=(-10.0, 10.0))
     links = fl.Link(name="near", length=1.0, joint=near), fl.Link(name="mid", joint=fl.Joint(locked=True))
     drive = fl.Drive(kind="pd", kp=(9.0, 0.0, 9.0), kd=(1.0, 0.0, 1.0), reference=reference)
-    fields = {"initial": fl.Initial(joint_deg=(5.0, 30.0, -5.0)), "drive": drive, **fields}
-    return make_scene(*links, fl.Link(name="far", length=1.0, joint=far), tip=fl.Payload(mass=1.0), **fields)
+    fields = {"initial": fl.InitialState(joint_deg=(5.0, 30.0, -5.0)), "drive": drive, **fields}
+    return make_scene(*links, fl.Link(name="far", length=1.0, joint=far), tip=fl.RigidBody(mass=1.0), **fields)
 
 
 def test_a_scene_leads_its_free_joints_in_their_order_from_where_they_are() -> None:
@@ -290,7 +294,7 @@ OUT = {
     "a jump within a step": (fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3)),
                              r"drive.reference jumps, or its rate does: t = 0.10003: must be a multiple of run.step"),
     "a shaper unknown": (fl.Reference(profile="quintic", to_deg=(1.0,) * 3, duration=1.0,
-                                      shaper=fl.Shaper(kind="ZZ", frequency_hz=(1.0,))),
+                                      shaper=fl.InputShaper(kind="ZZ", frequency_hz=(1.0,))),
                          r"drive.reference.shaper.kind = 'ZZ': unknown"),
     "a link too few": (fl.Reference(profile="quintic", to_deg=(1.0, 1.0), duration=1.0),
                        r"drive.reference.to_deg = \(1.0, 1.0\): expected one number per link, 3"),
@@ -309,7 +313,7 @@ def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: 
     path = tmp_path / "own.toml"
     rule = 'about = "a"\nsource = "b"\nzeros = 0\nhalf_periods = [0, 0.5, 1]\nweights = [2, -2, 1]\n'
     path.write_text(rule, encoding="utf-8")
-    shaper = fl.Shaper(kind=str(path), frequency_hz=(1.0,))
+    shaper = fl.InputShaper(kind=str(path), frequency_hz=(1.0,))
     move = fl.Reference(profile="quintic", to_deg=(5.0, 0.0, 9.0), duration=1e-3, shaper=shaper)
     with pytest.raises(fl.SceneError, match=r"reaches 23 deg: .* 'far'"):
         driven(move)
@@ -317,7 +321,7 @@ def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: 
 
 def test_a_reference_may_jump_between_steps_that_follow_from_a_tolerance() -> None:
     jump = fl.Reference(profile="hold", times=(0.0, 0.10003), angle_deg=((0.0,) * 3, (1.0,) * 3))
-    assert driven(jump, run=fl.Run(tolerance=1e-4)).course is not None
+    assert driven(jump, run=fl.RunSettings(tolerance=1e-4)).course is not None
 
 
 def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
@@ -325,15 +329,15 @@ def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
     with pytest.raises(
         fl.SceneError, match=r"drive.reference.from_deg: missing; initial.joint_deg, its default, is not"
     ):
-        driven(fl.Reference(**move), initial=fl.Initial(q=here))
-    scene = driven(fl.Reference(**move), initial=fl.Initial(q=here, joint_deg=(5.0, 30.0, -5.0)))
+        driven(fl.Reference(**move), initial=fl.InitialState(q=here))
+    scene = driven(fl.Reference(**move), initial=fl.InitialState(q=here, joint_deg=(5.0, 30.0, -5.0)))
     with pytest.raises(
         fl.SceneError, match=r"from_deg: missing; the joint of 'near' is at 0 deg by initial.q, at 5 by"
     ):
         reference_arrays(scene, fl.lump(scene))
     later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began
     np.testing.assert_array_equal(reference_arrays(later, fl.lump(later)).knots, scene.course.knots)
-    given_here = driven(fl.Reference(**move, from_deg=(0.0,) * 3), initial=fl.Initial(q=here))
+    given_here = driven(fl.Reference(**move, from_deg=(0.0,) * 3), initial=fl.InitialState(q=here))
     assert not reference_arrays(given_here, fl.lump(given_here)).coefficients[0].any()
 
 

@@ -49,10 +49,10 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
     "a row of torques too few": (
         lambda: fl.Drive(**TABLE | {"torques": ((0.0,),)}), r"torques has 1 rows: expected one per time, 2"),
     "a motion of a locked joint": (
-        lambda: make_scene(locked(), motion=(fl.Motion(link="boom", **RISE),)),
+        lambda: make_scene(locked(), motion=(fl.PrescribedMotion(link="boom", **RISE),)),
         r"motion\[0\]\.link = 'boom': its joint is locked; a motion needs a free joint"),
     "two motions of one joint": (
-        lambda: make_scene(flexible("boom"), motion=(fl.Motion(link="boom", **RISE),) * 2),
+        lambda: make_scene(flexible("boom"), motion=(fl.PrescribedMotion(link="boom", **RISE),) * 2),
         r"motion\[1\]\.link = 'boom': has two motions"),
 }  # fmt: skip
 

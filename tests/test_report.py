@@ -125,7 +125,7 @@ def test_where_the_motion_multiplies_errors_the_error_is_not_told_but_how_long_i
 
 def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(models: Path) -> None:
     scene = fl.load_scene(models / "paper_fig5.toml").varied({"run.duration": 0.1})
-    rigid = Study(fl.rigid_twin(scene))
+    rigid = Study(fl.rigidified(scene))
     held = statics.made(rigid).tables[0].lines
     q, _ = fl.initial_state(rigid.scene, rigid.chain)
     assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)

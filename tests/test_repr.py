@@ -46,9 +46,16 @@ def test_an_object_is_shown_in_few_words_with_its_kind() -> None:
 
 
 def test_a_record_shows_what_is_not_as_by_default_so_that_it_can_be_typed_again() -> None:
-    for record in (ALUMINIUM, SQUARE, *nasty_scene().arm.links, nasty_scene().run, fl.Payload(), fl.Run(step=1e-3)):
+    for record in (
+        ALUMINIUM,
+        SQUARE,
+        *nasty_scene().arm.links,
+        nasty_scene().run,
+        fl.RigidBody(),
+        fl.RunSettings(step=1e-3),
+    ):
         assert eval(repr(record), vars(fl)) == record
-    assert repr(fl.Run(step=1e-3)) == "Run(method='RK4', step=0.001)"
+    assert repr(fl.RunSettings(step=1e-3)) == "RunSettings(method='RK4', step=0.001)"
     assert repr(TABLE).startswith("Drive(kind='table', times=(0.0, 1.0, 2.0, 3.0, 4.0, 5.0, ...), torques=((1.0,), ")
 
 

@@ -90,7 +90,7 @@ def test_the_import_on_the_command_line_takes_degrees_metres_and_beams(tmp_path:
     p3, p5 = scene.arm.links[0], scene.arm.links[1]
     assert (p3.segments, p5.joint.armature, scene.run.duration) == (7, 0.1, 2.0)
     assert scene.initial.joint_deg[0] == 90.0
-    flexible = {"p3": fl.Flexible(frequency_hz=12.0, line=((0, 0, 0), (0.1, 0.1, 0.2)), segments=7)}
+    flexible = {"p3": fl.FlexibleLink(frequency_hz=12.0, line=((0, 0, 0), (0.1, 0.1, 0.2)), segments=7)}
     same = fl.import_urdf(
         urdf,
         base="p1",

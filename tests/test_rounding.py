@@ -9,7 +9,7 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 from numpy.testing import assert_array_equal
 
-from flexlink import Chain, Joint, Link, Mount, Payload, bias_torque, load_scene, lump, mass_matrix
+from flexlink import Chain, Joint, Link, Mount, RigidBody, bias_torque, load_scene, lump, mass_matrix
 from flexlink.diagnosis.quantities import QUANTITIES, Difference, compare_engines
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
@@ -23,7 +23,7 @@ Q, QD, TAU, WRENCH = np.array([0.3]), np.array([-1.5]), np.array([4.0]), np.arra
 def pendulum(**joint: float) -> Chain:
     """A mass of 3 kg on a massless rod of 2 m."""
     return lump(
-        make_scene(Link(name="rod", length=L, joint=Joint(**joint)), tip=Payload(mass=M), gravity=(0.0, -G, 0.0))
+        make_scene(Link(name="rod", length=L, joint=Joint(**joint)), tip=RigidBody(mass=M), gravity=(0.0, -G, 0.0))
     )
 
 
@@ -86,7 +86,7 @@ def heavy() -> Chain:
     """Ten tons at the end of forty soft hinges."""
     return lump(make_scene(Link(name="waist", joint=Joint(armature=0.05)),
                       flexible("arm", "z", 41, mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))),
-                      tip=Payload(mass=1e4)))  # fmt: skip
+                      tip=RigidBody(mass=1e4)))  # fmt: skip
 
 
 def rows_of(chain: Chain, count: int = 48) -> tuple[Difference, ...]:
@@ -135,7 +135,7 @@ def test_what_is_not_finite_is_explained_by_nothing() -> None:
 def two_rods() -> Chain:
     """A mass of 3 kg at the end of two massless rods of 1 m."""
     rods = (Link(name=name, length=1.0) for name in "ab")
-    return lump(make_scene(*rods, tip=Payload(mass=M), gravity=(0.0, -G, 0.0)))
+    return lump(make_scene(*rods, tip=RigidBody(mass=M), gravity=(0.0, -G, 0.0)))
 
 
 def test_the_largest_loads_are_those_of_a_stretched_arm_that_turns_as_fast_as_its_joints_together() -> None:

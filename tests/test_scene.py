@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
-from flexlink import Arm, Joint, Link, Run, SceneError, Section, load_scene, lump, simulate
+from flexlink import Arm, Joint, Link, RunSettings, SceneError, Section, load_scene, lump, simulate
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.conditions import whole
 
@@ -194,12 +194,12 @@ def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.Monke
     with monkeypatch.context() as patched:
         patched.setattr(Path, "open", refuse)
         patched.setattr(catalogue, "load", refuse)
-        scene = make_scene(flexible("a", lumping="papr"), run=Run(method="RK5"))
+        scene = make_scene(flexible("a", lumping="papr"), run=RunSettings(method="RK5"))
         scene.to_toml()
     with pytest.raises(SceneError, match=r"^link\[0\]\.lumping = 'papr': unknown; .*did you mean 'paper'"):
         lump(scene)
     with pytest.raises(SceneError, match=r"^run.method = 'RK5': unknown; allowed are "):
-        simulate(make_scene(flexible("a"), run=Run(method="RK5")))
+        simulate(make_scene(flexible("a"), run=RunSettings(method="RK5")))
 
 
 def test_python_scenes_survive_toml(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.motion import simulate as single
 from flexlink.motion import verification as second_run
-from flexlink.motion.monitor import Watch
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.verification import Second
 from flexlink.results import balance
 from validation.benchmarks.random_arms import Dice
@@ -26,8 +26,8 @@ WRONG = 0.05  # of the tip's motion
 def swung() -> fl.Scene:
     """A rod let go 10° from its upright position, whose errors grow."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
-    return scene.varied({"run": fl.Run(step=0.17, sample=0.17, duration=34.0)})
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
+    return scene.varied({"run": fl.RunSettings(step=0.17, sample=0.17, duration=34.0)})
 
 
 def off(run: fl.Trajectory, exact: fl.Trajectory) -> float:
@@ -71,7 +71,7 @@ def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_th
 ) -> None:
     judges = []
 
-    def doubt(watch: Watch, second: Second, tip: np.ndarray) -> str:
+    def doubt(watch: RunMonitor, second: Second, tip: np.ndarray) -> str:
         judges.append(second.run)
         return second_run.doubt(watch, second, tip)
 
@@ -85,8 +85,8 @@ def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_th
 def tumbling(step: float) -> fl.Scene:
     """Two rods, let go nearly upright, that turn over and over: errors grow a thousandfold."""
     rods = [fl.Link(name=name, length=1.0, material="aluminium", section="square") for name in "ab"]
-    scene = make_scene(*rods, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(150.0, 20.0)))
-    return scene.varied({"run": fl.Run(step=step, sample=0.1, duration=5.0)})
+    scene = make_scene(*rods, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(150.0, 20.0)))
+    return scene.varied({"run": fl.RunSettings(step=step, sample=0.1, duration=5.0)})
 
 
 def test_fixed_explicit_steps_are_doubted_where_their_small_errors_grow_and_not_where_they_are_right() -> None:
@@ -114,7 +114,7 @@ def test_a_second_run_that_takes_very_long_is_given_up_and_that_is_said(monkeypa
 def spinning(rate: float) -> fl.Scene:
     """Two links that bend in all directions, no friction, the first joint turning so fast [deg/s]."""
     links = flexible("a", "yz", 3), flexible("b", "yz", 3, mount=fl.Mount(rpy_deg=(90.0, 0.0, 0.0)))
-    initial = fl.Initial(joint_deg=(0.0, 40.0), rate_deg=(rate, 0.0))
+    initial = fl.InitialState(joint_deg=(0.0, 40.0), rate_deg=(rate, 0.0))
     return make_scene(*links, gravity=(0.0, 0.0, 9.81), initial=initial).varied(
         {"run.duration": 0.2, "run.sample": 0.01, "run.relative_tolerance": 1e-4, "run.method": "DOP853"}
     )
@@ -134,7 +134,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 
 
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[Watch] = []
+    runs: list[RunMonitor] = []
     begin = single.steps_of
     monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
@@ -155,12 +155,12 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
-    runs: list[Watch] = []
+    runs: list[RunMonitor] = []
     begin = single.steps_of
     monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
-    zigzag = fl.Initial(q=(0.0, 0.03, -0.03, 0.03, -0.03))
+    zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     scene = make_scene(flexible("a", segments=5), initial=zigzag)
-    scene = scene.varied({"run": fl.Run(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
+    scene = scene.varied({"run": fl.RunSettings(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
     run = fl.simulate(scene)
     assert np.abs(run.imbalance[-1]) > balance.SHARE * run.exchanged[-1]
     assert len(runs) == 2
@@ -181,7 +181,7 @@ def test_runs_side_by_side_from_rest_are_doubted_for_their_energy_as_single_ones
     changes = {"gravity": (0.0, 0.0, 0.0), "initial.joint_deg": (0.0, -80.0, 0.0)}
     changes |= {"drive": fl.Drive(kind="constant", torque=(0.0, 50.0, 50.0))}
     h = 4.9e-4  # a hair beyond the stable step
-    run = fl.Run(step=h, sample=20 * h, duration=600 * h, unstable="allow")
+    run = fl.RunSettings(step=h, sample=20 * h, duration=600 * h, unstable="allow")
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({**changes, "run": run})
     alone, (beside, _) = fl.simulate(scene), fl.simulate_many([scene, scene])
     assert any("the energy is out of balance" in told for told in alone.warnings)
@@ -190,10 +190,10 @@ def test_runs_side_by_side_from_rest_are_doubted_for_their_energy_as_single_ones
 
 def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
-    run = single.SingleRun(scene.varied({"run": fl.Run(tolerance=1e-3, sample=0.1, duration=2.5)}))
+    run = single.SingleRun(scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)}))
     stop, began = Stop(), []
 
-    def stopped(watch: Watch, name: str) -> Iterator[Second]:
+    def stopped(watch: RunMonitor, name: str) -> Iterator[Second]:
         stop.signal = signal.SIGINT
         began.append(name)
         yield from second_run.second_runs(watch, name)
@@ -210,7 +210,9 @@ def test_a_sampled_loop_that_is_unstable_multiplies_errors_and_is_doubted(rate: 
     """An arm without damping, which a motor of limited torque turns by 20°: it swings on, and no joint turns far."""
     arm = make_scene(flexible("a", segments=4, joint=fl.Joint(armature=0.02)), gravity=(0.0, 0.0, -9.81))
     pd = fl.Drive(kind="pd", kp=(200.0,), kd=(10.0,), target_deg=(20.0,), rate=rate, effort=(60.0,))
-    scene = arm.varied({"drive": pd, "run": fl.Run(method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.02)})
+    scene = arm.varied(
+        {"drive": pd, "run": fl.RunSettings(method="auto", relative_tolerance=1e-4, duration=1.0, sample=0.02)}
+    )
     run, exact = fl.simulate(scene), fl.simulate(scene, method="Radau9", relative_tolerance=1e-8)
     off = np.linalg.norm(run.tip - exact.tip, axis=1).max() / (1e-4 * run.chain.reach)
     assert (off > 10) == grows

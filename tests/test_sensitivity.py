@@ -12,18 +12,18 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink import ArgumentError, Damping, Drive, Initial, Joint, Link, Mount, Payload, Run
+from flexlink import ArgumentError, Damping, Drive, InitialState, Joint, Link, Mount, RigidBody, RunSettings
 from validation.oracles.spatial_chain import SpatialChain, exactly
 
 Array = NDArray[np.float64]
 
-STATIC = {"initial": Initial(joint_deg=(-60.0, 25.0), passive="static")}
+STATIC = {"initial": InitialState(joint_deg=(-60.0, 25.0), passive="static")}
 PD = {"drive": Drive(kind="pd", kp=(40.0, 20.0), kd=(1.0, 0.5), target_deg=(-80.0, -10.0))}
 TABLE = {"drive": Drive(kind="table", times=(0.0, 0.01), torques=((1.0, 0.0), (-3.0, 1.0)))}
 CONSTANT = {"drive": Drive(kind="constant", torque=(2.0, -1.0))}
 MOTION = {
     "motion": (
-        fl.Motion(
+        fl.PrescribedMotion(
             link="fore", times=(0.0, 0.02), angle_deg=(25.0, 40.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
         ),
     ),
@@ -36,12 +36,12 @@ def arm(flex: str = "z", **changes: Any) -> fl.Scene:
     gear = Joint(armature=0.02, gear_stiffness=800.0, gear_damping=0.1)
     scene = make_scene(
         flexible("upper", flex, 3, joint=joint, damping=Damping(ratio=0.01, at_hz=3.0)),
-        flexible("fore", flex, 3, joint=gear, end=Payload(mass=0.2), mount=Mount(xyz=(0.0, 0.1, 0.0))),
-        tip=Payload(mass=0.5, inertia=(0.01, 0.01, 0.01)),
+        flexible("fore", flex, 3, joint=gear, end=RigidBody(mass=0.2), mount=Mount(xyz=(0.0, 0.1, 0.0))),
+        tip=RigidBody(mass=0.5, inertia=(0.01, 0.01, 0.01)),
         gravity=(0.0, 9.81, 0.0),
         wrench=fl.Wrench(force=(1.0, -2.0, 0.5)),
-        initial=Initial(joint_deg=(-60.0, 25.0)),
-        run=Run(step=2e-5, sample=0.01, duration=0.02),
+        initial=InitialState(joint_deg=(-60.0, 25.0)),
+        run=RunSettings(step=2e-5, sample=0.01, duration=0.02),
     )
     return scene.varied(changes)
 
@@ -77,8 +77,8 @@ def test_an_oscillator_has_the_slope_of_its_closed_form() -> None:
     k, q0 = 50.0, 0.1
     joint = Joint(locked=True, gear_stiffness=k)
     scene = make_scene(
-        Link(name="a", length=1.0, joint=joint), tip=Payload(mass=2.0), gravity=(0.0, 0.0, 0.0),
-        initial=Initial(q=(q0,)), run=Run(method="RK10", step=4e-3, sample=0.04, duration=2.0),
+        Link(name="a", length=1.0, joint=joint), tip=RigidBody(mass=2.0), gravity=(0.0, 0.0, 0.0),
+        initial=InitialState(q=(q0,)), run=RunSettings(method="RK10", step=4e-3, sample=0.04, duration=2.0),
     )  # fmt: skip
     found = fl.sensitivities(scene, ["link.a.joint.gear_stiffness", "tip.mass"])
     t, ω = found.run.t, np.sqrt(k / 2.0)

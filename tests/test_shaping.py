@@ -19,13 +19,13 @@ EPS = np.finfo(float).eps
 ZEROS = {"ZV": 1, "ZVD": 2, "ZVDD": 3, "EI": 0}
 
 
-def left(shaper: fl.Shaper, pole: complex, derivative: int = 0) -> complex:
+def left(shaper: fl.InputShaper, pole: complex, derivative: int = 0) -> complex:
     """Σ a_i exp(−λ t_i), or its derivative to λ."""
     t, a = shaper.impulses
     return complex(np.sum(a * (-t) ** derivative * np.exp(-pole * t)))
 
 
-def residual(course: fl.Course, pole: complex) -> float:
+def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
     """Amplitude of ÿ − 2 Re λ ẏ + |λ|² (y − r) = 0 from rest when its reference has ended, by matrix exponentials.
 
     x^j of a piece are states, too, (x^j)' = j x^(j−1): one exponential is the exact solution over a piece.
@@ -58,14 +58,14 @@ def test_a_shaped_reference_leaves_no_vibration(
     kind: str, frequency: float, damping: float, profile: str, duration: float
 ) -> None:
     """Of 1 rad: 1e-12 is some thousand roundings, of up to 28 pieces; exp(A t) is rounded by ε |A| t, |A| = |λ|²."""
-    shaper = fl.Shaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
+    shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     course = fl.Reference(profile=profile, to_deg=(np.degrees(1.0),), duration=duration).course((0.0,))
     pole, shaped = shaper.vibrations[0], course.shaped(*shaper.impulses)
     assert residual(shaped, pole) <= 1e-12 + 10 * EPS * abs(pole) ** 2 * shaped.knots[-1]
 
 
 def test_two_vibrations_are_shaped_away_by_the_convolution_of_their_shapers() -> None:
-    shaper = fl.Shaper(kind="ZVD", frequency_hz=(1.7, 2.6), damping=(0.02, 0.01))
+    shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.7, 2.6), damping=(0.02, 0.01))
     course = fl.Reference(profile="trapezoidal", to_deg=(np.degrees(1.0),), duration=0.3).course((0.0,))
     assert len(shaper.impulses[0]) == 9
     for pole in shaper.vibrations:
@@ -79,7 +79,7 @@ def test_a_shaper_has_as_many_derivatives_to_the_frequency_zero_as_it_says(
     kind: str, frequency: float, damping: float
 ) -> None:
     """In units of 1/|λ|^k; what each impulse adds is |a_i (λ t_i)^k exp(−λ t_i)|, rounded by a few ε |λ t_i|."""
-    shaper = fl.Shaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
+    shaper = fl.InputShaper(kind=kind, frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     for k in range(ZEROS[kind] + 1):
         added = np.sum(np.abs(a * np.exp(-pole * t)) * np.abs(pole * t) ** k * (1 + np.abs(pole * t)))
@@ -89,7 +89,7 @@ def test_a_shaper_has_as_many_derivatives_to_the_frequency_zero_as_it_says(
 
 def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> None:
     """At its frequency, and nowhere from 0.83 to 1.17 of it; ZVD leaves more there. Without damping."""
-    shapers = {kind: fl.Shaper(kind=kind, frequency_hz=(1.0,)) for kind in ("EI", "ZVD")}
+    shapers = {kind: fl.InputShaper(kind=kind, frequency_hz=(1.0,)) for kind in ("EI", "ZVD")}
     band = 2j * np.pi * np.linspace(0.83, 1.17, 201)
     most = {kind: max(abs(left(shaper, pole)) for pole in band) for kind, shaper in shapers.items()}
     assert abs(left(shapers["EI"], 2j * np.pi)) == pytest.approx(0.05, rel=1e-12)
@@ -98,12 +98,12 @@ def test_the_extra_insensitive_shaper_leaves_5_percent_at_most_in_its_band() -> 
 
 @given(frequency=st.floats(0.1, 100), damping=st.floats(0, 0.99))
 def test_impulses_sum_to_one_and_poles_say_the_same_as_frequency_and_damping(frequency: float, damping: float) -> None:
-    shaper = fl.Shaper(kind="ZVD", frequency_hz=(frequency,), damping=(damping,))
+    shaper = fl.InputShaper(kind="ZVD", frequency_hz=(frequency,), damping=(damping,))
     (pole,), (t, a) = shaper.vibrations, shaper.impulses
     assert a.sum() == pytest.approx(1.0, abs=4 * EPS)
     assert abs(pole) == pytest.approx(2 * np.pi * frequency, rel=8 * EPS)
     assert -pole.real / abs(pole) == pytest.approx(damping, rel=8 * EPS)
-    for given_by, same in zip(fl.Shaper.at([pole]).impulses, (t, a), strict=True):
+    for given_by, same in zip(fl.InputShaper.at([pole]).impulses, (t, a), strict=True):
         np.testing.assert_array_equal(given_by, same)
     K = np.exp(np.pi * pole.real / pole.imag)
     np.testing.assert_allclose(a * (1 + K) ** 2, [1, 2 * K, K**2], rtol=EPS * (8 - 2 * np.log(K)))  # as in textbooks
@@ -126,7 +126,7 @@ def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
     rule = 'about = "UM-ZV"\nsource = "Singhose, Singer & Seering 1994"\nzeros = {}\n'
     rule += "half_periods = [0, 0.3333333333333333, 0.6666666666666666]\nweights = [1, -1, 1]\n"
     path.write_text(rule.format(1), encoding="utf-8")
-    shaper = fl.Shaper(kind=str(path), frequency_hz=(3.0,), damping=(0.1,))
+    shaper = fl.InputShaper(kind=str(path), frequency_hz=(3.0,), damping=(0.1,))
     assert abs(left(shaper, shaper.vibrations[0])) < 8 * EPS
     path.write_text(rule.format(2), encoding="utf-8")
     with pytest.raises(fl.DataFileError, match=r"um_zv.toml: zeros = 2: derivative 1 of what is left is .*, not 0"):
@@ -151,15 +151,15 @@ REFUSED = {
 def test_a_bad_shaper_is_refused(what: str) -> None:
     given, message = REFUSED[what]
     with pytest.raises(fl.SceneError, match=message):
-        fl.Shaper(kind="ZV", **given)
+        fl.InputShaper(kind="ZV", **given)
 
 
 def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
     with pytest.raises(fl.ArgumentError, match=r"kind = 'zvd': unknown; .*did you mean 'ZVD'"):
-        _ = fl.Shaper(kind="zvd", frequency_hz=(1.0,)).impulses
+        _ = fl.InputShaper(kind="zvd", frequency_hz=(1.0,)).impulses
     with pytest.raises(fl.ArgumentError, match="3 impulses for each of 7 vibrations are more than 1024"):
-        _ = fl.Shaper(kind="ZVD", frequency_hz=tuple(range(1, 8))).impulses
-    shaper = fl.Shaper(kind="zvd", frequency_hz=(1.0,))
+        _ = fl.InputShaper(kind="ZVD", frequency_hz=tuple(range(1, 8))).impulses
+    shaper = fl.InputShaper(kind="zvd", frequency_hz=(1.0,))
     with pytest.raises(fl.SceneError, match=r"^shaper.kind = 'zvd': unknown"):
         fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0, shaper=shaper).course((0.0,))
     course = fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0).course((0.0,))
@@ -171,7 +171,7 @@ def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
 
 def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
     """I q̈ = −kp q − kd q̇."""
-    wheel = fl.Payload(mass=1.0, inertia=(2.0, 2.0, 3.0))
+    wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0))
     chain = fl.lump(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0)))
     (pole,) = fl.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
     assert pole == pytest.approx(complex(-0.25, np.sqrt(4.0 - 0.25**2)), rel=1e-13)
@@ -184,7 +184,7 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
 
 def test_stiff_gains_have_the_poles_of_the_arm_with_its_joint_locked() -> None:
     """At a bent posture under gravity; what the joint still gives is of the order of the arm's stiffness by kp."""
-    scene = make_scene(flexible("a", flex="yz"), tip=fl.Payload(mass=1.0), initial=fl.Initial(joint_deg=(30.0,)))
+    scene = make_scene(flexible("a", flex="yz"), tip=fl.RigidBody(mass=1.0), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
     q = fl.solve_static(chain, np.full(chain.n, 0.1), locked=chain.active).q
     held = fl.modes(chain, q, locked=chain.active).eigenvalues

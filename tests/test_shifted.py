@@ -12,7 +12,7 @@ from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.tools.compiler import kernel
 
-MOVED = fl.Motion(link="b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+MOVED = fl.PrescribedMotion(link="b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
 PLANE = make_scene(flexible("a"), flexible("b", mount=fl.Mount(rpy_deg=(180.0, 0.0, 0.0))))
 SCENES = {"plane": PLANE, "plane, moved": PLANE.varied({"motion": (MOVED,)}), "space": nasty_scene()}
 EPS = np.finfo(float).eps

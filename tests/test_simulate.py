@@ -55,7 +55,7 @@ def test_solvers_give_the_same_motion(models, name: str) -> None:
 def test_a_pd_drive_holds_its_target() -> None:
     drive = fl.Drive(kind="pd", kp=(400.0,), kd=(40.0,), target_deg=(30.0,))
     link = fl.Link(name="a", length=1.0)
-    scene = make_scene(link, tip=fl.Payload(mass=1.0), gravity=(0, 0, 0), drive=drive)
+    scene = make_scene(link, tip=fl.RigidBody(mass=1.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-3, duration=3.0)
     assert np.degrees(run.q[-1, 0]) == pytest.approx(30.0, abs=1e-6)
 
@@ -63,7 +63,7 @@ def test_a_pd_drive_holds_its_target() -> None:
 def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
     """θ'' = τ(t)/J with τ a ramp to 1 at t = 1, then constant: q̇(2) = (1/2 + 1)/J exactly."""
     drive = fl.Drive(kind="table", times=(0.0, 1.0), torques=((0.0,), (1.0,)))
-    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.1)
     assert run.qd[-1, 0] == pytest.approx(1.5 / 2.0, rel=1e-12)
 
@@ -71,7 +71,7 @@ def test_a_table_drive_is_linear_between_its_times_and_held_outside() -> None:
 def test_a_table_that_starts_late_holds_its_first_torque_until_then() -> None:
     """θ'' = τ/J, τ = 3 up to t = 1, then linearly to 5 at t = 2: q̇(2) = (3 + 4)/J, and 3/J at t = 1."""
     drive = fl.Drive(kind="table", times=(1.0, 2.0), torques=((3.0,), (5.0,)))
-    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=2.0), gravity=(0, 0, 0), drive=drive)
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=2.0), gravity=(0, 0, 0), drive=drive)
     run = fl.simulate(scene, step=1e-2, duration=2.0, sample=0.5)
     assert run.qd[:, 0] == pytest.approx([0.0, 0.75, 1.5, 2.375, 3.5], rel=1e-12)
     assert run.tau[:, 0] == pytest.approx([3.0, 3.0, 3.0, 4.0, 5.0], rel=1e-15, abs=0)
@@ -94,9 +94,9 @@ DRIVES = {  # of three links, the first one locked; what the other two get at t 
 def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> None:
     """So heavy that it keeps its rates of 1 and −2 deg/s: the angles at 0.5 s are 4 and 8 degrees."""
     drive, wanted = DRIVES[kind]
-    hub, locked = fl.Payload(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
+    hub, locked = fl.RigidBody(inertia=(1e9, 1e9, 1e9)), fl.Joint(locked=True)
     links = [fl.Link(name="a", joint=locked), fl.Link(name="b", hub=hub), fl.Link(name="c", hub=hub)]
-    start = fl.Initial(joint_deg=(30.0, 3.5, 9.0), rate_deg=(0.0, 1.0, -2.0))
+    start = fl.InitialState(joint_deg=(30.0, 3.5, 9.0), rate_deg=(0.0, 1.0, -2.0))
     run = fl.simulate(
         make_scene(*links, gravity=(0, 0, 0), drive=drive, initial=start), step=0.01, sample=0.5, duration=0.5
     )
@@ -106,7 +106,7 @@ def test_every_link_gets_its_own_drive_also_behind_a_locked_one(kind: str) -> No
 def test_constant_torque_and_wrench_act_together() -> None:
     """A wheel of inertia J about Z: torque 3 and tip moment −1 give q̈ = 2/J."""
     scene = make_scene(
-        fl.Link(name="a"), tip=fl.Payload(mass=1.0, inertia=(2.0, 2.0, 4.0)), gravity=(0, 0, 0),
+        fl.Link(name="a"), tip=fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 4.0)), gravity=(0, 0, 0),
         drive=fl.Drive(kind="constant", torque=(3.0,)), wrench=fl.Wrench(moment=(0.0, 0.0, -1.0)),
     )  # fmt: skip
     assert fl.simulate(scene, step=1e-2, duration=1.0, sample=0.1).qd[-1, 0] == pytest.approx(0.5, rel=1e-13, abs=0)
@@ -127,7 +127,7 @@ def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> Non
 def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene) -> None:
     """Springs only, small motion: 3 % below the limit the energy stays, 3 % above it explodes."""
     calm = fl.Scene(
-        name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.Initial(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
+        name="calm", arm=paper.arm, gravity=(0, 0, 0), initial=fl.InitialState(joint_deg=(0, 0, 0), rate_deg=(0, 1, -2))
     )
     h = fl.stable_step(fl.lump(calm), method="RK4")
     below = fl.simulate(calm, step=0.97 * h, sample=0.97 * h * 100, duration=0.97 * h * 4000)
@@ -184,7 +184,7 @@ def test_a_static_start_leaves_the_hinges_at_rest_while_the_joints_are_held(mode
     scene = fl.load_scene(models / "t3_spatial.toml")
     held = fl.Scene(
         name="held", arm=scene.arm, wrench=scene.wrench,
-        initial=fl.Initial(joint_deg=scene.initial.joint_deg, passive="static"),
+        initial=fl.InitialState(joint_deg=scene.initial.joint_deg, passive="static"),
     )  # fmt: skip
     chain = fl.lump(held)
     q, qd = fl.initial_state(held, chain)
@@ -244,7 +244,7 @@ def test_every_quantity_of_a_run_stands_under_its_own_name(models, tmp_path) -> 
 def test_stages_of_a_method_of_high_order_build_upon_all_before_them() -> None:
     """A pendulum from the horizontal: a step of order ten of 20 ms ends where a hundred of order four do, to 1e-12."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(10.0,), rate_deg=(200.0,)))
+    scene = make_scene(rod, gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(10.0,), rate_deg=(200.0,)))
     ends = [
         fl.simulate(scene, method=name, step=step, sample=0.02, duration=0.02).q[-1, 0]
         for name, step in (("RK10", 0.02), ("RK4", 2e-4))

@@ -44,7 +44,7 @@ def test_the_stable_step_of_an_undamped_chain_is_the_published_limit(models, met
 @pytest.mark.parametrize(("method", "limit"), REAL_LIMIT.items())
 def test_a_purely_damped_joint_meets_the_limit_on_the_real_axis(method: str, limit: float) -> None:
     joint = fl.Joint(viscous=8.0)
-    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
+    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
     assert fl.stable_step(fl.lump(scene), method=method) == pytest.approx(limit / 4.0, rel=1e-5)
 
 
@@ -63,7 +63,7 @@ def chebyshev(tmp_path) -> str:
 def test_a_chebyshev_method_is_stable_up_to_twice_the_square_of_its_stages(chebyshev: str) -> None:
     """Of 5 stages none goes further (Markov)."""
     joint = fl.Joint(viscous=8.0)
-    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.Payload(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
+    scene = make_scene(fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(1, 1, 2)), gravity=(0, 0, 0))
     assert fl.stable_step(fl.lump(scene), method=chebyshev) == pytest.approx(50 / 4.0, rel=1e-5)
 
 
@@ -93,7 +93,7 @@ def test_every_step_is_stable_with_radau_and_gauss(models) -> None:
 
 
 def test_a_chain_without_springs_and_friction_has_no_largest_step() -> None:
-    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.Payload(mass=1.0))
+    scene = make_scene(fl.Link(name="a", length=1.0), tip=fl.RigidBody(mass=1.0))
     assert fl.stable_step(fl.lump(scene), method="RK4") == np.inf
 
 
@@ -218,7 +218,7 @@ SITUATIONS = {
     ),
     "pushed, 0.95 of buckling": lambda: pushed(0.95),
     "a heavy payload hangs on it": lambda: make_scene(
-        flexible("a", "yz", 5, joint=LOCKED), gravity=(9.81, 0, 0), tip=fl.Payload(mass=1000.0)
+        flexible("a", "yz", 5, joint=LOCKED), gravity=(9.81, 0, 0), tip=fl.RigidBody(mass=1000.0)
     ),
     "hangs free": lambda: make_scene(flexible("a", "xyz", 4), flexible("b", "z", 3), gravity=(9.81, 0, 0)),
     "dry friction": lambda: make_scene(
@@ -252,7 +252,7 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
     disturbance = 1e-9 * rng.standard_normal(chain.n)
     growth = []
     for step in (0.95 * h, 1.05 * h):
-        run = fl.Run(step=step, sample=200 * step, duration=200 * step, unstable="allow")
+        run = fl.RunSettings(step=step, sample=200 * step, duration=200 * step, unstable="allow")
         watch = prepare(scene.varied({"run": run}), chain)
         watch.record.q[0] += disturbance
         try:

@@ -11,7 +11,7 @@ from flexlink import (
     Joint,
     Link,
     Mount,
-    Payload,
+    RigidBody,
     SingularMassError,
     elastic_torque,
     gravity_torque,
@@ -94,7 +94,7 @@ def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not(
         make_scene(
             *gimbals,
             Link(name="three", mount=Mount(rpy_deg=(-90.0, 0.0, 0.0))),
-            tip=Payload(mass=1.0, inertia=(1, 2, 3)),
+            tip=RigidBody(mass=1.0, inertia=(1, 2, 3)),
         )
     )
     for state in mixed_states(chain, 40):
@@ -102,6 +102,8 @@ def test_an_arm_that_is_singular_when_stretched_out_is_compared_where_it_is_not(
 
 
 def test_an_arm_that_is_singular_everywhere_is_an_error_that_names_the_joint() -> None:
-    chain = lump(make_scene(Link(name="one", joint=Joint()), Link(name="two"), tip=Payload(mass=1, inertia=(1, 1, 1))))
+    chain = lump(
+        make_scene(Link(name="one", joint=Joint()), Link(name="two"), tip=RigidBody(mass=1, inertia=(1, 1, 1)))
+    )
     with pytest.raises(SingularMassError, match="joint 'two' moves no inertia of its own"):
         mixed_states(chain, 8)

@@ -29,18 +29,18 @@ from flexlink.sweeps import fingerprint as identity
 from flexlink.sweeps import members
 from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import DEATHS, Execution
-from flexlink.sweeps.measures import REDUCTIONS, Quantity
+from flexlink.sweeps.measures import REDUCTIONS, SweepOutput
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.ranges import Range, Spread, points
 from flexlink.sweeps.table import SweepRows
 
-WANTED = {"x": fl.Quantity(of="tip x [m]"), "bend": fl.Quantity(of="deflection [m]", take="max")}
+WANTED = {"x": fl.SweepOutput(of="tip x [m]"), "bend": fl.SweepOutput(of="deflection [m]", take="max")}
 DEADLY = 5  # number of the member that ends its process
 
 
 @pytest.fixture(scope="module")
 def paper() -> fl.Scene:
-    run = fl.Run(duration=0.002, sample=0.001)
+    run = fl.RunSettings(duration=0.002, sample=0.001)
     return fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run": run})
 
 
@@ -98,7 +98,7 @@ def test_a_member_that_is_refused_or_diverges_is_a_row_with_its_reason(paper: fl
 
 
 def test_a_number_that_a_run_does_not_have_leaves_the_others(paper: fl.Scene) -> None:
-    wanted = {**WANTED, "last": fl.Quantity(of="q upper.4.z [rad]")}
+    wanted = {**WANTED, "last": fl.SweepOutput(of="q upper.4.z [rad]")}
     rows = fl.sweep(fl.Sweep(scene=paper, quantity=wanted, grid={"link.*.segments": [3, 5]}))
     assert rows.column("status") == ["failed", "done"]
     assert rows.column("x")[0] is not None
@@ -119,7 +119,7 @@ def test_reductions_are_what_their_names_say() -> None:
         "rms": pytest.approx(np.sqrt(14 / 3)), "time of min": 1.0, "time of max": 2.0,
     }  # fmt: skip
     for name in REDUCTIONS:
-        Quantity(of="tip x [m]", take=name)  # each is allowed
+        SweepOutput(of="tip x [m]", take=name)  # each is allowed
 
 
 def test_settling_is_measured_against_the_place_of_rest() -> None:
@@ -127,16 +127,16 @@ def test_settling_is_measured_against_the_place_of_rest() -> None:
     held = make_scene(
         rod.__class__(**{**{f: getattr(rod, f) for f in rod.__struct_fields__}, "joint": fl.Joint(locked=True)}),
         gravity=(0.0, 9.81, 0.0),
-        run=fl.Run(step=1e-5, sample=1e-4, duration=0.02),
+        run=fl.RunSettings(step=1e-5, sample=1e-4, duration=0.02),
     ).varied({"link.a.damping": fl.Damping(ratio=0.9, at_hz=30.0)})
     run, chain = fl.simulate(held), fl.lump(held)
     goal = fl.tip_position(chain, fl.solve_static(chain).q)
     tolerance = float(np.linalg.norm(run.tip - goal, axis=1)[len(run.t) // 2])
     wanted = {
-        "settled": fl.Quantity(of="settling time [s]", tolerance=tolerance),
-        "over": fl.Quantity(of="overshoot [m]", target=tuple(goal)),
-        "left": fl.Quantity(of="residual vibration [m]", after=0.01),
-        "steps": fl.Quantity(of="steps"),
+        "settled": fl.SweepOutput(of="settling time [s]", tolerance=tolerance),
+        "over": fl.SweepOutput(of="overshoot [m]", target=tuple(goal)),
+        "left": fl.SweepOutput(of="residual vibration [m]", after=0.01),
+        "steps": fl.SweepOutput(of="steps"),
     }
     rows = fl.sweep(fl.Sweep(scene=held, quantity=wanted, grid={"gravity": [held.gravity]}))
     assert rows.rows[0][5:] == pytest.approx(
@@ -222,7 +222,7 @@ def test_a_sweep_file_says_the_same_as_python(tmp_path: Path, paper: fl.Scene) -
         scene=fl.load_scene(tmp_path / "scene.toml"),
         set={"run.step": 5e-5},
         grid={"tip.mass": [0, 1], "link.upper.length": {"between": [1, 2], "count": 2}},
-        sample=fl.Sample(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
+        sample=fl.RandomDesign(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
         quantity={"x": WANTED["x"]},
     )
 
@@ -324,7 +324,7 @@ def test_rows_are_the_same_from_every_executor_and_after_a_stop(tmp_path: Path, 
     [
         ({"grid": {"tip.mass": [0.0, 2.0]}}, r"grid.tip.mass\[1\] was 1.0 and is 2.0"),
         ({"set": {"run.duration": 0.001}}, "set.run.duration was None and is 0.001"),
-        ({"quantity": {"x": WANTED["x"], "y": fl.Quantity(of="tip y [m]")}}, "quantity.bend was"),
+        ({"quantity": {"x": WANTED["x"], "y": fl.SweepOutput(of="tip y [m]")}}, "quantity.bend was"),
     ],
 )
 def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scene, change: dict, words: str) -> None:
@@ -562,7 +562,7 @@ def test_a_table_says_what_it_is() -> None:
 def test_a_sample_at_the_time_after_which_they_count_counts(take: str) -> None:
     t = np.array([0.0, 1.0, 2.0])
     run = SimpleNamespace(t=t, columns={"tip x [m]": np.array([9.0, 5.0, 1.0])})
-    found = Quantity(of="tip x [m]", take=take, after=1.0).measure(cast("Any", run))
+    found = SweepOutput(of="tip x [m]", take=take, after=1.0).measure(cast("Any", run))
     assert found == {"first": 5.0, "time of max": 1.0}[take]
 
 
@@ -570,8 +570,8 @@ def test_the_place_of_rest_is_that_under_the_last_load() -> None:
     """A clamped beam under a force that grows to 1 N: F L³ / 3 E I, here of 1.25 m."""
     clamped = make_scene(flexible("a", segments=5, lumping="gauss", joint=fl.Joint(locked=True)))
     growing = fl.Wrench(times=(0.0, 1e-3), forces=((0.0, 0.0, 0.0), (0.0, 1.0, 0.0)))
-    run = fl.simulate(clamped.varied({"wrench": growing, "run": fl.Run(duration=1e-3, sample=1e-3, step=1e-5)}))
-    rest = Quantity(of="overshoot [m]", target="rest").place(run)
+    run = fl.simulate(clamped.varied({"wrench": growing, "run": fl.RunSettings(duration=1e-3, sample=1e-3, step=1e-5)}))
+    rest = SweepOutput(of="overshoot [m]", target="rest").place(run)
     EI = 70e9 * 0.04**4 / 12
     assert rest[1] == pytest.approx(1.25**3 / (3 * EI), rel=1e-2)
 

@@ -377,8 +377,8 @@ def test_two_mistakes_are_both_named_each_with_what_it_changes(tmp_path: Path) -
 @pytest.mark.parametrize("form", ["mjcf", "urdf"])
 def test_a_rotor_left_out_is_named_though_nothing_else_gives_its_joint_inertia(form: str, tmp_path: Path) -> None:
     link = fl.Link(name="first", length=1.0, joint=fl.Joint(armature=0.1, gear_stiffness=100.0))
-    chain = fl.lump(fl.Scene(name="geared", arm=fl.Arm(links=(link,), tip=fl.Payload(mass=1.0, inertia=(0.1,) * 3)),
-                             initial=fl.Initial(joint_deg=(0.0,))))  # fmt: skip
+    chain = fl.lump(fl.Scene(name="geared", arm=fl.Arm(links=(link,), tip=fl.RigidBody(mass=1.0, inertia=(0.1,) * 3)),
+                             initial=fl.InitialState(joint_deg=(0.0,))))  # fmt: skip
     edit = planted.each(".//joint" if form == "mjcf" else "joint/flexlink", armature="0")
     found = diagnosed(written(tmp_path, form, edit, chain), chain)
     (finding,) = found.findings

@@ -30,7 +30,7 @@ SHORT: dict[str, Any] = {"run.duration": 0.3, "run.sample": 0.02}
 def swinging(**changes: Any) -> fl.Scene:
     """Two links that bend in a plane, released at an angle, with loss in the material."""
     links = flexible("a", segments=3), flexible("b", segments=3)
-    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
+    scene = make_scene(*links, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(40.0, -70.0)))
     return scene.varied({"material.aluminium.loss_time": 1e-4, **SHORT, **changes})
 
 
@@ -88,7 +88,7 @@ def test_every_method_ends_within_its_tolerance_of_another_solver(drive: str) ->
 
 
 def test_prescribed_joints_are_where_they_are_to_be_and_tell_their_torque() -> None:
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link="a", times=(0.0, 0.2), angle_deg=(40.0, 60.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
     scene = swinging(motion=(motion,))
@@ -104,7 +104,7 @@ def test_prescribed_joints_are_where_they_are_to_be_and_tell_their_torque() -> N
 def test_fixed_steps_have_the_order_of_their_method(name: str, steps: tuple[int, int]) -> None:
     """Of a smooth motion: a compliant arm without loss, at rest where its springs are slack."""
     links = flexible("a", segments=2), flexible("b", segments=2)
-    scene = make_scene(*links, gravity=(1.0, 0.0, 0.0), initial=fl.Initial(joint_deg=(40.0, -70.0)))
+    scene = make_scene(*links, gravity=(1.0, 0.0, 0.0), initial=fl.InitialState(joint_deg=(40.0, -70.0)))
     scene = scene.varied({"material.aluminium.young": 7e6, "run.duration": 0.3, "run.sample": 0.3})
     exact = fl.simulate(scene, method="RK10", step=1e-3).state(-1)
     runs = [fl.simulate(scene, method=name, step=0.3 / n, sample=0.3) for n in steps]
@@ -182,7 +182,7 @@ def test_a_run_says_which_method_was_picked_why_and_what_it_took() -> None:
     assert run.steps.evaluations > run.steps.taken > 0
     assert str(run.steps).startswith("Radau5 (stiffness ratio ")
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    rigid = make_scene(rod, gravity=(9.81, 0.0, 0.0), run=fl.Run(duration=0.1, tolerance=1e-6))
+    rigid = make_scene(rod, gravity=(9.81, 0.0, 0.0), run=fl.RunSettings(duration=0.1, tolerance=1e-6))
     picked = fl.simulate(rigid).steps
     assert picked is not None
     assert (picked.method, picked.why) == ("DOP853", "not stiff: fastest mode 0 rad/s")
@@ -232,8 +232,8 @@ def test_deflections_of_an_arm_that_is_straight_at_first_have_a_tolerance() -> N
 
 def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_way_is_no_more_than_it_is() -> None:
     """Its q̈, that of its fastest vibrations, would bend it by hundreds of times as much in a time of the slowest."""
-    zigzag = fl.Initial(q=(0.0, 0.03, -0.03, 0.03, -0.03))
-    run = fl.Run(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
+    zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
+    run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})
     ready = SingleRun(scene)
     there = ready.steps.deflection
@@ -244,7 +244,7 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_way_is_no_more_tha
 
 def test_a_part_of_no_deflection_is_no_tolerance() -> None:
     link = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    run = fl.Run(relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
+    run = fl.RunSettings(relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     with pytest.raises(fl.SceneError, match=r"nothing of 'test' bends.* take accuracy = 'tip'"):
         fl.simulate(make_scene(link).varied({"run": run}))
 
@@ -252,7 +252,7 @@ def test_a_part_of_no_deflection_is_no_tolerance() -> None:
 def test_errors_that_a_sampled_law_sees_and_holds_are_within_the_tolerance() -> None:
     """Those of the rates of fast vibrations come to nothing by themselves; held for 0.08 s they throw the arm."""
     drive = fl.Drive(kind="computed_torque", kp=(100.0,), kd=(14.0,), rate=12.5, target_deg=(-60.0,))
-    run = fl.Run(method="Radau5", tolerance=1e-4, duration=0.8, sample=0.08)
+    run = fl.RunSettings(method="Radau5", tolerance=1e-4, duration=0.8, sample=0.08)
     scene = make_scene(flexible("a", segments=3), drive=drive, gravity=(0.0, -6.0, 0.0)).varied({"run": run})
     exact = fl.simulate(scene, method="DOP853", tolerance=1e-8)
     assert np.abs(fl.simulate(scene).tip - exact.tip).max() <= 5e-4  # 84 tolerances with a weight of vibrations alone

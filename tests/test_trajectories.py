@@ -60,7 +60,7 @@ def test_a_scene_with_a_tolerance_is_compared_in_stable_steps_and_says_so(engine
 
 
 def test_an_engine_that_cannot_run_a_scene_is_named_with_the_reason(engines) -> None:
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link="a", times=(0.0, 1.0), angle_deg=(0.0, 20.0), rate_deg=(0.0, 0.0), acceleration_deg=(0.0, 0.0)
     )
     scene = make_scene(flexible("a", segments=2), motion=(motion,)).varied({"run.duration": 0.05})

@@ -81,7 +81,7 @@ def test_none_leaves_a_key_out_so_that_its_default_holds(paper: fl.Scene) -> Non
 
 
 def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
-    rest = fl.Motion(link="a.b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
+    rest = fl.PrescribedMotion(link="a.b", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     scene = make_scene(flexible("a.b"), flexible("c"), motion=(rest,))
     assert scene.varied({"motion.'a.b'.acceleration_deg": [2.0]}).motion[0].acceleration_deg == (2.0,)
     assert scene.varied({"motion": ()}).motion == ()
@@ -111,7 +111,7 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
         ({"run.step": np.array(None)}, r"run\.step = None: expected float"),
         ({"initial.joint_deg": {1.0, 2.0, 3.0}}, r"initial\.joint_deg = \{.*\}: a set has no order"),
         ({"name": b"bytes"}, r"name = b'bytes': expected str"),
-        ({"tip": fl.Run()}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
+        ({"tip": fl.RunSettings()}, r"tip\.method = 'RK4': unknown key; allowed are mass, center, inertia"),
         ({"run": 5, "run.step": 1e-4}, r"run\.step = 0\.0001: run is one value"),
         ({"link": [5], "link.*.joint.viscous": 1.0}, r"link\.\*\.joint\.viscous = 1\.0: link\.\* is one value"),
         (

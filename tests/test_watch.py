@@ -16,7 +16,7 @@ from random_scenes import verdict
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.inputs.actuation import input_arrays
-from flexlink.motion.monitor import Watch, allowed_imbalance
+from flexlink.motion.monitor import RunMonitor, allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
 
@@ -39,14 +39,14 @@ def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
         flexible("a", flex, 3, joint=fl.Joint(viscous=0.4, coulomb=0.5, coulomb_width=0.1, armature=0.3)),
         flexible("b", flex, 3, joint=fl.Joint(viscous=0.2, armature=0.1), damping=fl.Damping(ratio=0.05, at_hz=20.0)),
     )
-    motion = fl.Motion(
+    motion = fl.PrescribedMotion(
         link="a", times=(0.0, 0.1), angle_deg=(10.0, 25.0), rate_deg=(0.0, 40.0), acceleration_deg=(0.0, 0.0)
     )
     return make_scene(
-        *links, gravity=(1.0, 7.0, 3.0), motion=(motion,), initial=fl.Initial(joint_deg=(10.0, -30.0)),
+        *links, gravity=(1.0, 7.0, 3.0), motion=(motion,), initial=fl.InitialState(joint_deg=(10.0, -30.0)),
         drive=fl.Drive(kind="pd", kp=(0.0, 30.0), kd=(0.0, 2.0), target_deg=(0.0, 10.0)),
         wrench=fl.Wrench(force=(3.0, -2.0, 1.0), moment=(0.4, 0.3, -0.5)),
-        run=fl.Run(step=2e-5, sample=1e-3, duration=0.1, dynamics=dynamics),
+        run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.1, dynamics=dynamics),
     )  # fmt: skip
 
 
@@ -64,7 +64,7 @@ def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, dynamics: st
 
 def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
     """J = 4 kg m² under 2 N m: q̇ = t/2, W = T = t²/2, all exact for a method of order 2."""
-    wheel = fl.Payload(mass=1.0, inertia=(2.0, 2.0, 4.0))
+    wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 4.0))
     drive = fl.Drive(kind="constant", torque=(2.0,))
     run = fl.simulate(make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), drive=drive), step=0.01, sample=0.1)
     np.testing.assert_allclose(run.work, run.t**2 / 2, rtol=1e-12)
@@ -73,7 +73,9 @@ def test_the_work_of_a_drive_on_a_wheel_is_its_kinetic_energy() -> None:
 
 @pytest.mark.slow
 def test_many_runs_carry_the_balance_of_single_ones() -> None:
-    scenes = [everything("xyz").varied({"initial": fl.Initial(joint_deg=(10.0, float(angle)))}) for angle in range(9)]
+    scenes = [
+        everything("xyz").varied({"initial": fl.InitialState(joint_deg=(10.0, float(angle)))}) for angle in range(9)
+    ]
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         one = fl.simulate(scene)
         np.testing.assert_allclose(many.work, one.work, rtol=1e-12, atol=1e-12)
@@ -102,7 +104,7 @@ def test_no_row_that_is_not_finite_is_ever_returned(paper: fl.Scene, sample: flo
 
 
 def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
-    wild = paper.varied({"run": fl.Run(step=0.01, sample=0.01, duration=0.05, unstable="allow")})
+    wild = paper.varied({"run": fl.RunSettings(step=0.01, sample=0.01, duration=0.05, unstable="allow")})
     with pytest.raises(fl.DivergenceError) as caught:
         fl.simulate_many([wild, wild])
     assert all(finite(run) for run in caught.value.runs)
@@ -114,7 +116,7 @@ def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
 def test_the_step_that_leaves_the_finite_numbers_is_named(paper: fl.Scene) -> None:
     ended = []
     for sample in (0.01, 1.0):
-        run = fl.Run(step=0.01, sample=sample, duration=20.0, unstable="allow")
+        run = fl.RunSettings(step=0.01, sample=sample, duration=20.0, unstable="allow")
         with pytest.raises(fl.DivergenceError) as caught:
             fl.simulate(paper.varied({"run": run}))
         ended.append(caught.value)
@@ -149,12 +151,12 @@ def test_dry_friction_counts_with_its_slope_at_rest() -> None:
 
 def test_the_gains_of_a_drive_count() -> None:
     """J q̈ = −k_p q − k_d q̇: with k_d alone RK4 holds up to 2.785 J/k_d."""
-    wheel = fl.Payload(mass=1.0, inertia=(1.0, 1.0, 2.0))
+    wheel = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 2.0))
     for kp, kd, limit in ((0.0, 400.0, 2.785293563 * 2.0 / 400.0), (8e4, 0.0, 2.828427522 / 200.0)):
         drive = fl.Drive(kind="pd", kp=(kp,), kd=(kd,), target_deg=(1.0,))
         scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), drive=drive)
         for h, refused in ((1.001 * limit, True), (0.999 * limit, False)):
-            run = fl.Run(step=h, sample=h, duration=h)
+            run = fl.RunSettings(step=h, sample=h, duration=h)
             with (
                 pytest.raises(fl.UnstableStepError) if refused else contextlib.suppress(fl.DivergenceError)
             ):  # stable, not yet right
@@ -189,7 +191,7 @@ def test_a_falling_arm_that_nothing_holds_has_a_stable_step_all_the_same() -> No
 def test_a_run_whose_energy_is_garbage_is_an_error_although_finite() -> None:
     """A pendulum swung so coarsely that the method eats its energy: below the stable step at rest, and wrong."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
     with pytest.raises(fl.DivergenceError, match=r"the energy does not balance, .*allowed are 10%") as caught:
         fl.simulate(scene, step=0.35, sample=0.35, duration=35.0)
     kept = caught.value.trajectory
@@ -205,7 +207,7 @@ def test_rounding_of_an_arm_at_rest_is_not_garbage(paper: fl.Scene) -> None:
 
 
 def test_steps_that_are_roundings_of_a_large_angle_are_doubted_and_not_those_of_a_few_turns() -> None:
-    swinging = make_scene(flexible("a"), initial=fl.Initial(joint_deg=(20.0,)), gravity=(0.0, 9.81, 0.0))
+    swinging = make_scene(flexible("a"), initial=fl.InitialState(joint_deg=(20.0,)), gravity=(0.0, 9.81, 0.0))
     told = []
     for turns in (0, 20, 10**8):
         moved = swinging.varied({"initial.joint_deg": (20.0 + 360.0 * turns,)})
@@ -216,17 +218,17 @@ def test_steps_that_are_roundings_of_a_large_angle_are_doubted_and_not_those_of_
 
 def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
     soft = flexible("a", "xyz", 2, joint=fl.Joint(locked=True), lumping="midpoint")
-    scene = make_scene(soft, gravity=(0.0, 0.0, -60.0), run=fl.Run(step=1e-4, sample=1e-2, duration=1.0))
+    scene = make_scene(soft, gravity=(0.0, 0.0, -60.0), run=fl.RunSettings(step=1e-4, sample=1e-2, duration=1.0))
     run = fl.simulate(scene.varied({"material.aluminium": fl.Material(young=2e6, density=1000.0)}))
     assert np.degrees(np.abs(run.q).max()) > 84
     assert any("hinge 'a.1.y' is bent by" in warning for warning in run.warnings)
 
 
-def looked_at(scene: fl.Scene, q: np.ndarray) -> Watch:
+def looked_at(scene: fl.Scene, q: np.ndarray) -> RunMonitor:
     """The watch of a run whose only sample is a posture, at rest."""
     chain, run = fl.lump(scene), replace(scene.run, duration=0.0)
     states = np.array([q]), np.zeros((1, chain.n))
-    watch = Watch(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
+    watch = RunMonitor(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
     watch.look(1)
     return watch
 
@@ -257,7 +259,7 @@ def test_a_posture_whose_m_is_indefinite_is_a_fault() -> None:
 def swung(step: float) -> fl.Trajectory:
     """A rod let go 10° from its upright position."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
-    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.Initial(joint_deg=(170.0,)))
+    scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
     return fl.simulate(scene, step=step, sample=step, duration=34.0)
 
 
@@ -302,7 +304,7 @@ def test_the_energy_exchanged_is_the_sum_of_what_each_part_has_gained_or_lost() 
 
 def test_no_mass_gets_farther_than_the_reach() -> None:
     links = flexible("a", "rigid", 1), flexible("b", "rigid", 1)
-    chain = fl.lump(make_scene(*links, tip=fl.Payload(mass=1.0)))
+    chain = fl.lump(make_scene(*links, tip=fl.RigidBody(mass=1.0)))
     stretched = sum(link.length for link in links)
     assert stretched <= chain.reach < 2 * stretched
 

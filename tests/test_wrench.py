@@ -44,8 +44,8 @@ def arm(wrench: dict[str, Any], room: str = "space", **changes: object) -> fl.Sc
         fl.Link(name="hand", length=0.2, mount=skew),
     )
     scene = make_scene(
-        *links, tip=fl.Payload(mass=0.5, inertia=(4e-3, 5e-3, 6e-3)), wrench=fl.Wrench(**wrench),
-        gravity=(0.0, -9.81, 0.0), initial=fl.Initial(joint_deg=(-80.0, -10.0, 30.0), rate_deg=(20.0, 0.0, -40.0)),
+        *links, tip=fl.RigidBody(mass=0.5, inertia=(4e-3, 5e-3, 6e-3)), wrench=fl.Wrench(**wrench),
+        gravity=(0.0, -9.81, 0.0), initial=fl.InitialState(joint_deg=(-80.0, -10.0, 30.0), rate_deg=(20.0, 0.0, -40.0)),
         drive=fl.Drive(kind="pd", kp=(40.0, 20.0, 5.0), kd=(1.0, 0.5, 0.1), target_deg=(-60.0, 0.0, 0.0)),
     )  # fmt: skip
     run = {"run.duration": 0.05, "run.sample": 0.005, "run.step": 1e-4, "material.aluminium.loss_time": 1e-5}

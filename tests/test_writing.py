@@ -40,18 +40,18 @@ text = st.text(st.characters(exclude_categories=["Cs"]), min_size=1, max_size=20
 @given(name=text, about=text, material=text, young=st.floats(min_value=5e-324, max_value=1e300))
 def test_any_text_and_number_reads_back_equal(name: str, about: str, material: str, young: float) -> None:
     arm = fl.Arm(links=(fl.Link(name=name),), materials={material: fl.Material(young=young, density=1.0)})
-    scene = fl.Scene(name=name, about=about, arm=arm, initial=fl.Initial(joint_deg=(young,)))
+    scene = fl.Scene(name=name, about=about, arm=arm, initial=fl.InitialState(joint_deg=(young,)))
     assert scene_from(tomllib.loads(scene.to_toml())) == scene
 
 
 def test_a_situation_reads_back_equal() -> None:
-    motion = fl.Motion(link="b", times=(0, 1), angle_deg=(0, 1), rate_deg=(0, 0), acceleration_deg=(0, 0))
+    motion = fl.PrescribedMotion(link="b", times=(0, 1), angle_deg=(0, 1), rate_deg=(0, 0), acceleration_deg=(0, 0))
     times = tuple(0.1 * k for k in range(40))
     drive = fl.Drive(kind="table", times=times, torques=tuple((t, 0.0) for t in times), smooth=True)
     scene = make_scene(
         fl.Link(name="a", length=1.0), fl.Link(name="b", length=1.0), motion=(motion,), drive=drive,
-        wrench=fl.Wrench(force=(0, 0, 1)), run=fl.Run(tolerance=1e-4, sample=0.1),
-        initial=fl.Initial(joint_deg=(10, 0), rate_deg=(1, 0), passive="static"),
+        wrench=fl.Wrench(force=(0, 0, 1)), run=fl.RunSettings(tolerance=1e-4, sample=0.1),
+        initial=fl.InitialState(joint_deg=(10, 0), rate_deg=(1, 0), passive="static"),
     )  # fmt: skip
     text_ = scene.to_toml()
     assert scene_from(tomllib.loads(text_)) == scene
@@ -59,7 +59,7 @@ def test_a_situation_reads_back_equal() -> None:
 
 
 def test_a_shaped_reference_has_tables_of_its_own() -> None:
-    shaper = fl.Shaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
+    shaper = fl.InputShaper(kind="ZVD", frequency_hz=(1.5, 2.0), damping=(0.01, 0.0))
     reference = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0, shaper=shaper)
     scene = make_scene(fl.Link(name="a"), drive=fl.Drive(kind="pd", kp=(4.0,), kd=(1.0,), reference=reference))
     text_ = scene.to_toml()

@@ -9,10 +9,10 @@ from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.axes import Screening
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, goal_of, least_tolerance
-from flexlink.advice.ladder import Ladder
+from flexlink.advice.ladder import RefinementStudy
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Model, judged, most_axes, uniform
-from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.search import Search
 from flexlink.advice.verdict import Advice, Limit, length, line, time
 from flexlink.chain.arguments import flag, given, positive
@@ -91,7 +91,7 @@ class Study:
 
     def __init__(self, scene: Scene, goal: Goal, budget: float) -> None:
         self.scene, self.goal = scene, goal
-        self.bench, self.ruler = Bench(scene, budget), Ruler(goal, scene.run.sample)
+        self.bench, self.ruler = ModelRunner(scene, budget), Ruler(goal, scene.run.sample)
         self.axes, self.lines = most_axes(scene), list[str]()
         self.rigid: Outcome | None = None
 
@@ -104,7 +104,7 @@ class Study:
         screening = Screening(self.bench, self.ruler, self.axes, stepping, tolerance)
         self.axes = screening.axes
         self.lines += [line("axes", str(trial)) for trial in screening.trials]
-        ladder = Ladder(self.bench, self.ruler, self.goal, self.axes, stepping)
+        ladder = RefinementStudy(self.bench, self.ruler, self.goal, self.axes, stepping)
         ladder.climb()
         if ladder.limit is None:
             raise AdviceError(f"{self.scene.name}: no two models can be run: {ladder.why}")
@@ -178,7 +178,7 @@ class Study:
             "that rounding leaves uncertain; give the error as a length, as tip = '1 mm'"
         )
 
-    def _cheapest(self, ladder: Ladder, known: Array) -> Advice:
+    def _cheapest(self, ladder: RefinementStudy, known: Array) -> Advice:
         assert ladder.limit is not None
         known_to = float(known[-1])
         tolerance, limit = ladder.tolerance, Limit(ladder.limit.tip, known_to)
@@ -201,7 +201,7 @@ class Study:
             return self._cannot(ladder, known)
         return self._done(found.model, found.outcome, found.error + known_to, tolerance, ladder.motion, limit)
 
-    def _cannot(self, ladder: Ladder, known: Array) -> Advice:
+    def _cannot(self, ladder: RefinementStudy, known: Array) -> Advice:
         """The finest level, with what it is worth; the limit is known so well up to each sample (samples,) [m]."""
         assert ladder.limit is not None
         known_to = float(known[-1])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.advice.goal import Ruler
 from flexlink.advice.model import FLEX, Axes, capped, uniform
-from flexlink.advice.model_runner import Bench, Stepping
+from flexlink.advice.model_runner import ModelRunner, Stepping
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Screening:
         What was tried, in order.
     """
 
-    def __init__(self, bench: Bench, ruler: Ruler, axes: Axes, stepping: Stepping, tolerance: float) -> None:
+    def __init__(self, bench: ModelRunner, ruler: Ruler, axes: Axes, stepping: Stepping, tolerance: float) -> None:
         self.bench, self.ruler, self.stepping, self.allowed = bench, ruler, stepping, SHARE * tolerance
         self.axes, self.trials = axes, list[Trial]()
         self.tip = bench.run(uniform(axes, COARSE), stepping).tip

@@ -13,7 +13,7 @@ from flexlink.advice.cost_model import bodies_of, prices
 from flexlink.advice.goal import OF_STEPS
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Axes, Bend, Model, flexes, is_scene
-from flexlink.advice.model_runner import OF_STABLE, Bench
+from flexlink.advice.model_runner import OF_STABLE, ModelRunner
 from flexlink.advice.step_options import Probes, fixed_ways
 from flexlink.describe.schemes.methods import method
 
@@ -57,7 +57,7 @@ class Pool:
         Expected CPU times, shape (models, ways) [s].
     """
 
-    def __init__(self, bench: Bench, parts: Parts, probes: Probes, allowed: float) -> None:
+    def __init__(self, bench: ModelRunner, parts: Parts, probes: Probes, allowed: float) -> None:
         self.bench, self.parts, self.allowed = bench, parts, allowed
         self.columns = [Column(name, factor, 0.0, 0.0) for name, factor in fixed_ways()]
         self.columns += [Column(*key, steps.size, steps.evaluations) for key, steps in probes.steps.items()]

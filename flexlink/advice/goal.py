@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.spec import short
 from flexlink.dynamics import rounding
 
@@ -43,7 +43,7 @@ class Goal(NamedTuple):
         return f"{self.size * 1e3:.3g} mm" if self.metres else f"{self.size:.0e}"
 
 
-def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: Run) -> Goal:
+def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunSettings) -> Goal:
     """The goal that arguments of `advise` say.
 
     Raises

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.goal import Ruler
-from flexlink.advice.ladder import Ladder
-from flexlink.advice.model_runner import GROWN, NUDGE, Bench
+from flexlink.advice.ladder import RefinementStudy
+from flexlink.advice.model_runner import GROWN, NUDGE, ModelRunner
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ class Growth(NamedTuple):
     e_fold: float  # time in which it grows by e, over the second half [s]; inf if it does not
 
 
-def horizon(ladder: Ladder, ruler: Ruler, known: Array) -> float:
+def horizon(ladder: RefinementStudy, ruler: Ruler, known: Array) -> float:
     """Time [s] up to which the finest level is within the tolerance.
 
     Its error up to each sample is the difference to the limit, and what this is `known` to, shape (samples,) [m].
@@ -37,7 +37,7 @@ def horizon(ladder: Ladder, ruler: Ruler, known: Array) -> float:
     return float(times[-1] if not beyond.size else times[max(0, beyond[0] - 1)])
 
 
-def growth(bench: Bench, ladder: Ladder, tolerance: float) -> Growth:
+def growth(bench: ModelRunner, ladder: RefinementStudy, tolerance: float) -> Growth:
     """Of the finest level, by a twin that starts a little apart."""
     outcome, reach = ladder.finest.outcome, bench.chain(ladder.model).reach
     angle = min(NUDGE * (outcome.stepping.tolerance or 0.0), tolerance) / reach

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.advice.goal import Goal, Ruler, farthest
 from flexlink.advice.model import Axes, Model, uniform
-from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.results.deflection import deflections
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Limit(NamedTuple):
         return float(self.errors[-1])
 
 
-class Ladder:
+class RefinementStudy:
     """Levels of a scene, climbed until their limit is known.
 
     Attributes
@@ -76,7 +76,7 @@ class Ladder:
         Why it ended with less than asked for; empty if it did not.
     """
 
-    def __init__(self, bench: Bench, ruler: Ruler, goal: Goal, axes: Axes, stepping: Stepping) -> None:
+    def __init__(self, bench: ModelRunner, ruler: Ruler, goal: Goal, axes: Axes, stepping: Stepping) -> None:
         self.bench, self.ruler, self.goal, self.axes, self.stepping = bench, ruler, goal, axes, stepping
         self.levels: dict[str, list[Level]] = {"gauss": [], "legendre": []}
         self.family, self.why = "gauss", ""

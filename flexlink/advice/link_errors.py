@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.goal import Ruler
-from flexlink.advice.ladder import Ladder
+from flexlink.advice.ladder import RefinementStudy
 from flexlink.advice.model import Bend, Model, by_rule, flexes, lesser, uniform
-from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.describe.schemes.methods import method
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ class Parts:
         slender, their twist may follow so fast that Newton's iteration keeps the steps short.
     """
 
-    def __init__(self, bench: Bench, ruler: Ruler, ladder: Ladder, stepping: Stepping) -> None:
+    def __init__(self, bench: ModelRunner, ruler: Ruler, ladder: RefinementStudy, stepping: Stepping) -> None:
         assert ladder.limit is not None
         self.bench, self.ruler, self.ladder, self.stepping = bench, ruler, ladder, stepping
         self.limit, self.tolerance = ladder.limit.tip, ladder.tolerance

@@ -16,7 +16,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.conditions import Initial, Run
+from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
@@ -87,7 +87,7 @@ class Posture(NamedTuple):
     rates: dict[int, float]
 
 
-class Bench:
+class ModelRunner:
     """Runs of one scene; `count` and `seconds` of all of them."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
@@ -108,7 +108,7 @@ class Bench:
         """The scene with a model and its steps, ready to run."""
         return replace(with_model(self.scene, model), run=self._settings(stepping))
 
-    def _settings(self, stepping: Stepping) -> Run:
+    def _settings(self, stepping: Stepping) -> RunSettings:
         run = self.scene.run
         step = run.step if stepping.step is None else stepping.step
         return replace(
@@ -132,11 +132,11 @@ class Bench:
         turned = [q + (k not in held) * math.degrees(angle) for k, q in enumerate(scene.initial.joint_deg, 1)]
         return self.run_from(replace(scene.initial, joint_deg=tuple(turned)), model, stepping)
 
-    def run_from(self, initial: Initial, model: Model, stepping: Stepping) -> Outcome:
+    def run_from(self, initial: InitialState, model: Model, stepping: Stepping) -> Outcome:
         """The same from somewhere else, run anew."""
         return self._run(model, stepping, initial)
 
-    def _run(self, model: Model, stepping: Stepping, initial: Initial | None = None) -> Outcome:
+    def _run(self, model: Model, stepping: Stepping, initial: InitialState | None = None) -> Outcome:
         tip = np.full((self.scene.run.samples, 3), np.nan)
         why, dear, run = "", False, None
         try:

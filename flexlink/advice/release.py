@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.advice.model import Model
-from flexlink.advice.model_runner import Bench, Outcome
+from flexlink.advice.model_runner import ModelRunner, Outcome
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import tip_position
@@ -33,7 +33,7 @@ class Release(NamedTuple):
     drift: Array  # d, of the joints that are let go (samples, 3) [m]; nan where that run does not come to its end
 
 
-def release(bench: Bench, strict: Outcome, model: Model, q: Array) -> Release:
+def release(bench: ModelRunner, strict: Outcome, model: Model, q: Array) -> Release:
     """Of the links of a model, beside a rigid run; `q` is where this starts, on the chain of the model."""
     assert strict.run is not None
     if bench.scene.initial.passive != "static":

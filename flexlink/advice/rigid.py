@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
 from flexlink.advice.model import Axes, Model, is_scene, uniform
-from flexlink.advice.model_runner import GROWN, NUDGE, Bench, Outcome, Stepping
+from flexlink.advice.model_runner import GROWN, NUDGE, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.placement import tip_position
@@ -60,12 +60,12 @@ class Guess(NamedTuple):
     hertz: float
 
 
-def rigid_model(bench: Bench) -> Model:
+def rigid_model(bench: ModelRunner) -> Model:
     """All links rigid."""
     return (None,) * len(bench.scene.arm.links)
 
 
-def rigid_run(bench: Bench, goal: Goal, reach: float) -> Outcome | None:
+def rigid_run(bench: ModelRunner, goal: Goal, reach: float) -> Outcome | None:
     """The run of the rigid arm with steps whose errors are small beside what is allowed.
 
     None where nothing moves, or where the rigid arm is not a model.
@@ -86,7 +86,7 @@ def _of_steps(allowed: float, reach: float) -> float:
     return max(OF_STEPS * allowed, least_tolerance(reach))
 
 
-def loosest(bench: Bench, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
+def loosest(bench: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
     """The run of the rigid arm that is expected to be the cheapest of those whose tip has no larger `error` [m]."""
     for stepping in _steppings(bench, strict, allowed):
         outcome = bench.run(rigid_model(bench), stepping)
@@ -95,7 +95,7 @@ def loosest(bench: Bench, strict: Outcome, allowed: float, error: Callable[[Arra
     return strict
 
 
-def _steppings(bench: Bench, strict: Outcome, allowed: float) -> list[Stepping]:
+def _steppings(bench: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
     """Steps that may be cheaper than those of a strict run, at their expected cost."""
     assert strict.stepping.tolerance is not None
     costs = {
@@ -109,7 +109,7 @@ def _steppings(bench: Bench, strict: Outcome, allowed: float) -> list[Stepping]:
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
-def guess(bench: Bench, strict: Outcome, axes: Axes, ruler: Ruler) -> Guess:
+def guess(bench: ModelRunner, strict: Outcome, axes: Axes, ruler: Ruler) -> Guess:
     """What bending that is left out would do to the tip, swung up; without the growth of errors."""
     run, model = strict.run, uniform(axes, COARSE)
     assert run is not None
@@ -145,7 +145,7 @@ def swung(u: Array, ω: float, Δ: float, start: Array) -> Array:
     return np.asarray(u + (np.cumsum(turn * jumps, axis=0) / turn).real)
 
 
-def growth(bench: Bench, outcome: Outcome, error: float) -> float:
+def growth(bench: ModelRunner, outcome: Outcome, error: float) -> float:
     """How many times an error [m] of where the arm starts grows at the tip, at most, in the rigid run of an outcome.
 
     Told by a twin that starts so far off; inf where they part by too much for any proportion.

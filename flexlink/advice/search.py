@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from flexlink.advice.candidates import Pool
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Model, uniform
-from flexlink.advice.model_runner import OF_STABLE, Bench, Outcome, Stepping
+from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Outcome, Stepping
 from flexlink.advice.step_options import Probes
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ class Search:
         Errors of models, errors of steps by way, costs by model and way, over those that were predicted.
     """
 
-    def __init__(self, bench: Bench, parts: Parts, allowed: float, known_to: float) -> None:
+    def __init__(self, bench: ModelRunner, parts: Parts, allowed: float, known_to: float) -> None:
         self.bench, self.parts, self.ruler = bench, parts, parts.ruler
         self.allowed = allowed - known_to  # of the difference to the limit [m]
         self.found: Found | None = None

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexlink.advice.goal import Ruler
 from flexlink.advice.model import Model
-from flexlink.advice.model_runner import Bench, Outcome, Stepping
+from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.spec import Positive, Spec, decode
 
@@ -81,7 +81,9 @@ class Probes:
         Error at the tip, and the largest tolerance that makes sense [m].
     """
 
-    def __init__(self, bench: Bench, ruler: Ruler, model: Model, tip: Array, allowed: float, largest: float) -> None:
+    def __init__(
+        self, bench: ModelRunner, ruler: Ruler, model: Model, tip: Array, allowed: float, largest: float
+    ) -> None:
         self.steps: dict[tuple[str, float], Steps] = {}
         self.runs: list[Outcome] = []
         for way in ways():

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Coordinate
-from flexlink.chain.rigid import HERE, NOTHING, Pose, RigidBody
+from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.products import product
-from flexlink.describe.rigid_body import Payload
+from flexlink.describe.rigid_body import RigidBody
 from flexlink.kernels.layout import BODY
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ class Body:
     place: Pose
     first: int
     stop: int
-    rigid: RigidBody = NOTHING
+    rigid: SpatialInertia = NOTHING
 
     def record(self) -> tuple[object, ...]:
         """One row of dtype `BODY`."""
@@ -115,13 +115,13 @@ class Builder:
         self.coordinates.append(coordinate)
         self.bodies[-1].stop += 1
 
-    def add_payload(self, payload: Payload) -> None:
+    def add_payload(self, payload: RigidBody) -> None:
         """Join a body that is described in the running frame to the current one; most links have none."""
         if not payload.mass and not any(payload.inertia):
             return
-        self.add(RigidBody(payload.mass, np.array(payload.center), payload.matrix))
+        self.add(SpatialInertia(payload.mass, np.array(payload.center), payload.matrix))
 
-    def add(self, body: RigidBody) -> None:
+    def add(self, body: SpatialInertia) -> None:
         """The same of a rigid body."""
         current = self.bodies[-1]
         moved = body if self.running is HERE else body.moved(self.running)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import given
 from flexlink.chain.builder import Builder, Piece, recorded
 from flexlink.chain.chain import Chain, Coordinate
-from flexlink.chain.rigid import RigidBody
+from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
@@ -205,7 +205,7 @@ def _stiffnesses(beam: _Beam, material: Material, nodes: bytes, weights: bytes) 
 
 
 @functools.lru_cache(maxsize=256)
-def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, tuple[float, float], Array]]:
+def _segments(beam: _Beam, nodes: bytes) -> list[tuple[SpatialInertia | None, tuple[float, float], Array]]:
     """Of each segment its body, part of the link, end [m]; links alike share them, of whatever stiffness.
 
     A hinge at the very root has nothing before it.
@@ -213,7 +213,7 @@ def _segments(beam: _Beam, nodes: bytes) -> list[tuple[RigidBody | None, tuple[f
     edges = np.array([0.0, *np.frombuffer(nodes), 1.0])
     slices = zip(*beam.slices(edges), np.diff(edges) * beam.length, strict=True)
     return [
-        (RigidBody(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
+        (SpatialInertia(float(mass), np.array([center, 0, 0]), np.diag(inertia)) if length > 0 else None,
          part, np.array([length, 0, 0]))
         for part, (mass, center, inertia, length) in zip(itertools.pairwise(edges.tolist()), slices, strict=True)
     ]  # fmt: skip

@@ -36,26 +36,26 @@ class Pose(NamedTuple):
 HERE = Pose(np.eye(3), np.zeros(3))
 
 
-class RigidBody(NamedTuple):
+class SpatialInertia(NamedTuple):
     """Mass [kg], centre of mass [m] and inertia about it [kg m²], in one frame."""
 
     mass: float
     center: Array
     inertia: Array
 
-    def moved(self, pose: Pose) -> RigidBody:
+    def moved(self, pose: Pose) -> SpatialInertia:
         """The same body in the frame in which its own is placed by `pose`."""
         R, p = pose
-        return RigidBody(self.mass, p + product(R, self.center), product(R, self.inertia, R.T))
+        return SpatialInertia(self.mass, p + product(R, self.center), product(R, self.inertia, R.T))
 
-    def plus(self, other: RigidBody) -> RigidBody:
+    def plus(self, other: SpatialInertia) -> SpatialInertia:
         """Both as one, by parallel axes; two bodies far apart keep their digits, which second moments would lose."""
         mass = self.mass + other.mass
         if mass == 0:
-            return RigidBody(0.0, np.zeros(3), self.inertia + other.inertia)
+            return SpatialInertia(0.0, np.zeros(3), self.inertia + other.inertia)
         d = other.center - self.center
         between = self.mass * other.mass / mass * (dot(d, d) * np.eye(3) - np.outer(d, d))
-        return RigidBody(mass, self.center + d * (other.mass / mass), self.inertia + between + other.inertia)
+        return SpatialInertia(mass, self.center + d * (other.mass / mass), self.inertia + between + other.inertia)
 
     @property
     def covariance(self) -> Array:
@@ -71,9 +71,9 @@ class RigidBody(NamedTuple):
         return found
 
 
-NOTHING = RigidBody(0.0, np.zeros(3), np.zeros((3, 3)))
+NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))
 
 
-def body_with(mass: float, center: Array, covariance: Array) -> RigidBody:
+def body_with(mass: float, center: Array, covariance: Array) -> SpatialInertia:
     """The body of this mass, centre and covariance."""
-    return RigidBody(mass, center, np.trace(covariance) * np.eye(3) - covariance)
+    return SpatialInertia(mass, center, np.trace(covariance) * np.eye(3) - covariance)

@@ -14,7 +14,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
 from flexlink.robots.collection import KnownArm, known_arm
-from flexlink.robots.flexible import Flexible
+from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import import_urdf
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.robot_file import read_robot
@@ -52,7 +52,7 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
         "tip": known.tip if options.tip is None else options.tip,
         "posture": known.posture | _positions(robot, "--posture", options.posture),
         "locked": known.locked | _positions(robot, "--locked", options.locked),
-        "flexible": known.flexible | {k: decode(v, Flexible, f"flexible.{k}") for k, v in flexible.items()},
+        "flexible": known.flexible | {k: decode(v, FlexibleLink, f"flexible.{k}") for k, v in flexible.items()},
         "armature": assignments("--armature", options.armature, "elbow=0.1"),
     }
 

@@ -12,8 +12,8 @@ from flexlink.cli.shared import about, require_place, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import simulate
-from flexlink.pictures.animate import COLOURS, FORMATS, animate, shot
-from flexlink.pictures.film import frame_count
+from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, shot
+from flexlink.results.pictures.film import frame_count
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

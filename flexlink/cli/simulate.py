@@ -14,7 +14,7 @@ from flexlink.cli.shared import about, draw, require_picture, require_place, var
 from flexlink.cli.terminal import Progress
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import SingleRun
@@ -25,7 +25,7 @@ from flexlink.results.trajectory import Trajectory
 
 def simulate_scene(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
-    settings = {f"run.{name}": getattr(options, name) for name in Run.__struct_fields__}
+    settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     said = {path: value for path, value in settings.items() if value is not None}
     scene = varied_scene(options.scene, options.set, said)
     if options.out is not None:

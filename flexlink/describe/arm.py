@@ -14,7 +14,7 @@ from flexlink.describe import data_files as catalogue
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
-from flexlink.describe.rigid_body import Payload
+from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.sections import SHAPES, SectionProperties
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
 
@@ -142,7 +142,7 @@ class Link(Spec, frozen=True):
     mount: Mount = Mount()
     dh: DenavitHartenberg | None = None
     joint: Joint = Joint()
-    hub: Payload = Payload()  # turns with the joint: motor housing, bearing
+    hub: RigidBody = RigidBody()  # turns with the joint: motor housing, bearing
     length: NonNegative = 0.0  # m
     line: tuple[Vector3, Vector3] | None = None  # m
     up: Vector3 | None = None
@@ -154,7 +154,7 @@ class Link(Spec, frozen=True):
     section_tip: str | None = None
     damping: Damping | None = None
     friction: Friction | None = None
-    end: Payload = Payload()  # at the end of the beam: the next motor
+    end: RigidBody = RigidBody()  # at the end of the beam: the next motor
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -225,7 +225,7 @@ class Arm(Spec, frozen=True):
     links: Annotated[tuple[Link, ...], msgspec.Meta(min_length=1)] = msgspec.field(name="link")
     materials: dict[str, Material] = msgspec.field(name="material", default_factory=dict)
     sections: dict[str, Section] = msgspec.field(name="section", default_factory=dict)
-    tip: Payload = Payload()
+    tip: RigidBody = RigidBody()
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -25,7 +25,7 @@ Accuracy = Literal["tip", "deflection"]
 """What a relative tolerance is a part of."""
 
 
-class Initial(Spec, frozen=True):
+class InitialState(Spec, frozen=True):
     """State at the start: one joint angle [deg] and rate [deg/s] per link; a locked joint stays at its angle.
 
     passive = "zero": springs slack.  "static": hinges bent as gravity and tip wrench bend them with the joints held.
@@ -104,7 +104,7 @@ class Drive(Spec, frozen=True):
             raise SceneError(f"rate = {self.rate!r}: drive kind 'none' has no law that could be sampled")
 
 
-class Motion(Spec, frozen=True):
+class PrescribedMotion(Spec, frozen=True):
     """Prescribed motion of a link's active joint: its torque becomes an output.
 
     Angle [deg], rate [deg/s] and acceleration [deg/s²] at `times` [s], which start at 0; quintic polynomials in
@@ -171,7 +171,7 @@ class Wrench(Spec, frozen=True):
         return any(self.force) or any(self.moment) or any(map(any, (*(self.forces or ()), *(self.moments or ()))))
 
 
-class Run(Spec, frozen=True):
+class RunSettings(Spec, frozen=True):
     """How to integrate: method, steps, duration, time between stored samples [s], solver of forward dynamics.
 
     Steps are fixed, of length `step`, or follow from the error that is allowed at the end of the run: `tolerance` [m]
@@ -298,7 +298,7 @@ def whole(name: str, value: float, unit_name: str, unit: float, error: type[Flex
     return round(number)
 
 
-def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
+def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     """Settings of a run that changes by path leave out: a tolerance takes the place of fixed steps, and reversely.
 
     Raises
@@ -320,12 +320,12 @@ def implied(run: Run, changes: Mapping[str, object]) -> dict[str, None]:
     return dict.fromkeys(gone)
 
 
-def steps_explicitly(run: Run) -> bool:
+def steps_explicitly(run: RunSettings) -> bool:
     """Whether a run takes fixed steps of an explicit method."""
     return not run.controlled and method(run.method).explicit
 
 
-def check_method(run: Run) -> None:
+def check_method(run: RunSettings) -> None:
     """The method of a run is there, and it can do what the run asks of it.
 
     Raises

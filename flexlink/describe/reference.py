@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import profiles
-from flexlink.describe.reference_trajectory import Course, apart, from_rest_to_rest, side_by_side, still
-from flexlink.describe.shaping import MOST_IMPULSES, Shaper
+from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
+from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
 from flexlink.describe.spec import NonNegative, Positive, Spec, rising, short
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ class Reference(Spec, frozen=True):
     angle_deg: tuple[Row, ...] | None = None
     rate_deg: tuple[Row, ...] | None = None
     acceleration_deg: tuple[Row, ...] | None = None
-    shaper: Shaper | None = None
+    shaper: InputShaper | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -112,7 +112,7 @@ class Reference(Spec, frozen=True):
             lists |= {f"{name}[{k}]": row for k, row in enumerate(getattr(self, name) or ())}
         return {name: row for name, row in lists.items() if row is not None}
 
-    def course(self, initial_deg: ArrayLike, links: Sequence[int] | None = None) -> Course:
+    def course(self, initial_deg: ArrayLike, links: Sequence[int] | None = None) -> ReferenceTrajectory:
         """The desired angles in time [rad].
 
         Parameters
@@ -152,7 +152,7 @@ class Reference(Spec, frozen=True):
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
             raise kind(f"shaper.{error}") from None
 
-    def _move(self, initial: Array, links: list[int]) -> Course:
+    def _move(self, initial: Array, links: list[int]) -> ReferenceTrajectory:
         start, to = initial if self.from_deg is None else np.array(self.from_deg), np.array(self.to_deg)
         shapes = {k: self._shape(k, abs(to[k] - start[k])) for k in links if to[k] != start[k]}
         lasts = self.duration or max((shape.duration for shape in shapes.values()), default=0.0)
@@ -177,14 +177,14 @@ class Reference(Spec, frozen=True):
         own = profiles.Limits(*(math.inf if given is None else given[link] for given in limits))
         return profiles.FASTEST[self.profile](distance, own)
 
-    def _table(self, times: Row, links: list[int]) -> Course:
+    def _table(self, times: Row, links: list[int]) -> ReferenceTrajectory:
         t = np.array(times)
         known = [np.radians(rows)[:, links] for rows in (self.angle_deg, self.rate_deg, self.acceleration_deg) if rows]
         angles = known[0]
         if len(t) == 1:
             return still(angles[0])
         if self.profile == "hold":
-            return Course(t * (1 - ON_TIME), angles[:, None])
+            return ReferenceTrajectory(t * (1 - ON_TIME), angles[:, None])
         if self.profile == "linear":
             return from_rest_to_rest(
                 t, np.stack([angles[:-1], np.diff(angles, axis=0) / np.diff(t)[:, None]], 1), angles[-1]
@@ -192,7 +192,7 @@ class Reference(Spec, frozen=True):
         return from_rest_to_rest(t, _smooth(t, known), angles[-1])
 
 
-def refuse_beyond(course: Course, joints: Sequence[tuple[str, tuple[float, float] | None]]) -> None:
+def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple[float, float] | None]]) -> None:
     """Refuse a course that leaves the limits [deg] of the links of these names, at any extreme of any piece.
 
     Raises

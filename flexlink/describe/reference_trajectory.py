@@ -24,7 +24,7 @@ MOST_PIECES = 100_000
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Course:
+class ReferenceTrajectory:
     """Desired angles in time, piecewise polynomials; called with times, it gives angle, rate and acceleration.
 
     Attributes
@@ -78,11 +78,11 @@ class Course:
                 c[:, k] += x * c[:, k + 1]
         return c
 
-    def delayed(self, delay: float) -> Course:
+    def delayed(self, delay: float) -> ReferenceTrajectory:
         """The same, later by `delay` [s]."""
-        return Course(self.knots + numbers("delay", delay), self.coefficients)
+        return ReferenceTrajectory(self.knots + numbers("delay", delay), self.coefficients)
 
-    def shaped(self, times: ArrayLike, weights: ArrayLike) -> Course:
+    def shaped(self, times: ArrayLike, weights: ArrayLike) -> ReferenceTrajectory:
         """What an input shaper makes of it: Σ_i a_i r(t − t_i), `times` t_i [s] and `weights` a_i of its impulses.
 
         Raises
@@ -101,7 +101,9 @@ class Course:
             )
         copies = [self.delayed(delay) for delay in t]
         knots = common_knots(copies)
-        return Course(knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True)))
+        return ReferenceTrajectory(
+            knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True))
+        )
 
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest angles ever, shape (d,) each: at knots, and where the derivative of a piece is 0."""
@@ -138,30 +140,32 @@ class Course:
         return self.coefficients[piece], np.maximum(t - self.knots[piece], 0.0)[:, None]
 
 
-def still(angles: ArrayLike) -> Course:
+def still(angles: ArrayLike) -> ReferenceTrajectory:
     """These angles (d,) for ever [rad]."""
-    return Course(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])
+    return ReferenceTrajectory(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])
 
 
-def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> Course:
+def from_rest_to_rest(knots: Array, moving: Array, end: Array) -> ReferenceTrajectory:
     """Pieces (m, degree + 1, d) between knots (m + 1,), with rest before, and after at the angles `end` (d,)."""
     rest = np.zeros((2, *moving.shape[1:]))
     rest[0, 0], rest[1, 0] = moving[0, 0], end
     before = knots[0] - max(1.0, abs(knots[0]))
-    return Course(np.concatenate([[before], knots]), np.concatenate([rest[:1], moving, rest[1:]]))
+    return ReferenceTrajectory(np.concatenate([[before], knots]), np.concatenate([rest[:1], moving, rest[1:]]))
 
 
-def side_by_side(courses: Sequence[Course]) -> Course:
+def side_by_side(courses: Sequence[ReferenceTrajectory]) -> ReferenceTrajectory:
     """The angles of all, on common knots."""
     if not courses:
         return still([])
     knots = common_knots(courses)
     parts = [course.restated(knots) for course in courses]
     order = max(part.shape[1] for part in parts)
-    return Course(knots, np.concatenate([np.pad(c, ((0, 0), (0, order - c.shape[1]), (0, 0))) for c in parts], axis=2))
+    return ReferenceTrajectory(
+        knots, np.concatenate([np.pad(c, ((0, 0), (0, order - c.shape[1]), (0, 0))) for c in parts], axis=2)
+    )
 
 
-def common_knots(courses: Sequence[Course]) -> Array:
+def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
     """All knots but the first ones, before which nothing moves, and one of those; of times that are one the last."""
     later = np.unique(np.concatenate([course.knots[1:] for course in courses]))
     first = min(course.knots[0] for course in courses)

@@ -16,7 +16,7 @@ ROUNDING = 32 * np.finfo(float).eps
 given numbers, 12 for a turn I → R I Rᵀ on the way here (two products of three terms, R itself), 12 for eigenvalues."""
 
 
-class Payload(Spec, frozen=True):
+class RigidBody(Spec, frozen=True):
     """Rigid body with `mass` [kg], centre of mass `center` [m] and `inertia` [kg m²] about that centre.
 
     Centre and axes belong to the frame that the body is fixed in: of a hub the link's, of an end the link's at the end

@@ -8,12 +8,12 @@ from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import Link
-from flexlink.describe.conditions import Initial
+from flexlink.describe.conditions import InitialState
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import short
 
 
-def rigid_twin(scene: Scene) -> Scene:
+def rigidified(scene: Scene) -> Scene:
     """The same scene with all links and gears rigid, so that its chain has the driven joints only.
 
     All that has mass stays, and so do friction and rotors of the joints; hinges, their friction and damping go. It
@@ -36,7 +36,7 @@ def rigid_twin(scene: Scene) -> Scene:
 
     Examples
     --------
-    >>> model = fl.lump(fl.rigid_twin(scene))
+    >>> model = fl.lump(fl.rigidified(scene))
     >>> tau = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], qdd)
     """
     if not isinstance(scene, Scene):
@@ -44,7 +44,7 @@ def rigid_twin(scene: Scene) -> Scene:
     angles, rates, links = scene.initial.joint_deg, scene.initial.rate_deg, scene.arm.links
     free = [math.radians(angle) for angle, link in zip(angles, links, strict=True) if not link.joint.locked]
     q = None if scene.initial.q is None else tuple(free)  # then the angles may lie beyond the limits
-    initial = Initial(joint_deg=angles, rate_deg=rates, q=q, time=scene.initial.time)
+    initial = InitialState(joint_deg=angles, rate_deg=rates, q=q, time=scene.initial.time)
     arm = replace(scene.arm, links=tuple(map(_rigid, links)))
     return Scene(name=scene.name, arm=arm, initial=initial, about=scene.about, gravity=scene.gravity, run=scene.run)
 

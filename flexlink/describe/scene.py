@@ -16,10 +16,19 @@ from numpy.typing import NDArray
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.conditions import Drive, Initial, Motion, Run, Wrench, check_method, implied, whole
+from flexlink.describe.conditions import (
+    Drive,
+    InitialState,
+    PrescribedMotion,
+    RunSettings,
+    Wrench,
+    check_method,
+    implied,
+    whole,
+)
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.reference import refuse_beyond
-from flexlink.describe.reference_trajectory import Course
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.spec import Spec, Vector3, assembled, check_keys, decode, fields_of, short
 from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
 from flexlink.describe.writing import said, toml_of
@@ -32,13 +41,13 @@ class Scene(Spec, frozen=True):
 
     name: str
     arm: Arm
-    initial: Initial
+    initial: InitialState
     about: str = ""
     gravity: Vector3 = (0.0, 0.0, 9.81)  # m/s², frame 0
     drive: Drive = Drive()
-    motion: tuple[Motion, ...] = ()
+    motion: tuple[PrescribedMotion, ...] = ()
     wrench: Wrench = Wrench()
-    run: Run = Run()
+    run: RunSettings = RunSettings()
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -104,7 +113,7 @@ class Scene(Spec, frozen=True):
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
-    def _check_motion(self, motion: Motion, path: str) -> int:
+    def _check_motion(self, motion: PrescribedMotion, path: str) -> int:
         """Number of the link that moves."""
         try:
             number = self.arm.number(motion.link)
@@ -155,7 +164,7 @@ class Scene(Spec, frozen=True):
             raise SceneError(f"drive.reference {error}") from None
 
     @property
-    def course(self) -> Course | None:
+    def course(self) -> ReferenceTrajectory | None:
         """Where the drive's reference leads the joints that are not locked [rad], one column each; None without one.
 
         Raises

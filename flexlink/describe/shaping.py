@@ -63,7 +63,7 @@ class ShaperRule(Spec, frozen=True):
         return h * half, a / a.sum()
 
 
-class Shaper(Spec, frozen=True):
+class InputShaper(Spec, frozen=True):
     """An input shaper for vibrations given by `frequency_hz`, undamped, and `damping` ratios, or by `poles`.
 
     `kind`: ZV, ZVD, …, or a path to a file of one's own. `poles` are [Re λ, Im λ] of each vibration [1/s].
@@ -90,7 +90,7 @@ class Shaper(Spec, frozen=True):
                 raise SceneError(f"poles[{k}] = {short((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0")
 
     @classmethod
-    def at(cls, poles: ArrayLike, kind: str = "ZVD") -> Shaper:
+    def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
         """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s]."""
         given = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
         return cls(kind=kind, poles=tuple((λ.real, λ.imag) for λ in given.tolist()))

@@ -28,7 +28,7 @@ from exudyn.itemInterface import (
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.engines.base import (
     Array,
@@ -192,7 +192,7 @@ class _System:
         exu.MainSolverImplicitSecondOrder().InitializeSolver(self.mbs, _settings())
         return np.array(self.mbs.systemData.GetODE2Coordinates_tt())
 
-    def advance(self, q: Array, qd: Array, began: float, run: Run) -> tuple[Array, Array]:
+    def advance(self, q: Array, qd: Array, began: float, run: RunSettings) -> tuple[Array, Array]:
         """The state one sample later; not finite if Exudyn gives up."""
         self._place(q, qd, INITIAL)
         settings = _settings()

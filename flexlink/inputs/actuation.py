@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
-from flexlink.describe.conditions import Motion
+from flexlink.describe.conditions import PrescribedMotion
 from flexlink.describe.scene import Scene
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.tip_wrench import wrench_table
-from flexlink.kernels.inputs.record import Inputs, MotionArrays
+from flexlink.kernels.inputs.record import Inputs, MotionTable
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -26,7 +26,7 @@ def input_arrays(scene: Scene, chain: Chain) -> Inputs:
     return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), wrench, table)
 
 
-def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
+def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     """The scene's prescribed motions; no joint at all if there is none.
 
     Raises
@@ -41,7 +41,7 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
         if not np.isfinite(piece).all():
             raise SceneError(f"motion[{k}].angle_deg: changes faster from one time to the next than float64 can hold")
     knots = [np.array(motion.times) for motion in scene.motion]
-    return MotionArrays(
+    return MotionTable(
         np.array(joints, dtype=np.int64),
         np.cumsum([0, *map(len, knots)], dtype=np.int64),
         np.concatenate([np.empty(0), *knots]),
@@ -50,7 +50,7 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionArrays:
 
 
 @functools.lru_cache(maxsize=64)
-def _pieces(motion: Motion) -> Array:
+def _pieces(motion: PrescribedMotion) -> Array:
     """Quintic Hermite pieces, then one that goes on at the final rate; found once for all models of a scene."""
     columns = [np.radians(column) for column in (motion.angle_deg, motion.rate_deg, motion.acceleration_deg)]
     pieces = np.zeros((len(motion.times), 6))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.rigidified import rigid_twin
+from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.vibration.stability import Gains
@@ -159,7 +159,7 @@ def _gains(scene: Scene, chain: Chain) -> tuple[Array, Array]:
 
 
 def _model(scene: Scene) -> RigidModel:
-    chain = lump(rigid_twin(scene)).arrays
+    chain = lump(rigidified(scene)).arrays
     return RigidModel(chain, rne_workspace(chain), np.zeros(6), *np.zeros((4, len(chain.hinges))))
 
 
@@ -169,7 +169,7 @@ def _no_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> Referenc
 
 def _rigid_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
     """Of the rigid model at the reference."""
-    return constant(gravity_torque(lump(rigid_twin(scene)), target.coefficients[0, 0]))
+    return constant(gravity_torque(lump(rigidified(scene)), target.coefficients[0, 0]))
 
 
 def _static_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> ReferenceArrays:

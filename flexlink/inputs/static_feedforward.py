@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.describe.reference_trajectory import Course
+from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.inputs.references import ReferenceArrays
@@ -29,7 +29,7 @@ def holding_torque(chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
     ConvergenceError
         Somewhere the arm has no equilibrium.
     """
-    course = Course(*target)
+    course = ReferenceTrajectory(*target)
     knots = np.concatenate(
         [*map(_divided, target.knots[:-1], target.knots[1:], target.coefficients[:-1]), target.knots[-1:]]
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SceneError
-from flexlink.describe.conditions import AUTO, Run
+from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
@@ -31,11 +31,11 @@ from flexlink.kernels.stepping.error_norm import Springs
 from flexlink.kernels.stepping.implicit import ImplicitMethod, ImplicitWork
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import Budget, Spent, warn
-from flexlink.motion.chunk_size import Pace, Reached
+from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.hindrance import hindrance
 from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.method_choice import Choice, cheapest
-from flexlink.motion.monitor import LONG, Watch, least_tolerance
+from flexlink.motion.monitor import LONG, RunMonitor, least_tolerance
 from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -78,10 +78,10 @@ NEAR = 1e-9
 """Part of the time between samples within which two times are one."""
 
 
-class ControlledSteps:
+class AdaptiveSteps:
     """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
 
-    def __init__(self, watch: Watch) -> None:
+    def __init__(self, watch: RunMonitor) -> None:
         record, run = watch.record, watch.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, watch.control, record.inputs
@@ -104,7 +104,7 @@ class ControlledSteps:
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
         self.budget.begin(self._spent(), float(self.record.t[-1]))
-        pace, start = Pace(), float(self.work.clock[clock.TIME])
+        pace, start = ChunkSize(), float(self.work.clock[clock.TIME])
         for k, end in enumerate(self.ends, 1):
             self._aim(start, end)
             start, how = end, controlled.GOES_ON
@@ -341,7 +341,7 @@ def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]
     return start, [*(t for t in between if t < end - NEAR * run.sample), *([end] if end > start else [])]
 
 
-def choose(run: Run, record: Record, slowest: float) -> Choice:
+def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
     """The method of a run, and, if it is not named, why."""
     if run.method != AUTO:
         return Choice(run.method, "")
@@ -355,7 +355,7 @@ def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) 
     return stable_step(record.chain, q, qd, method=name, tip_wrench=wrench, follower=follower, gains=gains)
 
 
-def settings(run: Run, method: Method, record: Record, largest: float) -> tuple[float, ...]:
+def settings(run: RunSettings, method: Method, record: Record, largest: float) -> tuple[float, ...]:
     """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
     reach = record.chain.reach
     if not run.controlled:

@@ -21,8 +21,8 @@ from flexlink.inputs.drives import same_law
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
 from flexlink.motion.fixed_steps import pieces, steps_up_to, tip_errors_of_eight
-from flexlink.motion.monitor import Watch
-from flexlink.motion.simulate import SingleRun, room_for, second_opinion
+from flexlink.motion.monitor import RunMonitor
+from flexlink.motion.simulate import SingleRun, allocate, verify
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -98,7 +98,7 @@ class Member(NamedTuple):
     """A scene, ready to run."""
 
     scene: Scene
-    watch: Watch
+    watch: RunMonitor
 
     @property
     def chain(self) -> Chain:
@@ -124,7 +124,7 @@ class _Preparing:
         parts = (scene.name, scene.arm, scene.gravity, locked, [motion.link for motion in scene.motion])
         if parts != self.made_of:
             self.chain, self.made_of = lump(scene), parts
-        return Member(scene, room_for(scene, self.chain))
+        return Member(scene, allocate(scene, self.chain))
 
 
 def _blocks(members: Iterable[Member]) -> Iterator[list[Member]]:
@@ -192,7 +192,7 @@ def _outcome(member: Member, stop: Stop, steps: Steps, errors: Array, q: Array, 
         return watch.diverged()
     if rows < len(record.t):
         return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
-    watch.warnings += second_opinion(member.scene, watch, steps.method, stop)
+    watch.warnings += verify(member.scene, watch, steps.method, stop)
     if stop.asked:
         return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
     return watch.trajectory()

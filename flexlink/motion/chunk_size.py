@@ -18,7 +18,7 @@ class Reached(NamedTuple):
     part: float  # of its time
 
 
-class Pace:
+class ChunkSize:
     """Number of steps that take about `BREATH`: `size`, from 1 on, at most `GROW` times the last."""
 
     def __init__(self) -> None:

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.bodies.kinematics import tip_points
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
-from flexlink.motion.chunk_size import Pace, Reached
-from flexlink.motion.monitor import Watch
+from flexlink.motion.chunk_size import ChunkSize, Reached
+from flexlink.motion.monitor import RunMonitor
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
@@ -31,7 +31,7 @@ class FixedSteps:
 
     slow, deflection, turned = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
-    def __init__(self, watch: Watch) -> None:
+    def __init__(self, watch: RunMonitor) -> None:
         record, run = watch.record, watch.run
         self.run = run
         self.failure: Failure | None = None
@@ -89,12 +89,12 @@ class FixedSteps:
         return Failure(f"no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
 
 
-def steps_up_to(run: Run, number: int) -> Steps:
+def steps_up_to(run: RunSettings, number: int) -> Steps:
     """What a run has done after a number of steps."""
     return Steps(run.method, number, number * method(run.method).stages)
 
 
-def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
+def pieces(watch: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
     """Integrate in pieces of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
@@ -104,7 +104,7 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
     yield int(integrate(*fixed, 0, 0, every, state, samples))
-    pace = Pace()
+    pace = ChunkSize()
     while first < last:
         stop = min(first + pace.start(), last)
         done = int(integrate(*fixed, first, stop, every, state, samples))
@@ -115,10 +115,10 @@ def pieces(watch: Watch, scratch: Any, state: Arrays, samples: Arrays) -> Iterat
         first = stop
 
 
-def tip_errors_of_eight(watches: Sequence[Watch], scratch: Any, samples: Arrays, probed: Indices) -> Array:
+def tip_errors_of_eight(watches: Sequence[RunMonitor], scratch: Any, samples: Arrays, probed: Indices) -> Array:
     """How far apart one step of h and two of h/2 put the tips of eight runs side by side [m], shape (8, probed).
 
-    From samples (rows, n, 8), with their scratch; what `Watch` finds of a run alone.
+    From samples (rows, n, 8), with their scratch; what `RunMonitor` finds of a run alone.
     """
     run, record = watches[0].run, watches[0].record
     (n, lanes), numbers = samples[0].shape[1:], record.origin + probed * run.steps_per_sample

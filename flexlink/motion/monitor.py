@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from flexlink.describe.conditions import AUTO, Run, steps_explicitly
+from flexlink.describe.conditions import AUTO, RunSettings, steps_explicitly
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
@@ -57,13 +57,13 @@ def least_tolerance(record: Record) -> float:
     return SMALLEST * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
 
 
-def tolerance_of(run: Run, chain: Chain, deflection: float) -> float:
+def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
     """The tolerance of a run [m]: a relative one is a part of what it says, the reach or the deflection so far [m]."""
     return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
 
 
 def allowed_imbalance(
-    run: Run, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
+    run: RunSettings, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
 ) -> balance.Allowance:
     """Energy that an error δ of any body's place as large as the tolerance makes up for, as m g δ and m v δ/τ.
 
@@ -80,7 +80,7 @@ def allowed_imbalance(
     return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, not explicit, compared)
 
 
-class Watch:
+class RunMonitor:
     """What the samples of a run say of it, looked at piece by piece in the order of time.
 
     Attributes
@@ -98,7 +98,7 @@ class Watch:
     """
 
     def __init__(
-        self, run: Run, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None
+        self, run: RunSettings, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None
     ) -> None:
         chain = record.chain
         self.record, self.run, self.control = record, run, control

@@ -11,14 +11,14 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import callable_or_none, positive
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import Run, multiples, parts, steps_explicitly, whole
+from flexlink.describe.conditions import RunSettings, multiples, parts, steps_explicitly, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import short
 from flexlink.inputs.drives import effort_of, held
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
-from flexlink.motion.chunk_size import Pace
+from flexlink.motion.chunk_size import ChunkSize
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
 
@@ -86,7 +86,7 @@ class Control:
         """Ask the law at instant `k`, and hold what it gives from there."""
         self.drive.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
 
-    def pieces(self, record: Record, run: Run, state: tuple[Array, Array, Array]) -> Iterator[int]:
+    def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.
 
         Raises
@@ -95,7 +95,7 @@ class Control:
             As in `torque`; the samples before that instant are there.
         """
         last, advance = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
-        tableau, pace, number = method(run.method).arrays, Pace(), 0
+        tableau, pace, number = method(run.method).arrays, ChunkSize(), 0
         yield advance(record, tableau, state, 0, 0)
         while number < last:
             stop = min(number + self.apart, last)

@@ -20,10 +20,10 @@ from flexlink.describe.scene import Scene
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.step_check import judge_step
-from flexlink.motion.adaptive_steps import ControlledSteps
+from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.budget import warn
 from flexlink.motion.fixed_steps import FixedSteps
-from flexlink.motion.monitor import Watch
+from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.sampled_control import Law, control_of
 from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, second_runs
 from flexlink.results.record import Record
@@ -134,7 +134,7 @@ def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None)
 class SingleRun:
     """A run that is judged and compiled, and has not started; errors as in `simulate`."""
 
-    def __init__(self, scene: Scene, watch: Watch | None = None) -> None:
+    def __init__(self, scene: Scene, watch: RunMonitor | None = None) -> None:
         self.scene = scene
         self.watch = prepare(scene, lump(scene)) if watch is None else watch
         self.steps = steps_of(self.watch)
@@ -155,7 +155,7 @@ class SingleRun:
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (watch.fault or steps.failure or stop.asked):
-                watch.warnings += second_opinion(self.scene, watch, steps.steps.method, stop)
+                watch.warnings += verify(self.scene, watch, steps.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -187,7 +187,7 @@ class SingleRun:
                 break
 
 
-def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterator[str]:
+def verify(scene: Scene, watch: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
     """What second runs say against a finished one, that advanced by the method of this name: a warning, or nothing."""
     text, own = "", watch.steps.evaluations
     for second in second_runs(watch, name):
@@ -214,23 +214,23 @@ def second_opinion(scene: Scene, watch: Watch, name: str, stop: Stop) -> Iterato
         yield text
 
 
-def steps_of(watch: Watch) -> FixedSteps | ControlledSteps:
+def steps_of(watch: RunMonitor) -> FixedSteps | AdaptiveSteps:
     """The steps of a run by its method: fixed ones of an explicit method, or others."""
-    return FixedSteps(watch) if watch.explicit else ControlledSteps(watch)
+    return FixedSteps(watch) if watch.explicit else AdaptiveSteps(watch)
 
 
 def prepare(
     scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
-) -> Watch:
-    """`room_for` a run, whose first sample is looked at; errors as there."""
-    watch = room_for(scene, chain, law, rate, rows=rows)
+) -> RunMonitor:
+    """`allocate` a run, whose first sample is looked at; errors as there."""
+    watch = allocate(scene, chain, law, rate, rows=rows)
     watch.look(1)
     return watch
 
 
-def room_for(
+def allocate(
     scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
-) -> Watch:
+) -> RunMonitor:
     """Room for the samples of a run, or for its first rows, of which the first is filled, and its step judged.
 
     Raises
@@ -253,7 +253,7 @@ def room_for(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     record.q[0], record.qd[0] = start = initial_state(scene, chain)
-    watch = Watch(run, record, judge_step(scene, chain, *start, inputs), control)
+    watch = RunMonitor(run, record, judge_step(scene, chain, *start, inputs), control)
     if control is not None:
         try:
             control.note(0, *start)

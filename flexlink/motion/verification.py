@@ -17,9 +17,9 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from flexlink.describe.conditions import AUTO, Run
+from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
-from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, Watch, least_tolerance
+from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor, least_tolerance
 
 Array = NDArray[np.float64]
 
@@ -57,13 +57,13 @@ UNKNOWN = (
 class Second(NamedTuple):
     """A run to compare with."""
 
-    run: Run
+    run: RunSettings
     every: int  # of the first run's samples
     larger: float  # how far the two are apart, over the error of the first
     strict: bool = True  # so much that the first is to blame where they differ
 
 
-def second_runs(watch: Watch, name: str) -> Iterator[Second]:
+def second_runs(watch: RunMonitor, name: str) -> Iterator[Second]:
     """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
 
     None where a control law drives the arm: it may remember what it was asked.
@@ -85,7 +85,7 @@ def second_runs(watch: Watch, name: str) -> Iterator[Second]:
         yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
 
 
-def doubt(watch: Watch, second: Second, tip: Array) -> str:
+def doubt(watch: RunMonitor, second: Second, tip: Array) -> str:
     """Why a run is doubtful whose second run has these tips; empty if it is not."""
     error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(watch)
@@ -99,7 +99,7 @@ def doubt(watch: Watch, second: Second, tip: Array) -> str:
     return ""
 
 
-def multiplies(watch: Watch) -> str:
+def multiplies(watch: RunMonitor) -> str:
     """What lets a run multiply its errors, as the end of a sentence; empty if nothing is known to."""
     if turned(watch) > FAR:
         return ": this motion multiplies errors"
@@ -110,19 +110,19 @@ def multiplies(watch: Watch) -> str:
     return ""
 
 
-def advice(watch: Watch) -> str:
+def advice(watch: RunMonitor) -> str:
     """What to change in a run that is doubtful so."""
     return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
 
 
-def turned(watch: Watch) -> float:
+def turned(watch: RunMonitor) -> float:
     """Angle [rad] that all links' joints go through, forth and back, in all steps, or by their rates at the samples."""
     record, chain = watch.record, watch.record.chain
     rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
     return max(watch.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
-def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
+def _stricter_and_stricter(watch: RunMonitor) -> Iterator[Second]:
     """Runs that are to explain a difference by their own errors, down to what is too strict for that."""
     tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, least_tolerance(watch.record))
     while tolerance > own:
@@ -131,7 +131,7 @@ def _stricter_and_stricter(watch: Watch) -> Iterator[Second]:
     yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
 
 
-def _stricter(watch: Watch, name: str) -> Run:
+def _stricter(watch: RunMonitor, name: str) -> RunSettings:
     """A run with a tolerance that is a part of this one's, of the same kind."""
     run = watch.run
     if run.accuracy == "tip":
@@ -139,11 +139,11 @@ def _stricter(watch: Watch, name: str) -> Run:
     return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
 
 
-def _within(run: Run, name: str, tolerance: float) -> Run:
-    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=Run().dynamics)
+def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
+    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=RunSettings().dynamics)
 
 
-def _tolerance(watch: Watch) -> float:
+def _tolerance(watch: RunMonitor) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if watch.run.controlled:
         return watch.tolerance

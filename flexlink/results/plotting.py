@@ -13,13 +13,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from flexlink.dynamics.vibration.modal import Modes
-    from flexlink.results.trajectory import Trajectory
+    from flexlink.results.samples import RunSamples
 
 LEGEND_ENTRIES = 8  # more do not fit beside a panel
 PANEL = 1.9  # height [in]
 
 
-def plot_trajectory(run: Trajectory) -> Figure:
+def plot_trajectory(run: RunSamples) -> Figure:
     """All `PANELS` that have something to show, against time, each with its legend beside it."""
     shown = [panel for panel, has_content in PANELS if has_content(run)]
     figure = Figure(figsize=(8.4, PANEL * len(shown) + 0.7), layout="constrained")
@@ -33,24 +33,24 @@ def plot_trajectory(run: Trajectory) -> Figure:
     return figure
 
 
-def active_joints(panel: Axes, run: Trajectory) -> None:
+def active_joints(panel: Axes, run: RunSamples) -> None:
     """Angles of the driven joints."""
     _angles(panel, run, run.chain.active.tolist(), "active joints [deg]")
 
 
-def passive_joints(panel: Axes, run: Trajectory) -> None:
+def passive_joints(panel: Axes, run: RunSamples) -> None:
     """Angles of the hinges."""
     _angles(panel, run, _hinges(run), "passive joints [deg]")
 
 
-def tip(panel: Axes, run: Trajectory) -> None:
+def tip(panel: Axes, run: RunSamples) -> None:
     """Position of the tip."""
     for column, axis in enumerate("xyz"):
         panel.plot(run.t, run.tip[:, column], label=axis)
     panel.set_ylabel("tip, frame 0 [m]")
 
 
-def exchanged_energy(panel: Axes, run: Trajectory) -> None:
+def exchanged_energy(panel: Axes, run: RunSamples) -> None:
     """Kinetic and gravity energy and the sum of all, since the start: the zero of gravity energy says nothing."""
     for name, values in (("kinetic", run.energy.kinetic), ("gravity", run.energy.gravity)):
         panel.plot(run.t, _since_start(values), label=name)
@@ -58,20 +58,20 @@ def exchanged_energy(panel: Axes, run: Trajectory) -> None:
     panel.set_ylabel("energy since\nthe start [J]")
 
 
-def elastic_energy(panel: Axes, run: Trajectory) -> None:
+def elastic_energy(panel: Axes, run: RunSamples) -> None:
     """Energy of the springs, often thousands of times smaller than what falls and swings."""
     panel.plot(run.t, np.asarray(run.energy.elastic), label="elastic", color="tab:green")
     panel.set_ylabel("elastic\nenergy [J]")
 
 
-def imbalance(panel: Axes, run: Trajectory) -> None:
+def imbalance(panel: Axes, run: RunSamples) -> None:
     """What the discretisation has done to the energy."""
     panel.plot(run.t, run.imbalance, label="E − E(0) − W", color="tab:red")
     panel.set_ylabel("power\nbalance [J]")
     panel.ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
 
 
-PANELS: tuple[tuple[Callable[[Axes, Trajectory], None], Callable[[Trajectory], bool]], ...] = (
+PANELS: tuple[tuple[Callable[[Axes, RunSamples], None], Callable[[RunSamples], bool]], ...] = (
     (active_joints, lambda run: len(run.chain.active) > 0),
     (passive_joints, lambda run: len(_hinges(run)) > 0),
     (tip, lambda run: True),
@@ -107,7 +107,7 @@ def plot_modes(found: Modes, name: str, count: int = 8) -> Figure:
     return figure
 
 
-def _hinges(run: Trajectory) -> list[int]:
+def _hinges(run: RunSamples) -> list[int]:
     return [k for k, c in enumerate(run.chain.coordinates) if c.axis]
 
 
@@ -116,7 +116,7 @@ def _since_start(values: ArrayLike) -> NDArray[np.float64]:
     return since
 
 
-def _angles(panel: Axes, run: Trajectory, joints: list[int], label: str) -> None:
+def _angles(panel: Axes, run: RunSamples, joints: list[int], label: str) -> None:
     for place, k in enumerate(joints):
         name = run.chain.joint_name(k) if place < LEGEND_ENTRIES else None
         panel.plot(run.t, np.degrees(run.q[:, k]), label=name, linewidth=1.0)

@@ -150,7 +150,7 @@ class Trajectory(RunSamples):
         SingularMassError
             As in `qdd`.
         """
-        room = importlib.import_module("flexlink.pictures.animate")
+        room = importlib.import_module("flexlink.results.pictures.animate")
         wanted = room.shot(path, magnify=magnify, colour=colour, fps=fps, speed=speed, width=width)
         drawn: Path = room.animate(self, wanted, progress)
         return drawn

@@ -11,11 +11,11 @@ from flexlink.chain.rigid import Array, Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.describe.arm import Arm, Link
-from flexlink.describe.conditions import Initial, Run
+from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short, short_list
-from flexlink.robots.flexible import Flexible, Made, bent, payload
+from flexlink.robots.flexible import FlexibleLink, Made, bent, payload
 from flexlink.robots.serial import Part, SerialPath
 
 NOISE_DEG = 1e-13
@@ -32,7 +32,7 @@ def origins_beyond(way: SerialPath) -> list[Array]:
 def assembled(
     name: str,
     way: SerialPath,
-    flexible: Mapping[str, Flexible],
+    flexible: Mapping[str, FlexibleLink],
     armature: Mapping[str, float],
     gravity: Vector3,
 ) -> tuple[Scene, list[Made]]:
@@ -59,13 +59,13 @@ def assembled(
             sections={one.link.name: one.section for one in made if one.section is not None},
         ),
         gravity=gravity,
-        initial=Initial(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
-        run=Run(relative_tolerance=ACCURACY),
+        initial=InitialState(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
+        run=RunSettings(relative_tolerance=ACCURACY),
     )
     return scene, made
 
 
-def _made(way: SerialPath, flexible: Mapping[str, Flexible], armature: Mapping[str, float]) -> Iterator[Made]:
+def _made(way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]) -> Iterator[Made]:
     """Link by link."""
     at = np.zeros(3)  # where the link before ends, in the frame of its part
     for part, beyond in zip(way.parts, origins_beyond(way), strict=True):

@@ -12,8 +12,8 @@ import msgspec
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.spec import Spec, decode, meant, short, short_list
-from flexlink.robots.flexible import Flexible
-from flexlink.robots.importing import Imported, import_urdf
+from flexlink.robots.flexible import FlexibleLink
+from flexlink.robots.importing import ImportResult, import_urdf
 
 PACKAGE = "example-robot-data"
 TABLE = Path(__file__).parent / "data" / "arms.toml"
@@ -27,7 +27,7 @@ class KnownArm(Spec, frozen=True):
     tip: str | None = None
     posture: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
     locked: dict[str, float] = msgspec.field(default_factory=dict)  # rad, m
-    flexible: dict[str, Flexible] = msgspec.field(default_factory=dict)
+    flexible: dict[str, FlexibleLink] = msgspec.field(default_factory=dict)
 
     @property
     def path(self) -> Path:
@@ -91,7 +91,7 @@ def known_arm(name: str) -> KnownArm:
     return arms[name]
 
 
-def import_known(name: str) -> Imported:
+def import_known(name: str) -> ImportResult:
     """What `import_urdf` makes of an arm of the table; its scene has the name of the arm."""
     arm = known_arm(name)
     imported = import_urdf(

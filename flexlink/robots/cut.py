@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.rigid import NOTHING, Pose, RigidBody, body_with
+from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ FLAT = 1e-12
 digits of files where a plate or a rod was meant."""
 
 
-def largest_mass(link: RigidBody, beam: RigidBody) -> float:
+def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
     """The most mass [kg] that a beam of this shape, of any mass itself, can take from a link.
 
     Parameters
@@ -46,7 +46,7 @@ def largest_mass(link: RigidBody, beam: RigidBody) -> float:
     return float(1 / λ)
 
 
-def cut(link: RigidBody, beam: RigidBody, line: Pose, length: float) -> tuple[RigidBody, RigidBody]:
+def cut(link: SpatialInertia, beam: SpatialInertia, line: Pose, length: float) -> tuple[SpatialInertia, SpatialInertia]:
     """What remains of a link, at the root and at the end of the beam, in the link's frame.
 
     Parameters

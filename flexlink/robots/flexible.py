@@ -8,11 +8,11 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.chain.rigid import Array, Pose, RigidBody, body_with
+from flexlink.chain.rigid import Array, Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
-from flexlink.describe.rigid_body import ROUNDING, Payload
+from flexlink.describe.rigid_body import ROUNDING, RigidBody
 from flexlink.describe.spec import Positive, Spec, Vector3, short
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.serial import Part
@@ -25,7 +25,7 @@ LITTLE = 0.1
 """Part of a link's mass below which it is said that a beam can have no more of it."""
 
 
-class Flexible(Spec, frozen=True):
+class FlexibleLink(Spec, frozen=True):
     """Of one link: where its beam runs, what it is made of, and how it is cut into segments.
 
     The beam has `section` and `material`; with `mass` [kg] the density follows from that, and with `frequency_hz` [Hz]
@@ -76,11 +76,11 @@ def slender_mass(part: Part, next_origin: Array) -> float:
     if ends[0] == ends[1]:
         return 0.0
     line = line_of(ends, None, part.joint.axis)
-    thin = RigidBody(1.0, np.array([line.length / 2, 0, 0]), np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12)
+    thin = SpatialInertia(1.0, np.array([line.length / 2, 0, 0]), np.diag([0.0, 1.0, 1.0]) * line.length**2 / 12)
     return largest_mass(part.body, thin.moved(_pose(line)))
 
 
-def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Made:
+def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> Made:
     """Make a rigid link flexible.
 
     Parameters
@@ -131,7 +131,7 @@ def bent(part: Part, rigid: Link, flexible: Flexible, next_origin: Array) -> Mad
     return Made(link, material, section, f"{part.link}: {said}", _warning(part, largest))
 
 
-def _mass(flexible: Flexible, volume: float, largest: float) -> float:
+def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
     if flexible.mass is None and flexible.section is not None:
         return flexible.material.density * volume
     return flexible.mass or SHARE * largest
@@ -144,7 +144,7 @@ def _warning(part: Part, largest: float) -> str:
     return f"{part.link}: only {share:.1%} of its mass fit along this line: does its tube run elsewhere?"
 
 
-def payload(body: RigidBody) -> Payload:
+def payload(body: SpatialInertia) -> RigidBody:
     """A body in the words of a scene; where only rounding makes it one that cannot be, the nearest that can.
 
     Raises
@@ -161,13 +161,13 @@ def payload(body: RigidBody) -> Payload:
         return _said(body_with(body.mass, body.center, (V * np.maximum(λ, 0.0)) @ V.T))
 
 
-def _said(body: RigidBody) -> Payload:
+def _said(body: SpatialInertia) -> RigidBody:
     """Three moments where there are no products."""
     inertia = (body.inertia + body.inertia.T) / 2
     xx, yy, zz, xy, xz, yz = (float(inertia[j, k]) for j, k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
     products = (xy, xz, yz) if xy or xz or yz else ()
     x, y, z = body.center.tolist()
-    return Payload(mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *products))
+    return RigidBody(mass=float(body.mass), center=(x, y, z), inertia=(xx, yy, zz, *products))
 
 
 def rounded_down(value: float) -> str:
@@ -183,12 +183,12 @@ def _tube(length: float) -> Section:
     return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / WALL))
 
 
-def _prism(section: Section, mass: float, line: Line) -> RigidBody:
+def _prism(section: Section, mass: float, line: Line) -> SpatialInertia:
     """A uniform beam, I = m diag((I_y + I_z)/A, I_y/A + L²/12, I_z/A + L²/12), in the link's frame."""
     area, i_y, i_z, _ = section.properties
     L = line.length
     inertia = mass * np.diag([(i_y + i_z) / area, i_y / area + L**2 / 12, i_z / area + L**2 / 12])
-    return RigidBody(mass, np.array([L / 2, 0, 0]), inertia).moved(_pose(line))
+    return SpatialInertia(mass, np.array([L / 2, 0, 0]), inertia).moved(_pose(line))
 
 
 def _pose(line: Line) -> Pose:

@@ -10,14 +10,14 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short, short_list
 from flexlink.robots.assembly import assembled, origins_beyond
-from flexlink.robots.flexible import Flexible, rounded_down, slender_mass
+from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 
 NO_NUMBERS: Mapping[str, float] = {}
-NO_BEAMS: Mapping[str, Flexible] = {}
+NO_BEAMS: Mapping[str, FlexibleLink] = {}
 DOWN = (0.0, 0.0, -9.81)
 """Gravity [m/s²] in the frame of a robot's root, whose Z points up."""
 LEAST = 0.01
@@ -25,7 +25,7 @@ LEAST = 0.01
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Imported:
+class ImportResult:
     """What became of a robot.
 
     Attributes
@@ -62,10 +62,10 @@ def import_urdf(
     tip: str | None = None,
     posture: Mapping[str, float] = NO_NUMBERS,
     locked: Mapping[str, float] = NO_NUMBERS,
-    flexible: Mapping[str, Flexible] = NO_BEAMS,
+    flexible: Mapping[str, FlexibleLink] = NO_BEAMS,
     armature: Mapping[str, float] = NO_NUMBERS,
     gravity: Vector3 = DOWN,
-) -> Imported:
+) -> ImportResult:
     """Read a robot from a URDF file and make a scene of the path between two of its links.
 
     The hinges of the path are the joints of the arm. Whatever hangs on it, side branches, grippers, followers, is rigid
@@ -122,10 +122,10 @@ def import_urdf(
     stated = {*posture, *locked}
     notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in made)), *_beams(way, largest)]
     warnings = [*filter(None, (one.warning for one in made)), *_left_behind(robot, way)]
-    return Imported(scene, way, largest, tuple(notes), tuple(warnings))
+    return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
-def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
+def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
     for link, asked in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
@@ -133,7 +133,7 @@ def _check_links(way: SerialPath, flexible: Mapping[str, Flexible]) -> None:
         if link not in [part.link for part in way.parts]:
             allowed = short_list([part.link for part in way.parts])
             raise ArgumentError(f"flexible: link {short(link)} is not on the path; allowed are {allowed}")
-        if not isinstance(asked, Flexible):
+        if not isinstance(asked, FlexibleLink):
             raise ArgumentError(f"flexible: {short(link)} = {short(asked)}: expected a Flexible")
 
 

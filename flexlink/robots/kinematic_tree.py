@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.rigid import Pose, RigidBody
+from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import short, short_list
 
@@ -92,7 +92,7 @@ class Robot:
     """
 
     name: str
-    links: Mapping[str, RigidBody]
+    links: Mapping[str, SpatialInertia]
     joints: Mapping[str, TreeJoint]
     left_out: Mapping[str, int]
 

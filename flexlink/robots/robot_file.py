@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.rigid import NOTHING, Pose, RigidBody
+from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
@@ -83,7 +83,7 @@ def _robot(root: ET.Element) -> Robot:
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
-    links: dict[str, RigidBody] = {}
+    links: dict[str, SpatialInertia] = {}
     for element in found:
         links[_new_name(element, links)] = _body(element)
     joints: dict[str, TreeJoint] = {}
@@ -95,7 +95,7 @@ def _robot(root: ET.Element) -> Robot:
     return Robot(root.get("name", "robot"), links, joints, left_out)
 
 
-def _new_name(element: ET.Element, known: dict[str, RigidBody] | dict[str, TreeJoint]) -> str:
+def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, TreeJoint]) -> str:
     name = element.get("name")
     if not name:
         raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing")
@@ -171,7 +171,7 @@ def _origin(parent: ET.Element, about: str) -> Pose:
     return Pose(matrix_from_rpy_deg((roll, pitch, yaw)), _vector(element, "xyz", about, zero))
 
 
-def _body(link: ET.Element) -> RigidBody:
+def _body(link: ET.Element) -> SpatialInertia:
     about = _said(link)
     inertial = _one(link, "inertial", about)
     if inertial is None:
@@ -180,7 +180,7 @@ def _body(link: ET.Element) -> RigidBody:
     tensor = _needed(inertial, "inertia", about)
     xx, yy, zz, xy, xz, yz = (_number(tensor, key, about) for key in MOMENTS)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    return RigidBody(mass, np.zeros(3), inertia).moved(_origin(inertial, about))
+    return SpatialInertia(mass, np.zeros(3), inertia).moved(_origin(inertial, about))
 
 
 def _joint(element: ET.Element, name: str) -> TreeJoint:

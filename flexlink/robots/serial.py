@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 
-from flexlink.chain.rigid import HERE, Pose, RigidBody
+from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import meant, plain, short, short_list
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
@@ -23,7 +23,7 @@ class Part:
     joint: TreeJoint
     link: str
     origin: Pose
-    body: RigidBody
+    body: SpatialInertia
     folded: tuple[str, ...]
 
 
@@ -129,7 +129,7 @@ def _along(way: Sequence[TreeJoint], positions: Mapping[str, float]) -> Pose:
     return pose
 
 
-def _folded(robot: Robot, links: Sequence[str], positions: Mapping[str, float]) -> RigidBody:
+def _folded(robot: Robot, links: Sequence[str], positions: Mapping[str, float]) -> SpatialInertia:
     """The links as one body in the frame of the first, each joined to that on which it hangs, outermost first."""
     bodies = {link: robot.links[link] for link in links}
     for link in reversed(links[1:]):

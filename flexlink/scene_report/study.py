@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.goal import farthest
-from flexlink.advice.model_runner import Bench
+from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
@@ -79,9 +79,9 @@ class Study:
         return bool(self.chain.stiffness.any())
 
     @cached_property
-    def bench(self) -> Bench:
+    def bench(self) -> ModelRunner:
         """Where other models of the scene are run, with a budget."""
-        return Bench(self.scene, BUDGET)
+        return ModelRunner(self.scene, BUDGET)
 
     @property
     def run(self) -> Trajectory:

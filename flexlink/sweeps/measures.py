@@ -36,7 +36,7 @@ DEFLECTION = "deflection [m]"
 """How far the tip is from where it would be with all springs at rest, at the same angles of the joints."""
 
 
-class Quantity(Spec, frozen=True):
+class SweepOutput(Spec, frozen=True):
     """One number of every run, with its unit in the name of what it is `of`.
 
     A column of the samples (`Trajectory.columns`, such as "tip x [m]" or "q upper [rad]", or "deflection [m]") takes
@@ -112,8 +112,8 @@ def column_of(run: Trajectory, name: str) -> Array:
     return columns[name]
 
 
-def _count(name: str) -> Callable[[Quantity, Trajectory], float]:
-    def count(_: Quantity, run: Trajectory) -> float:
+def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
+    def count(_: SweepOutput, run: Trajectory) -> float:
         if run.steps is None:
             raise ArgumentError(f"of = {name!r}: known of flexlink's own runs only")
         return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
@@ -121,7 +121,7 @@ def _count(name: str) -> Callable[[Quantity, Trajectory], float]:
     return count
 
 
-MEASURES: Mapping[str, Callable[[Quantity, Trajectory], float]] = {
+MEASURES: Mapping[str, Callable[[SweepOutput, Trajectory], float]] = {
     "steps": _count("steps"),
     "evaluations": _count("evaluations"),
     "settling time [s]": lambda quantity, run: settling_time(
@@ -142,7 +142,7 @@ TAKES: Mapping[str, set[str]] = {
 """The keys that they take."""
 
 
-def measured(quantities: Mapping[str, Quantity], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
+def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
     """The numbers of a run, None where there is none, and why there is none."""
     values: list[float | None] = []
     reasons = []

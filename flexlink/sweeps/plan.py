@@ -16,8 +16,8 @@ from flexlink.describe.scene import FIELDS, Scene, load_scene
 from flexlink.describe.spec import Spec, check_keys, decode, fields_of, meant, short
 from flexlink.describe.vary import changed
 from flexlink.engines import ENGINES
-from flexlink.sweeps.measures import Quantity
-from flexlink.sweeps.ranges import MOST, Axis, Sample, grid_axis, sample_axis, together_axis
+from flexlink.sweeps.measures import SweepOutput
+from flexlink.sweeps.ranges import MOST, Axis, RandomDesign, grid_axis, sample_axis, together_axis
 
 ENGINE = "engine"
 """The one key that is not the scene's: which engine integrates."""
@@ -38,12 +38,12 @@ class Sweep(Spec, frozen=True):
     """
 
     scene: Scene
-    quantity: dict[str, Quantity]
+    quantity: dict[str, SweepOutput]
     about: str = ""
     set: dict[str, Any] = msgspec.field(default_factory=dict)
     grid: dict[str, Any] = msgspec.field(default_factory=dict)
     together: dict[str, Any] = msgspec.field(default_factory=dict)
-    sample: Sample | None = None
+    sample: RandomDesign | None = None
 
     def __repr__(self) -> str:
         return f"<Sweep of {self.scene.name!r}: {', '.join(self.keys)} → {', '.join(self.quantity)}>"

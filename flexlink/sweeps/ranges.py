@@ -99,7 +99,7 @@ class Spread(Spec, frozen=True):
         return low * (high / low) ** u if self.spacing == "log" else low + u * (high - low)
 
 
-class Sample(Spec, frozen=True):
+class RandomDesign(Spec, frozen=True):
     """Points drawn at random: `count` of them, every key of `keys` with a list, of which one is drawn, or a spread.
 
     method = "latin": Latin hypercube, each key's values spread evenly by themselves. "sobol", "halton": low-discrepancy
@@ -178,7 +178,7 @@ def together_axis(said: Mapping[str, Any]) -> Axis:
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
 
-def sample_axis(sample: Sample) -> Axis:
+def sample_axis(sample: RandomDesign) -> Axis:
     """The axis of a sample; errors as above."""
     if not sample.keys:
         raise SceneError("sample.keys: empty; name at least one key and its spread")

@@ -50,10 +50,10 @@ def random_scene(seed: int) -> fl.Scene:
     links = tuple(_link(dice, k, stuff, sections, planar) for k in range(dice.one_of(1, 2, 2, 3)))
     material = replace(STUFFS[stuff], loss_time=dice.one_of(0.0, 0.0, dice.decades(-5, -3)))
     mass = _mass(links, sections, material)
-    tip = fl.Payload()
+    tip = fl.RigidBody()
     if dice.chance(0.6):
         load = mass * dice.decades(-1.0, 0.3)
-        tip = fl.Payload(mass=load, inertia=(load * 1e-3,) * 3)
+        tip = fl.RigidBody(mass=load, inertia=(load * 1e-3,) * 3)
     _thicken(links, sections, material, tip.mass)
     gravity = (0.0, -9.81, 0.0) if planar else dice.three(6.0)
     if situation != "falling" and dice.chance(0.3):
@@ -62,8 +62,8 @@ def random_scene(seed: int) -> fl.Scene:
     angles = tuple(dice.linear(-90.0, 90.0) for _ in links)
     arm = fl.Arm(links=links, materials={stuff: material}, sections=sections, tip=tip)
     scene = fl.Scene(
-        name=f"{situation} {seed}", arm=arm, gravity=gravity, initial=fl.Initial(joint_deg=angles),
-        run=fl.Run(duration=SAMPLES * (every := round(duration / SAMPLES, 4)), sample=every, step=every),
+        name=f"{situation} {seed}", arm=arm, gravity=gravity, initial=fl.InitialState(joint_deg=angles),
+        run=fl.RunSettings(duration=SAMPLES * (every := round(duration / SAMPLES, 4)), sample=every, step=every),
     )  # fmt: skip
     if dice.chance(0.2):
         scene = replace(scene, wrench=fl.Wrench(force=dice.three(2.0 * _mass(links[-1:], sections, material))))
@@ -78,7 +78,7 @@ def tumbling_scene(seed: int) -> fl.Scene:
     arm, run = replace(falling.arm, links=links), replace(falling.run, duration=TUMBLES * falling.run.duration)
     return replace(
         falling, name=f"tumbling {seed}", arm=arm, gravity=(0.0, -9.81, 0.0), wrench=fl.Wrench(), run=run,
-        initial=fl.Initial(joint_deg=angles),
+        initial=fl.InitialState(joint_deg=angles),
     )  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def released_scene(seed: int) -> fl.Scene:
 
 def robot_scene(duration: float) -> fl.Scene:
     """A robot of three axes from a URDF file, two of its links tubes that bend; its waist turns while it falls."""
-    flexible = {name: fl.Flexible(section=section, flex="xyz") for name, section in TUBES.items()}
+    flexible = {name: fl.FlexibleLink(section=section, flex="xyz") for name, section in TUBES.items()}
     posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
     scene = fl.import_urdf(ROBOT, posture=posture, flexible=flexible).scene
     every = duration / SAMPLES
@@ -125,7 +125,7 @@ def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], plana
         name=f"link{k}", length=length, mount=fl.Mount(rpy_deg=rpy), joint=joint, material=stuff, section=f"s{k}",
         section_tip=f"t{k}" if taper else None, flex="xyz", segments=3,
         damping=fl.Damping(ratio=dice.linear(0.0, 0.05), at_hz=dice.decades(0.5, 1.5)) if dice.chance(0.2) else None,
-        end=fl.Payload(mass=motor, inertia=(motor * 1e-3,) * 3) if motor else fl.Payload(),
+        end=fl.RigidBody(mass=motor, inertia=(motor * 1e-3,) * 3) if motor else fl.RigidBody(),
     )  # fmt: skip
 
 
@@ -194,8 +194,8 @@ def _put_in(scene: fl.Scene, situation: str, dice: Dice, inertias: list[float]) 
     return scene
 
 
-def _move(dice: Dice, link: str, angle: float, end: float) -> fl.Motion:
+def _move(dice: Dice, link: str, angle: float, end: float) -> fl.PrescribedMotion:
     """From rest to rest, over before the run is."""
     zero, there = (0.0, 0.0), angle + dice.linear(-80.0, 80.0)
     times = (0.0, end * dice.linear(0.4, 0.9))
-    return fl.Motion(link=link, times=times, angle_deg=(angle, there), rate_deg=zero, acceleration_deg=zero)
+    return fl.PrescribedMotion(link=link, times=times, angle_deg=(angle, there), rate_deg=zero, acceleration_deg=zero)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
-from flexlink.advice.model_runner import OF_STABLE, Bench, Stepping
+from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Stepping
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
@@ -63,7 +63,7 @@ def truth(scene: Scene, within: float, budget: float) -> Truth:
 
 def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
     """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
-    bench, axes = Bench(scene, budget), most_axes(scene)
+    bench, axes = ModelRunner(scene, budget), most_axes(scene)
     tips: list[tuple[int, Array]] = []
     limits: list[Array] = []
     motion, errors = 1.0, np.full(scene.run.samples, np.inf)
@@ -92,7 +92,7 @@ def _up_to(difference: Array) -> Array:
     return np.asarray(np.maximum.accumulate(np.linalg.norm(difference, axis=1)))
 
 
-def _tip_of(bench: Bench, model: Model, tolerance: float) -> Array | None:
+def _tip_of(bench: ModelRunner, model: Model, tolerance: float) -> Array | None:
     for method in (METHOD, "auto"):
         outcome = bench.run(model, Stepping(method, tolerance=tolerance))
         if outcome.whole:
@@ -102,7 +102,7 @@ def _tip_of(bench: Bench, model: Model, tolerance: float) -> Array | None:
 
 def naive_cost(scene: Scene) -> float:
     """CPU time of the careless model [s], by its evaluations, without running it."""
-    bench, model = Bench(scene, np.inf), uniform(most_axes(scene), NAIVE)
+    bench, model = ModelRunner(scene, np.inf), uniform(most_axes(scene), NAIVE)
     stepping = bench.fixed(OF_STABLE * bench.stable(model))
     return np.inf if stepping is None else bench.fixed_cost(model, stepping)
 
@@ -116,7 +116,7 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
     best = dict(allowed)
     for model in _grid(scene, axes):
         for stepping in _steppings(scene, model, best):
-            bench = Bench(scene, max(best.values()))
+            bench = ModelRunner(scene, max(best.values()))
             if stepping.step is not None and bench.fixed_cost(model, stepping) >= bench.budget:
                 continue
             outcome = bench.run(model, stepping)
@@ -138,7 +138,7 @@ def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
 
 
 def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
-    bench = Bench(scene, np.inf)
+    bench = ModelRunner(scene, np.inf)
     stable = bench.stable(model)
     for factor in FACTORS:
         stepping = bench.fixed(factor * OF_STABLE * stable)

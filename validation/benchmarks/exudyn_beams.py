@@ -38,7 +38,7 @@ from exudyn.itemInterface import (
 from numpy.typing import NDArray
 
 from flexlink.common.output import write_whole
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from validation.benchmarks.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.benchmarks.formulas import pulse
 from validation.benchmarks.reference_values import FOLDER
@@ -108,7 +108,7 @@ def compute(name: str) -> float:
     return sum(errors.values())
 
 
-def tip(name: str, plane: Plane, run: Run, fine: Numerics) -> Array:
+def tip(name: str, plane: Plane, run: RunSettings, fine: Numerics) -> Array:
     """Tip at the samples of a run, in frame 0, shape (samples, 3) [m]."""
     box = exu.SystemContainer()
     mbs = box.AddSystem()
@@ -161,7 +161,7 @@ def _stiffnesses(beam: Beam, fine: Numerics) -> tuple[float, float]:
     return (stiff, stiff) if stiff else (beam.axial, beam.shear)
 
 
-def _settings(run: Run, step: float, residual: float) -> Any:
+def _settings(run: RunSettings, step: float, residual: float) -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.sensors.writePeriod = run.sample

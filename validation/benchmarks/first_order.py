@@ -167,7 +167,7 @@ class FirstOrder:
         return sorted({s if abs(s - t) < close else t for t, s in near.items() if close < t < run.times[-1] - close})
 
 
-def _hermite(motion: fl.Motion) -> OfTime:
+def _hermite(motion: fl.PrescribedMotion) -> OfTime:
     """Angle, rate and acceleration [rad, s] of a prescribed joint: quintic pieces, then on at the last rate."""
     table = np.radians([motion.angle_deg, motion.rate_deg, motion.acceleration_deg]).T
     end, (angle, rate, _) = motion.times[-1], table[-1]

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.conditions import Drive, Motion
+from flexlink.describe.conditions import Drive, PrescribedMotion
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.inputs.actuation import motion_arrays
@@ -43,7 +43,7 @@ def spin_up(scene: Scene, knots: int = 151) -> Scene:
     rate = 6 / 15 * (t - np.sin(ω * t) / ω)
     acceleration = 6 / 15 * (1 - np.cos(ω * t))
     columns = [tuple(np.degrees(column).tolist()) for column in (angle, rate, acceleration)]
-    motion = Motion(
+    motion = PrescribedMotion(
         link=scene.arm.links[0].name, times=tuple(t.tolist()), angle_deg=columns[0], rate_deg=columns[1],
         acceleration_deg=columns[2],
     )  # fmt: skip

@@ -59,12 +59,12 @@ def random_arm(seed: int) -> fl.Scene:
     return fl.Scene(
         name=f"random arm {seed}",
         arm=fl.Arm(
-            links=links, sections=_sections(dice), tip=_body(dice) if dice.chance(0.5) else fl.Payload(),
+            links=links, sections=_sections(dice), tip=_body(dice) if dice.chance(0.5) else fl.RigidBody(),
             materials={"stuff": fl.Material(young=dice.decades(8, 11.5), density=dice.decades(3, 3.9),
                                             poisson=dice.linear(0.0, 0.5), loss_time=dice.one_of(0.0, 1e-4))},
         ),
         gravity=dice.three(9.81),
-        initial=fl.Initial(joint_deg=tuple(dice.linear(-90, 90) for _ in links)),
+        initial=fl.InitialState(joint_deg=tuple(dice.linear(-90, 90) for _ in links)),
     )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def _link(dice: Dice, name: str, table: Convention | None) -> fl.Link:
     beam = _beam(dice, flex) if flex != "rigid" or dice.chance(0.3) else {}
     return fl.Link(
         name=name, joint=_joint(dice, table), mount=fl.Mount() if table else _mount(dice), **beam, **_place(dice, beam),
-        hub=_body(dice), end=_body(dice) if dice.chance(0.4) else fl.Payload(),
+        hub=_body(dice), end=_body(dice) if dice.chance(0.4) else fl.RigidBody(),
         dh=_row(dice, table) if table else None,
     )  # fmt: skip
 
@@ -143,7 +143,7 @@ def _row(dice: Dice, convention: Convention) -> fl.DenavitHartenberg:
     )  # fmt: skip
 
 
-def _body(dice: Dice) -> fl.Payload:
+def _body(dice: Dice) -> fl.RigidBody:
     """A few points in a box, or a disc, the limit of what a body can be; its centre anywhere near."""
     mass, size = dice.decades(-1, 1), dice.linear(0.02, 0.15)
     spread = dice.random.normal(0, size, (3, 3))
@@ -157,4 +157,4 @@ def _body(dice: Dice) -> fl.Payload:
         I = np.diag(np.sort(covariance.diagonal()) + mass * size**2)  # of a box: differences below their sum
         I[2, 2] = min(I[2, 2], I[0, 0] + I[1, 1])
     center = dice.three(0.1) if dice.chance(0.7) else (0.0, 0.0, 0.0)
-    return fl.Payload(mass=mass, center=center, inertia=(*I.diagonal(), *products))
+    return fl.RigidBody(mass=mass, center=center, inertia=(*I.diagonal(), *products))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.inputs.actuation import input_arrays
 from flexlink.results.record import trajectory_from_states
@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 POINTS = 50  # of an engine in a figure
 
 
-def told(run: Run) -> dict[str, Fact]:
+def told(run: RunSettings) -> dict[str, Fact]:
     """What a run is told by."""
     return {"method": run.method, "step": run.step, "duration": run.duration}
 

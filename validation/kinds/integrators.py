@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
@@ -85,7 +85,9 @@ def _measure(scene: Scene, method: str, step: float, cost: float, exact: Traject
 def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
     """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
     duration = steps * step
-    timed = scene.varied({"run": Run(method=method, step=step, sample=duration, duration=duration, unstable="allow")})
+    timed = scene.varied(
+        {"run": RunSettings(method=method, step=step, sample=duration, duration=duration, unstable="allow")}
+    )
     simulate(timed)
     times = []
     for _ in range(repeats):

@@ -80,7 +80,7 @@ def _arm_of(scene: Scene, n: int, flex: str, nseg: int) -> Scene:
     bent = [replace(link, name=f"{k}", flex=flex, segments=nseg) for k in range(1, n)]
     links = (replace(link, name="first", flex="rigid", segments=1), *bent)
     return replace(
-        scene, arm=replace(scene.arm, links=links), initial=fl.Initial(joint_deg=(0.0,) * n), drive=fl.Drive()
+        scene, arm=replace(scene.arm, links=links), initial=fl.InitialState(joint_deg=(0.0,) * n), drive=fl.Drive()
     )
 
 

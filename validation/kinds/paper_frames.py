@@ -18,7 +18,7 @@ from validation.case import Case, Measured
 
 Array = NDArray[np.float64]
 Convention = Literal["standard", "modified"]
-HUB = fl.Payload(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
+HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
 
 
 class Settings(Spec, frozen=True):
@@ -75,7 +75,7 @@ def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
         for k, (a, α, d, θ) in enumerate(table.tolist())
     )
     arm = replace(scene.arm, links=links)
-    start = fl.Initial(joint_deg=(0.0,) * len(links))
+    start = fl.InitialState(joint_deg=(0.0,) * len(links))
     placed = fl.frames(fl.lump(replace(scene, arm=arm, initial=start, drive=fl.Drive())), q)
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = placed.rotations[-1], placed.points[-1]

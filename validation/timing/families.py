@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.conditions import Run
+from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.vibration.stability import stable_step
@@ -48,7 +48,7 @@ class Family(Spec, frozen=True):
 def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
     """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
     h = step or scene.run.step
-    return scene.varied({"run": Run(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
+    return scene.varied({"run": RunSettings(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
 
 
 class States(NamedTuple):

@@ -21,7 +21,7 @@ def pd_poles(
     """Vibrations about a posture at rest, the driven joints under T_EX = kp (target − q) − kd q̇ + what holds the arm.
 
     Eigenvalues of A − B (kp, kd), of the linear model of `linearize` in a state where every torque is balanced. Through
-    an input shaper on the slowest of them, `Shaper.at(pd_poles(…)[:2])`, a reference leaves next to no vibration.
+    an input shaper on the slowest of them, `InputShaper.at(pd_poles(…)[:2])`, a reference leaves next to no vibration.
 
     Parameters
     ----------

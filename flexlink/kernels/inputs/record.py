@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 
-class MotionArrays(NamedTuple):
+class MotionTable(NamedTuple):
     """θ = Σ_j c_j x^j of every prescribed joint; its pieces are first[m] … first[m + 1] − 1."""
 
     joints: Indices  # (r,)
@@ -50,7 +50,7 @@ class Inputs(NamedTuple):
     """All that acts on a run from outside."""
 
     drive: Any
-    motion: MotionArrays
+    motion: MotionTable
     wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
     table: WrenchTable | None
 

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.pictures.captions import digits_of_time, number, subtitle
-from flexlink.pictures.colouring import STOPS, UNKNOWN
-from flexlink.pictures.film import Film
-from flexlink.pictures.projection import AROUND, Projected, floor_level, floor_of
+from flexlink.results.pictures.captions import digits_of_time, number, subtitle
+from flexlink.results.pictures.colouring import STOPS, UNKNOWN
+from flexlink.results.pictures.film import Film
+from flexlink.results.pictures.projection import AROUND, Projected, floor_level, floor_of
 
 Array = NDArray[np.float64]
 
 
 def page(film: Film, width: int) -> str:
     """The page: the template with the title, the data and the words put in."""
-    template = (files("flexlink.pictures") / "data" / "player.html").read_text(encoding="utf-8")
+    template = (files("flexlink.results.pictures") / "data" / "player.html").read_text(encoding="utf-8")
     data = json.dumps(data_of(film), ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     title = film.name.replace("&", "&amp;").replace("<", "&lt;")
     return template.replace("{{title}}", title).replace("{{width}}", str(width)).replace("{{data}}", data)

@@ -16,13 +16,13 @@ from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.interruption import deferred, word
 from flexlink.common.output import write_or_keep
 from flexlink.describe.data_files import given_path
-from flexlink.pictures.colouring import Colour
-from flexlink.pictures.film import Film, film_of
-from flexlink.pictures.page import page
-from flexlink.pictures.video import require_ffmpeg, write_gif, write_mp4
+from flexlink.results.pictures.colouring import Colour
+from flexlink.results.pictures.film import Film, film_of
+from flexlink.results.pictures.page import page
+from flexlink.results.pictures.video import require_ffmpeg, write_gif, write_mp4
 
 if TYPE_CHECKING:
-    from flexlink.results.trajectory import Trajectory
+    from flexlink.results.samples import RunSamples
 
 Progress = Callable[[float], None]
 
@@ -61,7 +61,7 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
     return Shot(path, magnify, choice("colour", colour, COLOURS), fps, speed, width + width % 2)  # videos: even
 
 
-def animate(run: Trajectory, wanted: Shot, progress: Progress | None = None) -> Path:
+def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> Path:
     """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
     callable_or_none("progress", progress)
     told, path = progress or (lambda _: None), wanted.path
@@ -98,7 +98,7 @@ def require_film(path: Path) -> None:
 
 def _drawing() -> ModuleType:
     try:
-        return importlib.import_module("flexlink.pictures.drawing")
+        return importlib.import_module("flexlink.results.pictures.drawing")
     except ImportError:
         raise MissingDependencyError(
             "a film needs matplotlib; install it with: python -m pip install 'flexlink[report]'; or take .html"

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.pictures.film import Film
-from flexlink.pictures.projection import Window, nice
-from flexlink.pictures.view import View
+from flexlink.results.pictures.film import Film
+from flexlink.results.pictures.projection import Window, nice
+from flexlink.results.pictures.view import View
 
 
 def subtitle(film: Film) -> str:

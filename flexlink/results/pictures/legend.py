@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from flexlink.pictures.captions import axes_of_frame, number, scale_bar, subtitle
-from flexlink.pictures.colouring import STOPS, UNKNOWN
-from flexlink.pictures.film import Film
-from flexlink.pictures.projection import Window
-from flexlink.pictures.view import View
+from flexlink.results.pictures.captions import axes_of_frame, number, scale_bar, subtitle
+from flexlink.results.pictures.colouring import STOPS, UNKNOWN
+from flexlink.results.pictures.film import Film
+from flexlink.results.pictures.projection import Window
+from flexlink.results.pictures.view import View
 
 INK, GREY, BASE, TRACE = "#1c2024", "#595d61", "#73777b", "#0072b2"
 HEAD, FOOT = 54, 80  # pixels for the words above the scene and the legend below it

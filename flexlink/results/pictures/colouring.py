@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from flexlink.describe.arm import Arm
 from flexlink.dynamics.loads import InternalLoads
-from flexlink.pictures.outline import Outline, has_rectangle_instead
+from flexlink.results.pictures.outline import Outline, has_rectangle_instead
 
 Array = NDArray[np.float64]
 Colour = Literal["moment", "strain"]

@@ -9,10 +9,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from numpy.typing import NDArray
 
-from flexlink.pictures.captions import time_text
-from flexlink.pictures.film import Film
-from flexlink.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, INK, TRACE, Legend
-from flexlink.pictures.projection import Projected, Window
+from flexlink.results.pictures.captions import time_text
+from flexlink.results.pictures.film import Film
+from flexlink.results.pictures.legend import BASE, COLOURS, FOOT, GREY, HEAD, INK, TRACE, Legend
+from flexlink.results.pictures.projection import Projected, Window
 
 Image = NDArray[np.uint8]
 

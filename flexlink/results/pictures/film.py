@@ -12,12 +12,12 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.terms import Energy
-from flexlink.pictures.colouring import Colour, Colouring, colouring
-from flexlink.pictures.outline import Outline, outline_of
-from flexlink.pictures.view import View, view_of
+from flexlink.results.pictures.colouring import Colour, Colouring, colouring
+from flexlink.results.pictures.outline import Outline, outline_of
+from flexlink.results.pictures.view import View, view_of
 
 if TYPE_CHECKING:
-    from flexlink.results.trajectory import Trajectory
+    from flexlink.results.samples import RunSamples
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class Film:
         return sum(piece.length for piece in self.outline.pieces) or float(np.ptp(self.p, axis=(0, 1)).max()) or 1.0
 
 
-def film_of(run: Trajectory, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
+def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, speed: float) -> Film:
     """Frames `speed`/`fps` apart, each at the nearest sample; never more than there are samples.
 
     Raises
@@ -134,7 +134,7 @@ def frame_count(lasts: float, fps: float, speed: float) -> int:
     return count
 
 
-def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
+def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
     """Numbers of the samples that are shown."""
     wanted = run.t[0] + np.arange(frame_count(float(run.t[-1] - run.t[0]), fps, speed)) * speed / fps
     after = np.clip(np.searchsorted(run.t, wanted), min(1, len(run.t) - 1), len(run.t) - 1)
@@ -142,14 +142,14 @@ def _rows(run: Trajectory, fps: float, speed: float) -> NDArray[np.intp]:
     return np.asarray(np.where(wanted - run.t[before] < run.t[after] - wanted, before, after))
 
 
-def _picked(run: Trajectory, rows: NDArray[np.intp]) -> Trajectory:
+def _picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
     """The run at these samples only."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
     energy = Energy(*(np.asarray(part)[rows] for part in run.energy))
     return dataclasses.replace(run, **parts, energy=energy, work=None)
 
 
-def _magnified(run: Trajectory, magnify: float) -> Array:
+def _magnified(run: RunSamples, magnify: float) -> Array:
     """Angles whose passive joints are bent so many times as far, shape (samples, n)."""
     q, passive = run.q.copy(), np.ones(run.chain.n, dtype=bool)
     passive[run.chain.active] = False
@@ -157,7 +157,7 @@ def _magnified(run: Trajectory, magnify: float) -> Array:
     return q
 
 
-def _placed(run: Trajectory, q: Array) -> tuple[Array, Array]:
+def _placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
     """Rotations and origins of the bodies, the base before them."""
     R, p = frames(run.chain, q)
     count = len(q)

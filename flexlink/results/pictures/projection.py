@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.pictures.film import Film
-from flexlink.pictures.view import View
+from flexlink.results.pictures.film import Film
+from flexlink.results.pictures.view import View
 
 Array = NDArray[np.float64]
 
