@@ -16,8 +16,8 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.kernels.tools.lanes import LANES
-from flexlink.motion.fixed_steps import tip_errors_of_eight
 from flexlink.motion.simulate import prepare
+from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
 
 
 @pytest.mark.parametrize("states", [1, 7, 8, 21])
@@ -63,8 +63,8 @@ def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
     q, qd = (np.stack([getattr(w.record, name)[:1] for w in watches], axis=-1) for name in ("q", "qd"))
     chains, probed = [w.record.chain for w in watches], np.array([0])
     scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
-    errors = tip_errors_of_eight(watches, scratch, (q, qd, np.zeros((1, LANES))), probed)
-    np.testing.assert_allclose(errors, [w.tip_errors(probed) for w in watches], rtol=1e-9)
+    errors = step_errors_side_by_side([w.record for w in watches], scratch, (q, qd), probed)
+    np.testing.assert_allclose(errors, [step_errors(w.record, probed) for w in watches], rtol=1e-9)
     assert errors.min() > 1e-9
     assert len(np.unique(errors)) == LANES
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene
+from conftest import compiled, flexible, make_scene
 from numpy.polynomial import Polynomial
 
 import flexlink as fl
@@ -17,9 +17,13 @@ from flexlink.engines import base, load
 from flexlink.formats.features import not_held
 from flexlink.inputs import drives
 from flexlink.inputs.drives import drive_arrays, gains_of
-from flexlink.inputs.references import ReferenceArrays, constant
+from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.drive_torque import drive_torque
+from flexlink.kernels.inputs.record import PiecewisePolynomial
 from flexlink.kernels.inputs.references import reference
+from flexlink.kernels.stepping.runge_kutta import integrate
+from flexlink.motion.simulate import prepare
+from flexlink.motion.step_errors import step_errors
 
 UP = fl.Mount(rpy_deg=(90.0, 0.0, 0.0))
 TARGET_DEG = (40.0, 35.0, -50.0)
@@ -83,7 +87,7 @@ def torques(drive: Any, t: float, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("t", [-0.1, 0.0, 0.15, 0.3, 0.7, 5.0])
 def test_a_reference_is_its_polynomial_with_two_derivatives(t: float, rng: np.random.Generator) -> None:
     """At a knot, 0.3, by the middle of the step that it belongs to; sums of six products are a few ulp apart."""
-    ref = ReferenceArrays(np.array([0.0, 0.3]), rng.uniform(-1, 1, (2, 6, 3)))
+    ref = PiecewisePolynomial(np.array([0.0, 0.3]), rng.uniform(-1, 1, (2, 6, 3)))
     for d in range(3):
         for middle in (t - 0.01, t + 0.01):
             piece = int(middle >= 0.3)
@@ -112,7 +116,7 @@ def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatc
     """Relative to the largest of its terms: 1e-12, some thousand roundings."""
     law, scene = LAWS[name], arm(LAWS[name])
     order = 1 if law.get("gravity") == "static" else 4
-    ref = ReferenceArrays(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
+    ref = PiecewisePolynomial(np.zeros(1), rng.uniform(-1, 1, (1, order, 3)))
     monkeypatch.setattr(drives, "reference_arrays", lambda scene, chain: ref)
     chain, model, whole = fl.lump(scene), *(inverse_dynamics(by, s) for s in (fl.rigidified(scene), scene))
     drive, a, kp, kd = drive_arrays(scene, chain), chain.active, np.array(law["kp"]), np.array(law["kd"])
@@ -133,7 +137,7 @@ def test_a_law_is_its_formula(name: str, by: str, monkeypatch: pytest.MonkeyPatc
         np.testing.assert_allclose(torques(drive, t, q, qd), tau, rtol=0, atol=1e-12 * size)
 
 
-def moved(ref: ReferenceArrays, t: float) -> list[np.ndarray]:
+def moved(ref: PiecewisePolynomial, t: float) -> list[np.ndarray]:
     """Angles, rates and accelerations of a reference of one piece."""
     columns = [Polynomial(column) for column in ref.coefficients[0].T]
     return [np.array([p.deriv(order)(t) for p in columns]) for order in range(3)]
@@ -230,6 +234,27 @@ def test_a_simulator_without_torques_asks_the_law_of_its_scene(name: str) -> Non
     t, q, qd = simulator.state
     rest = fl.simulate(scene, q0=q, qd0=qd, t0=t, duration=0.02)
     np.testing.assert_array_equal(simulator.step(duration=0.02).q, rest.q[-1])
+
+
+@compiled
+def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
+    fl.simulate(arm())
+    loops = len(integrate.signatures)
+    table = {"kind": "table", "times": (0.0, 0.1), "torques": ((0.0, 0.0, 0.0), (1.0, 1.0, 1.0))}
+    for law in [table, *LAWS.values()]:
+        for rate in SAMPLED.values():
+            fl.simulate(arm({**law, **(rate if law in LAWS.values() else {})}))
+    fl.simulate(arm(), control=lambda t, q, qd: np.zeros(3), rate=100.0)
+    assert len(integrate.signatures) == loops
+
+
+def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
+    """One that ends at an instant which the run itself has not reached."""
+    record = prepare(arm({**PD, "rate": 1e4}), fl.lump(arm())).record
+    before = [array.copy() for array in drives.remembered(record.inputs.drive)]
+    step_errors(record, np.array([0]))
+    for array, kept in zip(drives.remembered(record.inputs.drive), before, strict=True):
+        np.testing.assert_array_equal(array, kept)
 
 
 def test_the_effort_limits_laws_and_torques_from_outside_too() -> None:

@@ -18,7 +18,7 @@ from flexlink.common.interruption import Stop
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.references import constant
-from flexlink.kernels.inputs.law_table import TableLaw
+from flexlink.kernels.inputs.laws import TABLE
 from flexlink.motion.simulate import SingleRun
 from validation.benchmarks.random_arms import Dice
 
@@ -41,7 +41,7 @@ def reference(scene: fl.Scene) -> np.ndarray:
     drive, law, n = inputs.drive, scene.drive, chain.n
     zero = (0.0,) * len(scene.arm.links)
     kp, kd, target = law.kp or zero, law.kd or zero, np.radians(law.target_deg or zero)
-    table = drive if isinstance(drive, TableLaw) else constant(np.zeros(len(drive.joints)))
+    table = drive.feedforward if drive.law == TABLE else constant(np.zeros(len(drive.joints)))
 
     def slope(t: float, y: np.ndarray) -> np.ndarray:
         q, qd, tau = y[:n], y[n:], np.zeros(n)

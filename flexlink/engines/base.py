@@ -22,11 +22,12 @@ from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines.read_back import ReadBack
 from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.drives import Drive, drive_arrays
+from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.step_check import judge_step
 from flexlink.inputs.tip_wrench import initial_wrench, wrench_table
-from flexlink.kernels.inputs.drive_torque import ask, drive_torque
+from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
+from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.inputs.tip_wrench import put_given
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
@@ -104,7 +105,7 @@ class DriveTorque:
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
         """A step from t = number · h begins, of length h, in state q, q̇: at its instants a sampled law is asked."""
         self.middle = (number + 0.5) * h
-        ask(self._drive, number * h, self.middle, q, qd, self._tau)
+        sample_law(self._drive, number * h, self.middle, q, qd, self._tau)
 
     def __call__(self, t: float, q: Array, qd: Array) -> Array:
         """T_EX; the array is overwritten by the next call."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,20 +16,15 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.dynamics.vibration.stability import Gains
 from flexlink.inputs.interpolation import held_knots, pieces_of
-from flexlink.inputs.references import ReferenceArrays, constant, reference_arrays
+from flexlink.inputs.references import constant, reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.inputs.drive_torque import SampledLaw, drive_torque
-from flexlink.kernels.inputs.law_computed_torque import ComputedTorqueLaw
-from flexlink.kernels.inputs.law_pd import PdLaw
-from flexlink.kernels.inputs.law_pd_gravity import GravityPdLaw
-from flexlink.kernels.inputs.law_table import TableLaw
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE, law_torque
+from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
+from flexlink.kernels.layout import BODY, HINGE
 
 Array = NDArray[np.float64]
-Law = TableLaw | PdLaw | GravityPdLaw | ComputedTorqueLaw
-Drive = Law | SampledLaw
-
 NUDGE = 1e-5
 """Angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding."""
 
@@ -43,14 +39,29 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     ConvergenceError
         gravity = "static", and the arm finds no equilibrium at the reference.
     """
-    law = LAWS[scene.drive.kind if len(chain.active) else "none"](scene, chain)
+    kind = scene.drive.kind if len(chain.active) else "none"
+    if kind == "none":
+        return drive_of(np.empty(0, np.int64))
+    law = LAWS[kind](scene, chain)
     return law if scene.drive.rate is None else _sampled(scene, law)
 
 
-def held(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> TableLaw:
+def drive_of(joints: NDArray[np.int64], **parts: Any) -> Drive:
+    """A drive of these joints: a table without torques, unlimited, but for what is said."""
+    d = len(joints)
+    nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
+    blank = Drive(
+        TABLE, 0.0, joints, np.full(d, np.inf), nothing, nothing, np.zeros(d), np.zeros(d), rigid_model(no_chain()),
+        np.zeros((0, d)), np.zeros(1, np.int64),
+    )  # fmt: skip
+    return blank._replace(**parts)
+
+
+def held_torques(chain: Chain, times: Array, torques: Array, effort: Array | None = None) -> Drive:
     """A drive of torques (m, d) at the driven joints, each row held until the next time."""
-    limits = np.full(len(chain.active), np.inf) if effort is None else effort
-    return TableLaw(chain.active.copy(), limits, held_knots(times), np.ascontiguousarray(torques[:, None]))
+    table = PiecewisePolynomial(held_knots(times), np.ascontiguousarray(torques[:, None]))
+    drive = drive_of(chain.active.copy(), feedforward=table)
+    return drive if effort is None else drive._replace(effort=effort)
 
 
 def effort_of(scene: Scene, chain: Chain) -> Array:
@@ -59,21 +70,23 @@ def effort_of(scene: Scene, chain: Chain) -> Array:
     return np.full(len(chain.active), np.inf) if effort is None else of_joints(chain, effort)
 
 
+def acts_on_many(drive: Drive) -> bool:
+    """Whether a drive can act on eight chains side by side: its law has no model, and is not sampled."""
+    return drive.law in {TABLE, PD} and not drive.rate
+
+
 def same_law(a: Drive, b: Drive) -> bool:
     """Whether two drives are one, and act on eight chains side by side: of numbers that are the same for all."""
-    if not (isinstance(a, TableLaw | PdLaw) and type(a) is type(b)):
-        return False
-    return all(np.array_equal(x, y) for x, y in zip(_arrays(a), _arrays(b), strict=True))
+    return acts_on_many(a) and acts_on_many(b) and all(map(np.array_equal, _numbers(a), _numbers(b)))
 
 
-def _arrays(of: tuple[Any, ...]) -> Iterator[Array]:
-    for part in of:
-        yield from _arrays(part) if isinstance(part, tuple) else [part]
+def _numbers(drive: Drive) -> tuple[Any, ...]:
+    return (drive.law, drive.joints, drive.effort, *drive.reference, *drive.feedforward, drive.kp, drive.kd)
 
 
-def remembered(drive: Drive) -> tuple[Array, ...]:
+def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
     """The arrays of a drive that a run changes."""
-    return (drive.held, drive.asked) if isinstance(drive, SampledLaw) else ()
+    return drive.held, drive.next_instant
 
 
 def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains:
@@ -85,7 +98,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     if not len(joints):
         return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
-    if not isinstance(drive, SampledLaw):
+    if not drive.rate:
         law, state = drive._replace(effort=np.full(len(joints), np.inf)), np.array([q, qd])
         for part in range(2):
             for d, k in enumerate(joints):
@@ -93,7 +106,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
                 for side, end in zip((-1, 1), ends, strict=True):
                     there = state.copy()
                     there[part, k] += side * NUDGE
-                    drive_torque(law, t, t, there[0], there[1], end)
+                    law_torque(law, t, t, there[0], there[1], end)
                 slopes[part, :, d] = (ends[0] - ends[1]) / (2 * NUDGE)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):
@@ -105,37 +118,39 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
     return Gains(*whole)
 
 
-def _table(scene: Scene, chain: Chain) -> TableLaw:
-    drive, joints = scene.drive, chain.active.copy()
+def _table(scene: Scene, chain: Chain) -> Drive:
+    drive, effort = scene.drive, effort_of(scene, chain)
     times = np.array(drive.times or (0.0,))
     torques = np.array([of_joints(chain, row) for row in drive.torques or (drive.torque,)])
     if drive.hold:
-        return held(chain, times, torques, effort_of(scene, chain))
-    coefficients = pieces_of("drive.torques", times, torques, smooth=drive.smooth)
-    return TableLaw(joints, effort_of(scene, chain), times, coefficients)
+        return held_torques(chain, times, torques, effort)
+    table = PiecewisePolynomial(times, pieces_of("drive.torques", times, torques, smooth=drive.smooth))
+    return drive_of(chain.active.copy(), effort=effort, feedforward=table)
 
 
-def _none(scene: Scene, chain: Chain) -> TableLaw:
-    return TableLaw(np.empty(0, np.intp), np.empty(0), np.zeros(1), np.zeros((1, 2, 0)))
-
-
-def _pd(scene: Scene, chain: Chain) -> PdLaw | GravityPdLaw:
+def _pd(scene: Scene, chain: Chain) -> Drive:
     """A feed-forward of a reference that stays is computed once, the rigid model's of one that moves at every stage."""
-    drive, target = scene.drive, reference_arrays(scene, chain)
-    joints, effort, kp, kd = chain.active.copy(), effort_of(scene, chain), *_gains(scene, chain)
+    feedback = _feedback(scene, chain)
+    target = feedback.reference
     still = len(target.knots) == 1 and not target.coefficients[:, 1:].any()
-    if drive.gravity == "rigid" and not still:
-        return GravityPdLaw(joints, effort, target, kp, kd, _model(scene))
-    return PdLaw(joints, effort, target, kp, kd, GRAVITY[drive.gravity](scene, chain, target))
+    if scene.drive.gravity == "rigid" and not still:
+        return feedback._replace(law=PD_GRAVITY, model=rigid_model(lump(rigidified(scene))))
+    return feedback._replace(law=PD, feedforward=GRAVITY[scene.drive.gravity](scene, chain, target))
 
 
-def _computed_torque(scene: Scene, chain: Chain) -> ComputedTorqueLaw:
-    joints, effort, kp, kd = chain.active.copy(), effort_of(scene, chain), *_gains(scene, chain)
-    return ComputedTorqueLaw(joints, effort, reference_arrays(scene, chain), kp, kd, _model(scene))
+def _computed_torque(scene: Scene, chain: Chain) -> Drive:
+    model = rigid_model(lump(rigidified(scene)))
+    return _feedback(scene, chain)._replace(law=COMPUTED_TORQUE, model=model)
 
 
-LAWS: dict[str, Callable[[Scene, Chain], Law]] = {
-    "none": _none,
+def _feedback(scene: Scene, chain: Chain) -> Drive:
+    """Reference, gains and limits of the driven joints."""
+    kp, kd = (of_joints(chain, gains) for gains in (scene.drive.kp, scene.drive.kd))
+    reference = reference_arrays(scene, chain)
+    return drive_of(chain.active.copy(), effort=effort_of(scene, chain), reference=reference, kp=kp, kd=kd)
+
+
+LAWS: dict[str, Callable[[Scene, Chain], Drive]] = {
     "constant": _table,
     "table": _table,
     "pd": _pd,
@@ -144,35 +159,37 @@ LAWS: dict[str, Callable[[Scene, Chain], Law]] = {
 """By the kind of the drive."""
 
 
-def _sampled(scene: Scene, law: Law) -> SampledLaw:
+def _sampled(scene: Scene, law: Drive) -> Drive:
     """A law that is asked at instants, counted from t = 0, with room for what it gives at all of a run's."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
         rate = 1.0 / (round(1.0 / (rate * run.step)) * run.step)  # as far from the decimal one as the step
     rows = round(run.duration * rate) + 2
-    return SampledLaw(law, law.joints, law.effort, rate, np.zeros((rows, len(law.joints))), np.zeros(1, np.int64))
+    return law._replace(rate=rate, held=np.zeros((rows, len(law.joints))))
 
 
-def _gains(scene: Scene, chain: Chain) -> tuple[Array, Array]:
-    drive = scene.drive
-    return of_joints(chain, drive.kp), of_joints(chain, drive.kd)
+def rigid_model(chain: Chain) -> RigidModel:
+    """A chain with the motion that a law asks it about, and scratch."""
+    arrays = chain.arrays
+    return RigidModel(arrays, rne_workspace(arrays), np.zeros(6), *np.zeros((4, chain.n)))
 
 
-def _model(scene: Scene) -> RigidModel:
-    chain = lump(rigidified(scene)).arrays
-    return RigidModel(chain, rne_workspace(chain), np.zeros(6), *np.zeros((4, len(chain.hinges))))
+@functools.cache
+def no_chain() -> Chain:
+    """A chain without bodies, for laws without a model."""
+    return Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ())
 
 
-def _no_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
+def _no_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     return constant(np.zeros(len(chain.active)))
 
 
-def _rigid_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
+def _rigid_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Of the rigid model at the reference."""
     return constant(gravity_torque(lump(rigidified(scene)), target.coefficients[0, 0]))
 
 
-def _static_gravity(scene: Scene, chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
+def _static_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Of the arm, bent by gravity with its joints at the reference."""
     return holding_torque(chain, target)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.describe.scene import Scene
+from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 Array = NDArray[np.float64]
 
@@ -19,18 +19,7 @@ CLOSE = 1e-9
 """Degrees: two numbers for one angle, rounded to decimals or to radians."""
 
 
-class ReferenceArrays(NamedTuple):
-    """r = Σ_j c_j x^j of every driven joint, x = t − the last knot; the last piece goes on for ever.
-
-    Before the first knot stands its value, with its rate and acceleration: let it lie at or before the start of the
-    run, or its piece be a constant one.
-    """
-
-    knots: Array  # (m,) [s]
-    coefficients: Array  # (m, p + 1, d) [rad / s^j]
-
-
-def reference_arrays(scene: Scene, chain: Chain) -> ReferenceArrays:
+def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
     """The target of the scene's drive, or its reference in time, in the order of `chain.active`.
 
     Raises
@@ -44,7 +33,7 @@ def reference_arrays(scene: Scene, chain: Chain) -> ReferenceArrays:
     if course is None:
         return constant(np.radians(np.array(scene.drive.target_deg)[links]))
     _check_start(scene, chain, links)
-    return ReferenceArrays(
+    return PiecewisePolynomial(
         course.knots.copy(), course.coefficients.copy()
     )  # writable: kernels take them for another type
 
@@ -63,6 +52,6 @@ def _check_start(scene: Scene, chain: Chain, links: list[int]) -> None:
             )
 
 
-def constant(angles: Array) -> ReferenceArrays:
+def constant(angles: Array) -> PiecewisePolynomial:
     """The reference that stays at these angles (d,) [rad]."""
-    return ReferenceArrays(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])
+    return PiecewisePolynomial(np.zeros(1), np.array(angles, dtype=np.float64)[None, None])

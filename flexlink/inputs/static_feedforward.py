@@ -9,7 +9,7 @@ from flexlink.chain.chain import Chain
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.terms import gravity_torque
-from flexlink.inputs.references import ReferenceArrays
+from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ NODES = np.linspace(0.0, 1.0, 6)
 TO_POWERS = np.linalg.inv(np.vander(NODES, increasing=True))
 
 
-def holding_torque(chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
+def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     """Torque of the driven joints with which the arm rests wherever its reference is, in the form of a reference [N m].
 
     Polynomials through equilibria (`solve_static`), six to a piece, and as many pieces as its turn takes.
@@ -45,7 +45,7 @@ def holding_torque(chain: Chain, target: ReferenceArrays) -> ReferenceArrays:
             torques[piece, node:] = gravity_torque(chain, q)[chain.active]
     powers = np.einsum("jn,knd->kjd", TO_POWERS, torques) / h[:, None, None] ** np.arange(len(NODES))[:, None]
     powers[~moving, 1:] = 0.0
-    return ReferenceArrays(knots, powers)
+    return PiecewisePolynomial(knots, powers)
 
 
 def _divided(start: float, end: float, c: Array) -> Array:

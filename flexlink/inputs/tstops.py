@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.inputs.drives import Drive
-from flexlink.kernels.inputs.drive_torque import SampledLaw
-from flexlink.kernels.inputs.law_pd import PdLaw
-from flexlink.kernels.inputs.law_table import TableLaw
-from flexlink.kernels.inputs.record import WrenchTable
+from flexlink.kernels.inputs.laws import PD, TABLE
+from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial, WrenchTable
 
 Array = NDArray[np.float64]
 
@@ -19,31 +16,34 @@ LINEAR = 2
 
 def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
     """Times [s] between which what is given in time is smooth: a table's landings, or knots; instants apart."""
-    if isinstance(given, SampledLaw):
-        return np.empty(0)
-    if isinstance(given, TableLaw | WrenchTable):
+    if isinstance(given, WrenchTable):
         return landings(given, part)
-    return np.concatenate([given.reference.knots, given.gravity.knots if isinstance(given, PdLaw) else []])
+    if given.rate:
+        return np.empty(0)
+    if given.law == TABLE:
+        return landings(given.feedforward, part)
+    return np.concatenate([given.reference.knots, given.feedforward.knots if given.law == PD else []])
 
 
 def corners(given: Drive | WrenchTable) -> Array:
     """Knots [s] of what is given in time at which fixed steps end, too; instants apart."""
-    if isinstance(given, SampledLaw):
+    if isinstance(given, Drive) and given.rate:
         return np.empty(0)
-    if isinstance(given, TableLaw | WrenchTable):
-        return np.empty(0) if given.coefficients.shape[1] > LINEAR else np.asarray(given.knots)
-    return np.asarray(given.reference.knots)
+    if isinstance(given, Drive) and given.law != TABLE:
+        return given.reference.knots
+    table = given.feedforward if isinstance(given, Drive) else given
+    return np.empty(0) if table.coefficients.shape[1] > LINEAR else table.knots
 
 
 def instants(drive: Drive | None, start: float, end: float) -> Array:
     """When a sampled law is asked [s], from the first time to the last; none of another one."""
-    if not isinstance(drive, SampledLaw):
+    if drive is None or not drive.rate:
         return np.empty(0)
     first, last = (round(t * drive.rate) for t in (start, end))
     return np.asarray(np.arange(first, last + 1) / drive.rate)
 
 
-def landings(table: TableLaw | WrenchTable, part: float) -> Array:
+def landings(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
     """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
 
     What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are

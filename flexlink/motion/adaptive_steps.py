@@ -21,7 +21,6 @@ from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
-from flexlink.kernels.inputs.drive_torque import SampledLaw
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping import adaptive as controlled
 from flexlink.kernels.stepping import implicit
@@ -388,8 +387,8 @@ def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     """
     drive, zero = inputs.drive, np.zeros(chain.n)
     kick = zero
-    if isinstance(drive, SampledLaw):
-        kick = gains_of(chain, drive.law, 0.0, zero, zero).diagonals()[1] / drive.rate
+    if drive.rate:
+        kick = gains_of(chain, drive._replace(rate=0.0), 0.0, zero, zero).diagonals()[1] / drive.rate
     return *gains_of(chain, drive, 0.0, zero, zero).diagonals(), kick
 
 

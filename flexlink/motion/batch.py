@@ -20,9 +20,10 @@ from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.inputs.drives import same_law
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.budget import warn
-from flexlink.motion.fixed_steps import pieces, steps_up_to, tip_errors_of_eight
+from flexlink.motion.fixed_steps import pieces, steps_up_to
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.simulate import SingleRun, allocate, verify
+from flexlink.motion.step_errors import step_errors_side_by_side
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -176,7 +177,8 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
         return [ended for member in block for ended in _simulate_block([member], stop)]
     rows = done // run.steps_per_sample + 1
     watches = [member.watch for member in eight]
-    errors = tip_errors_of_eight(watches, work, samples, watches[0].probed(slice(0, rows)))
+    records = [watch.record for watch in watches]
+    errors = step_errors_side_by_side(records, work, samples[:2], watches[0].probed(slice(0, rows)))
     return [
         _outcome(member, stop, steps_up_to(run, done), errors[lane], *(array[:rows, ..., lane] for array in samples))
         for lane, member in enumerate(block)

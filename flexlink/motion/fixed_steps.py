@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
-from flexlink.kernels.bodies.kinematics import tip_points
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
@@ -113,28 +111,3 @@ def pieces(watch: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> I
         if done < stop:
             return
         first = stop
-
-
-def tip_errors_of_eight(watches: Sequence[RunMonitor], scratch: Any, samples: Arrays, probed: Indices) -> Array:
-    """How far apart one step of h and two of h/2 put the tips of eight runs side by side [m], shape (8, probed).
-
-    From samples (rows, n, 8), with their scratch; what `RunMonitor` finds of a run alone.
-    """
-    run, record = watches[0].run, watches[0].record
-    (n, lanes), numbers = samples[0].shape[1:], record.origin + probed * run.steps_per_sample
-    none = *np.empty((2, 0, n, lanes)), np.empty((0, lanes))
-    ends, rates, works = np.empty((2, len(probed), n, lanes)), np.empty((n, lanes)), np.zeros((1, lanes))
-    go: Any = None
-    for part, (row, sample) in product((1, 2), enumerate(probed)):
-        q = ends[part - 1, row]
-        q[:], rates[:] = samples[0][sample], samples[1][sample]
-        steps = run.step / part, part * int(numbers[row]), 0, part, NEVER, (q, rates, works), none
-        arguments = scratch, method(run.method).arrays, record.inputs, *steps
-        go = go or direct(integrate, *arguments)
-        go(*arguments)
-    tips = np.empty((lanes, 2, len(probed), 3))
-    for lane, watch in enumerate(watches):
-        states = np.ascontiguousarray(ends[..., lane])
-        for part in range(2):
-            tip_points(watch.record.chain.arrays, states[part], tips[lane, part])
-    return np.asarray(np.linalg.norm(tips[:, 1] - tips[:, 0], axis=-1))

@@ -14,7 +14,6 @@ from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.inputs.drives import gains_of
-from flexlink.kernels.inputs.drive_torque import SampledLaw
 from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
@@ -66,11 +65,11 @@ def sampled_growth(record: Record) -> tuple[float, float]:
     at rest, K the gains of the law; 0 where nothing is sampled.
     """
     chain, drive, q = record.chain, record.inputs.drive, record.q[0]
-    if not isinstance(drive, SampledLaw):
+    if not drive.rate:
         return 0.0, 0.0
     n, zero, start = chain.n, np.zeros(chain.n), float(record.t[0])
     moving = chain.active[chain.hinges["prescribed"][chain.active] == 0]
-    K = np.hstack([gain[moving] for gain in gains_of(chain, drive.law, start, q, zero).matrices()])
+    K = np.hstack([gain[moving] for gain in gains_of(chain, drive._replace(rate=0.0), start, q, zero).matrices()])
     wrench, follower = record.inputs.given_wrench(start)
     try:
         held = load_torque(chain, q, zero, wrench) + elastic_torque(chain, q)

@@ -13,8 +13,8 @@ from flexlink.describe.conditions import AUTO, RunSettings, steps_explicitly
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.kernels.stepping.samples import tip_errors as write_tip_errors
 from flexlink.motion.sampled_control import Control
+from flexlink.motion.step_errors import step_errors
 from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
@@ -126,7 +126,7 @@ class RunMonitor:
     ) -> bool:
         """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
 
-        `errors`, if they are known: the `tip_errors` of the steps from the samples that are `probed`. `deflection`: the
+        `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. `deflection`: the
         largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
         """
         first, self.steps, self.deflection, self.turned = self.good, steps or self.steps, deflection, turned
@@ -262,18 +262,9 @@ class RunMonitor:
     def _probe_steps(self, rows: slice, known: Array | None) -> None:
         """Add up the errors of the steps themselves, of a few that stand for all."""
         probed = self.probed(rows)
-        errors = self.tip_errors(probed) if known is None else known[: len(probed)].copy()
+        errors = step_errors(self.record, probed) if known is None else known[: len(probed)].copy()
         errors[errors < rounding.of_position(self.record.chain)] = 0.0
         self.tip_error += float(errors.sum()) * self._apart() * self.run.steps_per_sample
-
-    def tip_errors(self, probed: Indices) -> Array:
-        """Of the steps from these samples [m]."""
-        record, errors = self.record, np.empty(len(probed))
-        write_tip_errors(
-            record.chain.arrays, record.scratch, method(self.run.method).arrays, record.inputs, self.run.step,
-            record.origin + probed * self.run.steps_per_sample, record.q[probed], record.qd[probed], errors,
-        )  # fmt: skip
-        return errors
 
     def _doubts(self) -> Iterator[str]:
         """What makes a run doubtful that is not garbage."""

@@ -15,7 +15,7 @@ from flexlink.describe.conditions import RunSettings, multiples, parts, steps_ex
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import short
-from flexlink.inputs.drives import effort_of, held
+from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
 from flexlink.motion.chunk_size import ChunkSize
@@ -55,7 +55,7 @@ class Control:
             self.apart = whole(f"rate = {rate!r}: 1 / rate", between, "run.step", run.step, ArgumentError)
             last = (run.samples - 1) * run.steps_per_sample
             self.times = np.asarray((self.origin + np.arange(0, last + 1, self.apart)) * run.step)
-        self.drive = held(chain, self.times, np.zeros((len(self.times), self.joints)))
+        self.drive = held_torques(chain, self.times, np.zeros((len(self.times), self.joints)))
 
     @property
     def joints(self) -> int:
@@ -84,7 +84,7 @@ class Control:
 
     def note(self, k: int, q: Array, qd: Array) -> None:
         """Ask the law at instant `k`, and hold what it gives from there."""
-        self.drive.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
+        self.drive.feedforward.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
         """Integrate; yields, about every `BREATH`, the number of the last step whose state is finite, at first 0.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from flexlink.describe.conditions import parts, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.drives import effort_of, held, remembered
+from flexlink.inputs.drives import effort_of, held_torques, remembered
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
 from flexlink.motion.simulate import prepare, starting_from, steps_of
@@ -66,7 +67,9 @@ class Simulator:
         run = given("scene", scene, Scene).run
         self._scene = scene if run.duration else scene.varied({"run.duration": run.sample})
         self.chain = lump(scene)
-        self._held = held(self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain))
+        self._held = held_torques(
+            self.chain, np.zeros(1), np.zeros((1, len(self.chain.active))), effort_of(scene, self.chain)
+        )
         self._lengths: dict[float, int] = {}  # of durations that were asked for, in fixed steps
         self.reset()
 
@@ -127,7 +130,7 @@ class Simulator:
         """
         inputs, end, steps = self._driven, self._later(self._run.sample if duration is None else duration), self._steps
         if tau is not None:
-            self._held.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
+            self._held.feedforward.coefficients[0, 0] = vector("tau", tau, len(self.chain.active))
             inputs = self._pushed
         before = steps.saved(), [array.copy() for array in remembered(self._driven.drive)]
         calls = self._calls + 1
@@ -144,7 +147,7 @@ class Simulator:
         self._time, self._calls = end, calls
         return self.state
 
-    def _restore(self, steps: Any, drive: list[Array]) -> None:
+    def _restore(self, steps: Any, drive: Sequence[NDArray[Any]]) -> None:
         self._steps.restore(steps)
         for array, before in zip(remembered(self._driven.drive), drive, strict=True):
             array[:] = before

@@ -10,7 +10,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.inputs.record import Inputs
-from flexlink.kernels.stepping.samples import drive_torques, tips_and_energies
+from flexlink.kernels.stepping.samples import drive_torques, prescribed_torques, tips_and_energies
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
 
@@ -49,7 +49,9 @@ class Record:
         rows = slice(first, stop)
         t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
         tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
-        drive_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
+        drive_torques(self.inputs, t, q, qd, self.tau[rows])
+        if len(self.inputs.motion.joints):
+            prescribed_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""

@@ -26,8 +26,8 @@ from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state
-from flexlink.kernels.inputs.law_pd import PdLaw
-from flexlink.kernels.inputs.law_table import TableLaw
+from flexlink.kernels.inputs.laws import PD, TABLE
+from flexlink.kernels.inputs.record import Drive
 
 Array = NDArray[np.float64]
 
@@ -63,23 +63,23 @@ class MujocoRuns:
         self.model, self.data, self.tip = engine.model, engine.data, engine.tip
         self.start = initial_state(scene, self.chain)
         drive, table, self.constant = drive_arrays(scene, self.chain), None, np.zeros(self.chain.n)
-        moves = isinstance(drive, PdLaw) and len(drive.reference.knots) > 1
-        if not isinstance(drive, TableLaw | PdLaw) or moves or np.isfinite(drive.effort).any():
+        moves = drive.law == PD and len(drive.reference.knots) > 1
+        if drive.law not in {TABLE, PD} or drive.rate or moves or np.isfinite(drive.effort).any():
             raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: MuJoCo holds torques in time, and gains")
-        if isinstance(drive, PdLaw):
+        if drive.law == PD:
             self._add_gains(drive)
-        elif len(drive.knots) > 1:
+        elif len(drive.feedforward.knots) > 1:
             table = drive
         else:
-            self.constant[drive.joints] = drive.coefficients[0, 0]
+            self.constant[drive.joints] = drive.feedforward.coefficients[0, 0]
         self.callback = None
         if engine.coulomb.any() or table is not None:
             self.callback = _callback(self.model, self.data, engine.coulomb, engine.coulomb_width, table)
 
-    def _add_gains(self, drive: PdLaw) -> None:
+    def _add_gains(self, drive: Drive) -> None:
         """T = kp (target − q) − kd q̇ + g is a spring with its rest angle, a damper and a constant torque."""
         k = drive.joints
-        self.constant[k] = drive.gravity.coefficients[0, 0]
+        self.constant[k] = drive.feedforward.coefficients[0, 0]
         if drive.kp.any() or drive.kd.any():
             self.model.jnt_stiffness[k] = drive.kp
             self.model.qpos_spring[k] = drive.reference.coefficients[0, 0]
@@ -131,7 +131,7 @@ def _passive(callback: Any) -> Iterator[None]:
         mujoco.set_mjcb_passive(None)
 
 
-def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: TableLaw | None) -> Any:
+def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive | None) -> Any:
     """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants of the code."""
     forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
     n, offset = len(coulomb), _offset_of_time(model, data)
@@ -140,7 +140,7 @@ def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: TableL
     knots, coefficients, joints = (
         (np.zeros(1), np.zeros((1, 1, 0)), np.zeros(0, np.int64))
         if table is None
-        else (table.knots, table.coefficients, table.joints)
+        else (*table.feedforward, table.joints)
     )
 
     @numba.cfunc(types.void(types.voidptr, types.uintp))

@@ -2,16 +2,47 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.inputs.tip_wrench import put_given, wrenches
 from flexlink.kernels.layout import ChainArrays
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+
+
+class PiecewisePolynomial(NamedTuple):
+    """Σ_j c_j x^j of d joints, x = t − the last knot; the last piece goes on for ever.
+
+    Before the first knot stands its value, with its rate and acceleration: let it lie at or before the start of the
+    run, or its piece be a constant one.
+    """
+
+    knots: Array  # (m,) [s]
+    coefficients: Array  # (m, order + 1, d) [rad / s^j] or [N m / s^j]
+
+
+class Drive(NamedTuple):
+    """The drive of d joints by any law (`laws`); what a law does not use is empty or zero.
+
+    One type for all laws: stepping loops are compiled once, whatever drives the arm.
+    """
+
+    law: int  # its number in `laws`
+    rate: float  # how often it is sampled, its torques held in between [Hz]; 0: asked at every stage
+    joints: Indices  # (d,)
+    effort: Array  # (d,) largest torque [N m]
+    reference: PiecewisePolynomial  # r [rad / s^j]
+    feedforward: PiecewisePolynomial  # g [N m / s^j]
+    kp: Array  # (d,) [N m/rad], of computed torque [1/s²]
+    kd: Array  # (d,) [N m s/rad], of computed torque [1/s]
+    model: RigidModel  # of the laws that need one
+    held: Array  # (m, d) what a sampled law gave at its last m instants [N m]
+    next_instant: Indices  # (1,) number of the instant of a sampled law that comes next
 
 
 class MotionTable(NamedTuple):
@@ -49,7 +80,7 @@ def given_at(table: WrenchTable, t: float) -> GivenWrench:
 class Inputs(NamedTuple):
     """All that acts on a run from outside."""
 
-    drive: Any
+    drive: Drive
     motion: MotionTable
     wrench: Array  # (6,) [N, N m] on the tip, frame 0; constant, or what every stage writes there from
     table: WrenchTable | None
@@ -66,5 +97,6 @@ class Inputs(NamedTuple):
     def tip_wrenches(self, t: Array, q: Array, qd: Array) -> Array:
         """Force and moment in frame 0 at samples (rows,) with states (rows, n), shape (rows, 6)."""
         found = np.array(np.broadcast_to(self.wrench, (len(t), 6)))
-        wrenches(self.table, t, q, qd, found)
+        if self.table is not None:
+            wrenches(self.table, t, q, qd, found)
         return found

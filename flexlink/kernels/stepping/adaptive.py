@@ -17,7 +17,7 @@ from numba.extending import overload
 
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import ask, drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import bending
 from flexlink.kernels.stepping.implicit import ImplicitWork, between_stages, implicit_step
@@ -120,7 +120,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
             if absolute == math.inf:
                 forget(clock)
             if count[KNOT] == len(knots):
-                ask(inputs.drive, end, end, state[0], state[1], tau)
+                sample_law(inputs.drive, end, end, state[0], state[1], tau)
                 return ENDED
             begin(end, inputs, state, tau, forward)
     return GOES_ON
@@ -159,7 +159,7 @@ def begin(t, inputs, state, tau, forward):
     for k in range(len(tau)):
         tau[k] = 0.0
     follow(inputs.motion, t, q, qd, qdd)
-    ask(inputs.drive, t, t, q, qd, tau)
+    sample_law(inputs.drive, t, t, q, qd, tau)
     drive_torque(inputs.drive, t, t, q, qd, tau)
     done[1] = forward_under(inputs, t, t, q, qd, tau, qdd, forward)
 

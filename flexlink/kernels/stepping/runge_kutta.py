@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import ask, drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
@@ -68,7 +68,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
 @inlined
 def ask_at(inputs, h, number, state, stages):
     """Ask a sampled law before the step from t = number · h, if that is an instant of it."""
-    ask(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
+    sample_law(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
 @recursion

@@ -1,16 +1,12 @@
 """What follows from the states of a run: tip, energies, and the drive torques that the run took."""
 
-import math
-
 import numpy as np
 
 from flexlink.kernels.bodies.energy import energies_of
 from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import ask, drive_torque, follow
-from flexlink.kernels.stepping.runge_kutta import step, step_workspace
+from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
 from flexlink.kernels.tools.compiler import kernel
-from flexlink.kernels.tools.vec3 import dot, sub, vector
 
 
 @kernel
@@ -24,31 +20,19 @@ def tips_and_energies(chain, qs, qds, tips, parts):
 
 
 @kernel
-def drive_torques(work, inputs, ts, qs, qds, taus):
-    """T_EX (samples, n): what the drive gives, and at prescribed joints what the motion takes."""
-    qdd = np.zeros(qs.shape[1])
+def drive_torques(inputs, ts, qs, qds, taus):
+    """T_EX (samples, n) of the drive."""
     taus[:] = 0.0
     for row in range(len(ts)):
-        q, qd, tau = qs[row].copy(), qds[row].copy(), taus[row]
-        ask(inputs.drive, ts[row], ts[row], q, qd, tau)  # of a run by another engine
-        drive_torque(inputs.drive, ts[row], ts[row], q, qd, tau)
-        if len(inputs.motion.joints) > 0:
-            follow(inputs.motion, ts[row], q, qd, qdd)
-            forward_under(inputs, ts[row], ts[row], q, qd, tau, qdd, work)
+        sample_law(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine
+        drive_torque(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])
 
 
 @kernel
-def tip_errors(chain, work, tableau, inputs, h, numbers, qs, qds, errors):
-    """How far apart [m] one step of h and two of h/2 put the tip, from each state (rows, n) at step number (rows,)."""
-    placed, stages = kinematics_workspace(chain), step_workspace(tableau, np.empty(len(chain.hinges)))
-    ends, done = np.empty((2, 3)), np.zeros(1)
-    for row in range(len(numbers)):
-        for parts in range(1, 3):
-            state = qs[row].copy(), qds[row].copy(), done
-            for part in range(parts):
-                number = parts * numbers[row] + part
-                step(work, tableau, inputs, h / parts, number, state, stages)
-            kinematics(chain, state[0], placed)
-            ends[parts - 1] = placed.points[-1]
-        apart = sub(vector(ends[0]), vector(ends[1]))
-        errors[row] = math.sqrt(dot(apart, apart))
+def prescribed_torques(work, inputs, ts, qs, qds, taus):
+    """Write to `taus` (samples, n), which hold the drive's, what the prescribed motions take at their joints."""
+    qdd = np.zeros(qs.shape[1])
+    for row in range(len(ts)):
+        q, qd = qs[row].copy(), qds[row].copy()
+        follow(inputs.motion, ts[row], q, qd, qdd)
+        forward_under(inputs, ts[row], ts[row], q, qd, taus[row], qdd, work)

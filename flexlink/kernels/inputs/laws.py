@@ -1,0 +1,68 @@
+"""Control laws of the d driven joints, r(t) the reference, g(t) torques in time, T_G and M those of a rigid model.
+
+    TABLE               T_EX = g(t)
+    PD                  T_EX = k_p (r − q) + k_d (ṙ − q̇) + g(t)
+    PD_GRAVITY          T_EX = k_p (r − q) + k_d (ṙ − q̇) + T_G(r)
+    COMPUTED_TORQUE     T_EX = M(q) (r̈ + k_d (ṙ − q̇) + k_p (r − q)) + T_GC(q, q̇), q the driven joints'
+
+Of an arm that is as rigid as its model, computed torque makes the errors e = r − q go by ë + k_d ė + k_p e = 0
+(Siciliano et al. 2009, section 8.5.2).
+
+Torques that are held jump at
+their knots: the piece of a step is then that of its middle, so that a stage at its end does not see what follows.
+"""
+
+from flexlink.kernels.bodies.rigid_model import model_torque
+from flexlink.kernels.inputs.references import locate, reference
+from flexlink.kernels.tools.compiler import entry, recursion
+from flexlink.kernels.tools.lanes import at, clipped, put_at, zero_of
+
+TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
+
+
+@entry
+def law_torque(drive, t, middle, q, qd, tau):
+    """Write T_EX at the driven joints to `tau` (n,), within ± effort, at time t in a step of this `middle`.
+
+    One function for all laws: what each takes to compile is mostly the record that it reads.
+    """
+    joints, g = drive.joints, drive.feedforward
+    if drive.law == TABLE:
+        held = g.coefficients.shape[1] == 1
+        piece = locate(g.knots, 0, len(g.knots), middle if held else t)
+        x = max(0.0, t - g.knots[piece])
+        c = g.coefficients[piece]
+        for d in range(len(joints)):
+            torque = 0.0
+            for j in range(len(c) - 1, -1, -1):
+                torque = torque * x + c[j, d]
+            put_at(tau, zero_of(q) + torque, joints[d])
+    elif drive.law == PD:
+        for d in range(len(joints)):
+            k = joints[d]
+            r, rate, _ = reference(drive.reference, t, middle, d)
+            torque, _, _ = reference(g, t, middle, d)
+            put_at(tau, drive.kp[d] * (r - at(q, k)) + drive.kd[d] * (rate - at(qd, k)) + torque, k)
+    elif q.ndim == 1:  # arms side by side have no model
+        torques_by_model(drive, t, middle, q, qd, tau)
+    for d in range(len(joints)):
+        put_at(tau, clipped(at(tau, joints[d]), drive.effort[d]), joints[d])
+
+
+@recursion
+def torques_by_model(drive, t, middle, q, qd, tau):
+    """Write T_EX of a law that asks the rigid model."""
+    model, computed = drive.model, drive.law == COMPUTED_TORQUE
+    for d in range(len(drive.joints)):
+        k = drive.joints[d]
+        r, rate, acceleration = reference(drive.reference, t, middle, d)
+        if computed:
+            model.q[d], model.qd[d] = q[k], qd[k]
+            model.qdd[d] = acceleration + drive.kd[d] * (rate - qd[k]) + drive.kp[d] * (r - q[k])
+        else:
+            model.q[d] = r
+            tau[k] = drive.kp[d] * (r - q[k]) + drive.kd[d] * (rate - qd[k])
+    model_torque(model)
+    for d in range(len(drive.joints)):
+        k = drive.joints[d]
+        tau[k] = model.tau[d] if computed else tau[k] + model.tau[d]
