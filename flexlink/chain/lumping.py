@@ -15,7 +15,9 @@ from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
+from flexlink.common.memo import Memo
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
+from flexlink.describe.data_files import is_own
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
@@ -54,7 +56,20 @@ def lump(scene: Scene) -> Chain:
     ArgumentError
         `scene` is no Scene.
     """
-    name, builder = given("scene", scene, Scene).name, _walked(scene)
+    arm = given("scene", scene, Scene).arm
+    if any(is_own(link.lumping) for link in arm.links):  # a file, which may change
+        return _lumped(scene)
+    locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
+    moved = tuple(motion.link for motion in scene.motion)
+    return CHAINS(arm, (scene.name, scene.gravity, locked, moved), lambda: _lumped(scene))
+
+
+CHAINS = Memo(64)
+"""Chains of arms: runs of one arm with other loads and settings share its chain, and what is found of it."""
+
+
+def _lumped(scene: Scene) -> Chain:
+    name, builder = scene.name, _walked(scene)
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):

@@ -237,7 +237,8 @@ class Scene(Spec, frozen=True):
         document = changed({**self.document(anew), **seen}, FIELDS, changes)
         parts = {**_parts(self), **_parts(self.arm)}
         kept = {key: value for key, value in parts.items() if key not in anew}
-        varied = scene_from({key: value for key, value in document.items() if key in anew}, kept)
+        arm = None if anew & _OF_ARM.keys() else self.arm
+        varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
         check_named(varied)
         return varied
 
@@ -344,8 +345,8 @@ def _parts(spec: Spec) -> dict[str, Any]:
     return {field.encode_name: getattr(spec, field.name) for field in fields_of(type(spec))}
 
 
-def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({})) -> Scene:
-    """The scene of a parsed file, and of parts of another scene, which have been checked.
+def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyType({}), arm: Arm | None = None) -> Scene:
+    """The scene of a parsed file, and of parts of another scene, or its whole arm, which have been checked.
 
     Raises
     ------
@@ -357,7 +358,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
     own = {key: value for key, value in values.items() if key in _OWN}
-    return assembled(Scene, arm=assembled(Arm, **parts), **own)
+    return assembled(Scene, arm=arm or assembled(Arm, **parts), **own)
 
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}

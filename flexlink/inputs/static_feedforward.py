@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.memo import Memo
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.terms import gravity_torque
@@ -29,6 +30,17 @@ def holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolyno
     ConvergenceError
         Somewhere the arm has no equilibrium.
     """
+    knots, coefficients = (np.ascontiguousarray(part) for part in target)
+    key = knots.tobytes(), coefficients.tobytes(), coefficients.shape
+    kept = TORQUES(chain, key, lambda: _holding_torque(chain, target))
+    return PiecewisePolynomial(*(part.copy() for part in kept))
+
+
+TORQUES = Memo(16)
+"""Holding torques of chains along references: some hundred equilibria each."""
+
+
+def _holding_torque(chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:
     course = ReferenceTrajectory(*target)
     knots = np.concatenate(
         [*map(_divided, target.knots[:-1], target.knots[1:], target.coefficients[:-1]), target.knots[-1:]]
