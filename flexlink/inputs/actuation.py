@@ -1,4 +1,4 @@
-"""A scene's drive and prescribed motions as the arrays that the kernels read."""
+"""All inputs of a scene as one record of arrays for the kernels: drive, prescribed motions, tip wrench."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Indices = NDArray[np.int64]
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
-    """All that acts on a run of this scene from outside; errors as in the functions for the three."""
+    """The inputs of a scene; errors as in `drive_arrays`, `motion_arrays` and `wrench_table`."""
     table = wrench_table(scene, chain)
     wrench = scene.tip_wrench if table is None else np.full(6, np.nan)  # until a stage writes it
     return Inputs(drive_arrays(scene, chain), motion_arrays(scene, chain), wrench, table)

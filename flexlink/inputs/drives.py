@@ -1,4 +1,4 @@
-"""A scene's drive as the arrays of its control law, and the slopes that they give a chain."""
+"""A scene's drive as the record of arrays that the kernels read, and its gains −∂T_EX/∂q, −∂T_EX/∂q̇."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NUDGE = 1e-5
 
 
 def drive_arrays(scene: Scene, chain: Chain) -> Drive:
-    """The scene's drive; no driven joint at all where it has nothing to say.
+    """The scene's drive; without driven joints where the scene has none.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
 
 
 def drive_of(joints: NDArray[np.int64], **parts: Any) -> Drive:
-    """A drive of these joints: a table without torques, unlimited, but for what is said."""
+    """A drive of these joints: zero torque without limits, except for the given `parts`."""
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
@@ -85,7 +85,7 @@ def _numbers(drive: Drive) -> tuple[Any, ...]:
 
 
 def remembered(drive: Drive) -> tuple[NDArray[Any], ...]:
-    """The arrays of a drive that a run changes."""
+    """The arrays of a drive that a run writes to."""
     return drive.held, drive.next_instant
 
 
@@ -160,7 +160,7 @@ LAWS: dict[str, Callable[[Scene, Chain], Drive]] = {
 
 
 def _sampled(scene: Scene, law: Drive) -> Drive:
-    """A law that is asked at instants, counted from t = 0, with room for what it gives at all of a run's."""
+    """The law sampled at instants t = k / rate, with memory for all instants of the run."""
     run, rate = scene.run, float(scene.drive.rate or 0.0)
     if not run.controlled:
         rate = 1.0 / (round(1.0 / (rate * run.step)) * run.step)  # as far from the decimal one as the step
@@ -199,6 +199,6 @@ GRAVITY = {"none": _no_gravity, "rigid": _rigid_gravity, "static": _static_gravi
 
 
 def of_joints(chain: Chain, per_link: tuple[float, ...] | None) -> Array:
-    """Of numbers per link those of the driven joints, shape (d,)."""
+    """Numbers of the driven joints, from one number per link, shape (d,)."""
     numbers = per_link or (0.0,) * len(chain.link_names)
     return np.array([numbers[chain.coordinates[k].link - 1] for k in chain.active], dtype=np.float64)

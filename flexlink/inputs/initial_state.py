@@ -1,4 +1,4 @@
-"""Where a run starts: the initial state of a scene, in the order of its chain."""
+"""Initial state of a scene, in the order of its chain's joints."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
 
 
 def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
-    """The prescribed joints are where their motion is at the start."""
+    """Check that prescribed joints start on their motion."""
     if not scene.motion:
         return
     motion = motion_arrays(scene, chain)

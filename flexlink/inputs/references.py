@@ -1,4 +1,4 @@
-"""Where the driven joints are to be, as the arrays that the kernels read."""
+"""References of the driven joints, as the arrays that the kernels read."""
 
 from __future__ import annotations
 
@@ -13,10 +13,6 @@ from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import PiecewisePolynomial
 
 Array = NDArray[np.float64]
-
-
-CLOSE = 1e-9
-"""Degrees: two numbers for one angle, rounded to decimals or to radians."""
 
 
 def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
@@ -40,12 +36,13 @@ def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:
 
 def _check_start(scene: Scene, chain: Chain, links: list[int]) -> None:
     """A run from a state of one's own starts at t = 0 where a reference without `from_deg` does."""
+    close = 1e-9  # [deg] two roundings of one angle
     initial, reference = scene.initial, scene.drive.reference
     if initial.q is None or initial.time or reference is None or not reference.from_initial:
         return
     for k, link in zip(chain.active, links, strict=True):
         starts, said = math.degrees(initial.q[k]), initial.joint_deg[link]
-        if abs(starts - said) > CLOSE:
+        if abs(starts - said) > close:
             raise SceneError(
                 f"drive.reference.from_deg: missing; the joint of {chain.link_names[link]!r} is at {starts:.9g} deg "
                 f"by initial.q, at {said:.9g} by initial.joint_deg"

@@ -1,4 +1,4 @@
-"""What holds an arm along a reference: its driven joints where the reference is, its hinges bent by gravity."""
+"""Static feed-forward: the torque that holds the arm along a reference, its hinges bent by gravity."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:
-    """A warning if the run insists on a step beyond the largest stable one about the initial state.
+    """Check the fixed step against the largest stable one about the initial state; a warning where the run insists.
 
     Raises
     ------

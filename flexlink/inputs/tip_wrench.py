@@ -1,4 +1,4 @@
-"""A scene's tip wrench as what the kernels read, and what acts at a time."""
+"""A scene's tip wrench as the arrays that the kernels read, and its value at the start."""
 
 from __future__ import annotations
 
@@ -37,6 +37,6 @@ def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
 
 
 def initial_wrench(scene: Scene, chain: Chain) -> GivenWrench:
-    """The wrench that a scene starts under; errors as in `wrench_table`."""
+    """The wrench at the start of a scene; errors as in `wrench_table`."""
     table = wrench_table(scene, chain)
     return GivenWrench(scene.tip_wrench, False) if table is None else given_at(table, scene.initial.time)

@@ -1,4 +1,4 @@
-"""Times of a drive, or of a table, at which steps of any length end: none passes by what happens between its stages."""
+"""Times at which adaptive steps must stop, so that no feature of a tabulated input falls between two stages."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LINEAR = 2
 
 
 def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
-    """Times [s] between which what is given in time is smooth: a table's landings, or knots; instants apart."""
+    """Times [s] between which an input is smooth, sampling instants not counted."""
     if isinstance(given, WrenchTable):
         return landings(given, part)
     if given.rate:
@@ -26,7 +26,7 @@ def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
 
 
 def corners(given: Drive | WrenchTable) -> Array:
-    """Knots [s] of what is given in time at which fixed steps end, too; instants apart."""
+    """Knots [s] of an input at which fixed steps end, too, sampling instants not counted."""
     if isinstance(given, Drive) and given.rate:
         return np.empty(0)
     if isinstance(given, Drive) and given.law != TABLE:
@@ -36,7 +36,7 @@ def corners(given: Drive | WrenchTable) -> Array:
 
 
 def instants(drive: Drive | None, start: float, end: float) -> Array:
-    """When a sampled law is asked [s], from the first time to the last; none of another one."""
+    """Sampling instants [s] of a law from the first time to the last; none of a continuous law."""
     if drive is None or not drive.rate:
         return np.empty(0)
     first, last = (round(t * drive.rate) for t in (start, end))

@@ -1,4 +1,4 @@
-"""Steps of a method that estimates their error, or of an implicit one, in pieces between which Python looks up."""
+"""Adaptive steps, and implicit ones, in chunks between which Python checks the samples."""
 
 from __future__ import annotations
 
@@ -49,23 +49,12 @@ scenes with 7 tolerances: the errors at the end have a median of 0.14 of the tol
 it where motion is sensitive. An explicit method's steps, small for stability's sake, have the errors they tell, all in
 one direction."""
 
-LONG_STAGES = 5
-"""Stages of an implicit method from which its steps are long, and few, so that each may count."""
 
-OF_A_DEFLECTION = 0.1
-"""The same of a deflection: its vibrations ring on, and the errors of all steps with them."""
+FEW_PASSES = 12
+"""Newton iterations of a step with a tolerance, after which a shorter step is cheaper."""
 
-OF_THE_ITERATION = 0.05
-"""What Newton's iteration may leave of the error of a step."""
-
-EXACT = 1e-13
-"""What it may leave of a fixed step, as a part of the arm's reach: what is left drives the energy away."""
-
-FEW_PASSES, MANY_PASSES = 12, 50
-"""Iterations before a shorter step is the cheaper way, and those of a fixed step, which is better kept."""
-
-EXPLICIT, OFTEN = "DOP853", 20
-"""The method with which a run goes on whose iteration fails, and how often it fails before this is thought of."""
+EXPLICIT = "DOP853"
+"""The method that takes over from an automatically chosen implicit one whose Newton iteration keeps failing."""
 
 PARTS = (2, 4, 8, 16, 32, 64)
 """Parts of a fixed step whose stages Newton's iteration does not find; in half a step it converges 4 times as fast."""
@@ -78,9 +67,10 @@ NEAR = 1e-9
 
 
 class AdaptiveSteps:
-    """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
+    """Stepper of a run; `failure` says why it ended early."""
 
     def __init__(self, watch: RunMonitor) -> None:
+        often = 20  # failures of the Newton iteration before Python considers an explicit method
         record, run = watch.record, watch.run
         self.failure: Failure | None = None
         self.record, self.run, self.control, self.inputs = record, run, watch.control, record.inputs
@@ -90,7 +80,7 @@ class AdaptiveSteps:
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
         self.tau = np.zeros(record.chain.n)
         self.count, self.evaluations_before = np.zeros(clock.COUNTS, np.int64), 0
-        self.count[clock.ROW], self.count[clock.PATIENCE] = 1, OFTEN if run.method == AUTO else NEVER
+        self.count[clock.ROW], self.count[clock.PATIENCE] = 1, often if run.method == AUTO else NEVER
         self.samples = record.t, record.q, record.qd, record.works
         self._take(choose(run, record, self.slowest), start)
         self._aim(start, start)
@@ -179,7 +169,7 @@ class AdaptiveSteps:
 
     @property
     def steps(self) -> Steps:
-        """What was done so far."""
+        """Counts of the steps so far."""
         taken, rejected, failed = (int(n) for n in self.count[[clock.TAKEN, clock.REJECTED, clock.FAILED]])
         return Steps(self.name, taken, self._evaluations(), rejected, failed, self.why)
 
@@ -331,7 +321,7 @@ class AdaptiveSteps:
 
 
 def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]:
-    """Start of a run, and where its pieces end [s]: at the instants of a law, and at the end of the run."""
+    """Start of a run and the ends of its pieces [s]: sampling instants of a control law, and the end of the run."""
     run = record.run
     start, end = float(record.t[0]), float(record.t[-1])
     if not run.controlled:  # on the grid of all steps, to the bit
@@ -341,7 +331,7 @@ def pieces(record: Record, control: Control | None) -> tuple[float, list[float]]
 
 
 def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
-    """The method of a run, and, if it is not named, why."""
+    """The method of a run, and the reason where it was chosen automatically."""
     if run.method != AUTO:
         return Choice(run.method, "")
     return cheapest(record, run.tolerance_within(record.chain.reach), slowest)
@@ -355,10 +345,14 @@ def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) 
 
 
 def settings(run: RunSettings, method: Method, record: Record, largest: float) -> tuple[float, ...]:
-    """What `advance` wants to know of a run: errors, the order of the steps' error, shortest and longest step."""
+    """Settings of `advance`: error limits, order of the error estimate, shortest and longest step."""
+    long_stages = 5  # implicit methods of so many stages take few, long steps
+    exact = 1e-13  # residual of a fixed step over the arm's reach; a larger one makes the energy drift
+    of_the_iteration = 0.05  # residual of the Newton iteration over the error that a step may have
+    of_a_deflection = 0.1  # stricter where the tolerance is on deflection: errors of all steps ring on in its vibration
     reach = record.chain.reach
     if not run.controlled:
-        return np.inf, 0.0, run.step, EXACT * reach, 0.0, 1.0, run.step, run.step
+        return np.inf, 0.0, run.step, exact * reach, 0.0, 1.0, run.step, run.step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
             f"run.accuracy = 'deflection': nothing of {record.chain.name!r} bends, and a part of no deflection is no "
@@ -374,9 +368,9 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
                 f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
             )
     order = float(method.order if method.explicit else method.stages + 1)
-    long = method.stages >= LONG_STAGES
+    long = method.stages >= long_stages
     one = OF_AN_EXPLICIT_STEP if method.explicit else OF_A_LONG_STEP if long else OF_A_STEP
-    errors = one * absolute, OF_A_DEFLECTION * one * part, run.duration / LONG, np.inf, OF_THE_ITERATION
+    errors = one * absolute, of_a_deflection * one * part, run.duration / LONG, np.inf, of_the_iteration
     return *errors, order, SHORTEST * run.duration, largest
 
 
@@ -394,11 +388,12 @@ def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
 
 def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | ImplicitWork:
     """Scratch of the steps of a method on the chain of a record, with its lowest frequency [rad/s]."""
+    of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
     numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
     numbers[clock.SLOWEST], numbers[clock.ROUNDING] = 1.0 / slowest, rounding.of_position(chain)
-    numbers[clock.PASSES] = FEW_PASSES if record.run.controlled else MANY_PASSES
+    numbers[clock.PASSES] = FEW_PASSES if record.run.controlled else of_fixed_step
     springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)

@@ -96,7 +96,7 @@ def outcomes(scenes: Sequence[Scene], stop: Stop) -> list[Outcome]:
 
 
 class Member(NamedTuple):
-    """A scene, ready to run."""
+    """A scene that is ready to run."""
 
     scene: Scene
     watch: RunMonitor

@@ -1,4 +1,4 @@
-"""What a run with a tolerance may take: evaluations in all, and steps that bring it on."""
+"""Evaluation budget of an adaptive run, and whether its steps still make progress."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHORTEST = 1e-10
 
 
 class Spent(NamedTuple):
-    """How far a run is."""
+    """Evaluations spent, and time reached."""
 
     time: float  # [s]
     steps: int

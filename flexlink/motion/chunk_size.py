@@ -1,4 +1,4 @@
-"""Long work in pieces: how far a run is, and how much to do before Python looks up again."""
+"""Size of the chunks of a run: how many steps to take before Python checks samples, signals and the terminal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ GROW = (
 
 
 class Reached(NamedTuple):
-    """How far a run is."""
+    """Progress of a run."""
 
     rows: int  # samples that are there
     part: float  # of its time
 
 
 class ChunkSize:
-    """Number of steps that take about `BREATH`: `size`, from 1 on, at most `GROW` times the last."""
+    """Number of steps that take about `BREATH`: `size`, first 1, at most `GROW` times the last."""
 
     def __init__(self) -> None:
         self.size, self._started = 1, time.perf_counter()

@@ -20,7 +20,6 @@ from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 Complex = NDArray[np.complex128]
 
 LONG = 2e-3  # of a measurement [s]: a thousand times what the clock is good for
-REPEATS = 5  # of which the shortest counts: nothing makes a program faster than it is
 
 IMPLICIT_IN_PLANE, IMPLICIT_IN_SPACE = 4.0, 9.0
 """Evaluations that cost as much as a stage of an implicit step: measured on the trade's 16 scenes with 7 tolerances 2.7
@@ -61,6 +60,7 @@ def step_time(name: str, evaluation: float, *, planar: bool) -> float:
 
 def evaluation_time(scene: Scene, chain: Chain) -> float:
     """CPU time [s] of one stage of an explicit method in its compiled loop, measured here and now, in about 30 ms."""
+    repeats = 5  # of which the shortest counts: nothing makes a program faster than it is
     q, qd = initial_state(scene, chain)
     state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
     work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
@@ -76,4 +76,4 @@ def evaluation_time(scene: Scene, chain: Chain) -> float:
     steps = 1
     while taken(steps) < LONG:
         steps *= 2
-    return min(taken(steps) for _ in range(REPEATS)) / (steps * rule.stages)
+    return min(taken(steps) for _ in range(repeats)) / (steps * rule.stages)

@@ -1,4 +1,4 @@
-"""Fixed steps of an explicit Runge-Kutta method, t = k · step, in pieces between which Python looks up."""
+"""Fixed steps of an explicit Runge-Kutta method, t = k · step, in chunks between which Python checks the samples."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Arrays = tuple[Array, Array, Array]
 
 
 class FixedSteps:
-    """The steps of a run, compiled and not yet taken; `failure` says why they ended early."""
+    """Stepper of a run; `failure` says why it ended early."""
 
     slow, deflection, turned = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
@@ -77,7 +77,7 @@ class FixedSteps:
 
     @property
     def steps(self) -> Steps:
-        """What was done so far."""
+        """Counts of the steps so far."""
         return steps_up_to(self.run, self._done)
 
     def _not_finite(self) -> Failure:
@@ -88,12 +88,12 @@ class FixedSteps:
 
 
 def steps_up_to(run: RunSettings, number: int) -> Steps:
-    """What a run has done after a number of steps."""
+    """Counts after a number of steps."""
     return Steps(run.method, number, number * method(run.method).stages)
 
 
 def pieces(watch: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
-    """Integrate in pieces of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
+    """Integrate in chunks of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
     `integrate`.

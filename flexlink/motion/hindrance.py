@@ -1,4 +1,4 @@
-"""What keeps the steps of a run short, or its iteration from ending: what is known of the causes, and what helps."""
+"""Known causes of short steps and of failing Newton iterations, and what helps."""
 
 from __future__ import annotations
 
@@ -18,24 +18,20 @@ from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
 
-NEAR = 0.1
-"""Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's."""
-
-MORE = 1e-3
-"""By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too."""
-
 
 class Hindrance(NamedTuple):
-    """What it is, and what to change."""
+    """A cause, and what to change."""
 
     cause: str
     advice: str
 
 
 def hindrance(record: Record, q: Array) -> Hindrance | None:
-    """What is known to hinder a run of a record's scene in a state with these angles (n,); None: nothing is."""
+    """The known cause of short steps in a state with these angles (n,), or None."""
+    # By how much of itself a growth must be beyond that without the loop, which an arm that topples has, too
+    faster_growth = 1e-3
     growth, without = sampled_growth(record)
-    if growth > max(1.0, without) * (1.0 + MORE):
+    if growth > max(1.0, without) * (1.0 + faster_growth):
         return Hindrance(
             f"the loop of drive.rate = {record.scene.drive.rate:g} Hz is unstable by itself: near the start motion "
             f"grows by a factor of {growth:.3g} from instant to instant",
@@ -46,10 +42,12 @@ def hindrance(record: Record, q: Array) -> Hindrance | None:
 
 def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
     """The hinge of three axes, if there is one, of which the outer two nearly coincide."""
+    # Cosine below which the outer two of three axes at one point nearly coincide: their rates are ten times the body's
+    near_gimbal_lock = 0.1
     chain, places = record.chain, [(c.link, c.segment) for c in record.chain.coordinates]
     for place, group in itertools.groupby(range(chain.n), key=lambda k: places[k]):
         axes = [k for k in group if place[1] and chain.coordinates[k].axis]
-        if len(axes) == 3 and abs(np.cos(q[axes[1]])) < NEAR:
+        if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return Hindrance(
                 f"hinge {name!r} is bent by {angle:.1f}°, where the outer two of its three axes coincide",
@@ -59,7 +57,7 @@ def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
 
 
 def sampled_growth(record: Record) -> tuple[float, float]:
-    """By how much the fastest growing motion grows from instant to instant of a sampled drive, and without the drive.
+    """Growth of the fastest growing motion per sampling period of a drive, with and without the drive.
 
     The largest |λ| of Φ − Γ K, Φ = exp(A T) and Γ = ∫ exp(A t) B dt those of the linear arm about its start, held there
     at rest, K the gains of the law; 0 where nothing is sampled.

@@ -1,4 +1,4 @@
-"""Times where a step ends, however long steps are: of the inputs' pieces, and of samples."""
+"""Times at which adaptive steps must stop (tstops): knots of the inputs, and samples of explicit methods."""
 
 from __future__ import annotations
 
@@ -15,18 +15,13 @@ from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
 
-OF_A_TABLE = 0.1
-"""Torque, over the largest, that may come and go between the stages of a step, as a part of tolerance over reach."""
-
-ON_THE_GRID = 1e-6
-"""Part of a fixed step within which a time is one of its ends."""
 
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
 
 
 class Marks:
-    """Times where the steps of a run end, beside the ends of its pieces.
+    """Times at which the steps of a run stop, beside the ends of its pieces.
 
     A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
     steps end there, too, so that nothing but the state goes past a sample; and at the knots of a table that is not
@@ -35,6 +30,8 @@ class Marks:
     """
 
     def __init__(self, method: Method, record: Record, by_drive: bool) -> None:
+        part = 0.1  # of tolerance / reach: torque, over the largest, that a step may miss between its stages
+        on_the_grid = 1e-6  # part of a fixed step within which a time counts as one of its ends
         run, (drive, motion, _, wrench) = record.run, record.inputs
         tables = [table for table in (drive if by_drive else None, wrench) if table is not None]
         self.drive = drive if by_drive else None
@@ -42,11 +39,11 @@ class Marks:
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
             reach = record.chain.reach
-            lands = [ends_of_steps(table, OF_A_TABLE * run.tolerance_within(reach) / reach) for table in tables]
+            lands = [ends_of_steps(table, part * run.tolerance_within(reach) / reach) for table in tables]
             given = np.concatenate([*lands, motion.knots])
         else:
             number = np.concatenate([*map(corners, tables), motion.knots]) / run.step
-            number = number[np.abs(number - np.round(number)) > ON_THE_GRID]
+            number = number[np.abs(number - np.round(number)) > on_the_grid]
             given = np.concatenate([number, np.ceil(number)]) * run.step
         self.given: list[float] = np.unique(given).tolist()
 

@@ -1,4 +1,4 @@
-"""method = "auto": which method steps with a tolerance are cheapest with, and why."""
+"""method = "auto": the integration method that reaches the tolerance at the lowest cost, and why."""
 
 from __future__ import annotations
 
@@ -13,20 +13,13 @@ STIFF = 2e3
 """Product of the fastest frequency, or decay, and the duration up to which a run is short for an explicit method: it
 takes a few hundred steps, as an implicit one does."""
 
-SOFT, SOFT_STIFF = 0.05, 1e4
-"""What gravity and turning add to ω₁², as a part of it, from which an arm that twists is soft, and `STIFF` of these.
-A slender segment has next to no inertia about its own axis: twist follows the moments of bending at once, a stiffness
-that Newton's iteration leaves out, and which keeps an implicit method's steps short."""
-
-TWIST = 1
-"""`Coordinate.axis` of a hinge that twists."""
 
 SMALL = 1e-5
 """Part of the reach: tolerances up to which Radau9 needs so many steps less than Radau5 that it is cheaper."""
 
 
 class Choice(NamedTuple):
-    """A method, and why it is the cheapest."""
+    """A method, and why it was chosen."""
 
     method: str
     why: str
@@ -40,13 +33,18 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
     Measured on the scenes of the trade study: an implicit method's steps do not depend on how fast the chain's fastest
     modes are, an explicit one's do; Radau9 wants smooth motion, which dry friction does not leave.
     """
+    twist = 1  # `Coordinate.axis` of a hinge that twists
+    # A twisting arm is soft where gravity and rotation add more than 5 % to ω₁²; `STIFF` is then 1e4. A slender segment
+    # has next to no inertia about its own axis: twist follows the bending moments at once, a stiffness that the Newton
+    # matrix leaves out, and which keeps the steps of an implicit method short.
+    soft, soft_stiff = 0.05, 1e4
     chain, q = record.chain, record.q[0]
     duration, part = record.run.duration, tolerance / chain.reach
     fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
     if fastest * duration <= STIFF:
         return Choice("DOP853", f"not stiff: fastest mode {fastest:.3g} rad/s")
     softness = softened(record, slowest)
-    if softness > SOFT and fastest * duration <= SOFT_STIFF and any(c.axis == TWIST for c in chain.coordinates):
+    if softness > soft and fastest * duration <= soft_stiff and any(c.axis == twist for c in chain.coordinates):
         return Choice("DOP853", f"soft: gravity and turning are {softness:.2g} of its stiffness")
     stiffness = f"stiffness ratio {fastest / slowest:.3g}"
     if part <= SMALL and not chain.hinges["coulomb"].any():
@@ -55,6 +53,6 @@ def cheapest(record: Record, tolerance: float, slowest: float) -> Choice:
 
 
 def softened(record: Record, slowest: float) -> float:
-    """What gravity and turning add to the square of the lowest frequency, or take from it: (g/L + q̇²)/ω₁²."""
+    """Geometric stiffness of gravity and rotation over that of bending, (g/L + q̇²) / ω₁²."""
     gravity, fastest_turn = float(np.linalg.norm(record.chain.gravity)), float(np.abs(record.qd[0]).max(initial=0.0))
     return (gravity / record.chain.reach + fastest_turn**2) / slowest**2

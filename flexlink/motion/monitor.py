@@ -1,4 +1,4 @@
-"""A run judges itself: its step before it starts, and while it goes on its samples, by their energies and postures."""
+"""Checks of a run while it goes on: power balance, bending, joint limits, errors of its steps."""
 
 from __future__ import annotations
 
@@ -31,8 +31,6 @@ coincide: cond(M) grows by 1/cos² 84° = 90, two decimal digits."""
 TIP_SHARE = 0.05
 """Error of the tip, as a part of its motion, that counts as wrong: the same 5 % as in `balance.SHARE`."""
 
-NEAR = 1e-9
-"""How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there."""
 
 DOUBT = 0.1
 """Part of `balance.SHARE` and `TIP_SHARE` from which a run is doubtful: what is seen of the errors are the losses of
@@ -41,31 +39,31 @@ energy and the steps' own errors, which sensitive motion, and motion that drifts
 LONG = 100
 """Number of steps with a tolerance in a run from which each is short: the error that it may have is in proportion."""
 
-SMALLEST = 200.0
-"""Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to."""
 
 TOLERABLE = 3.0
 """Tolerances that a run may be off by: ten are the limit for an error at the end, one is what it should be."""
 
-FEWEST, APART = 64, 128
+APART = 128
 """How many steps' own errors are looked at, by two steps of half the size: at least so many of a run, and of a long one
 one in so many, which costs three in 128, 2 %."""
 
 
 def least_tolerance(record: Record) -> float:
-    """The smallest tolerance [m] of an arm of such reach, that starts at such angles."""
-    return SMALLEST * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
+    """The smallest tolerance [m] that rounding allows, for the arm's reach and its initial angles."""
+    # Roundings of the tip's place, each of one step, below which a tolerance asks for less than what they add up to
+    roundings = 200.0
+    return roundings * rounding.of_reach(record.chain.reach, float(np.abs(record.q[0]).max()))
 
 
 def tolerance_of(run: RunSettings, chain: Chain, deflection: float) -> float:
-    """The tolerance of a run [m]: a relative one is a part of what it says, the reach or the deflection so far [m]."""
+    """The tolerance of a run [m]; a relative one is a part of the reach, or of the largest deflection so far [m]."""
     return run.tolerance_within(deflection if run.accuracy == "deflection" else chain.reach)
 
 
 def allowed_imbalance(
     run: RunSettings, chain: Chain, kinetic: Array, δ: float, moved: float, explicit: bool, compared: bool
 ) -> balance.Allowance:
-    """Energy that an error δ of any body's place as large as the tolerance makes up for, as m g δ and m v δ/τ.
+    """Energy imbalance that position errors δ of the bodies, as large as the tolerance, explain: m g δ and m v δ/τ.
 
     τ, in which a body gets δ off its way, is a long step. Of a motion of a size, `moved` [m], errors of `TOLERABLE` δ
     that go as it goes change rates by as large a part, and energies by twice that. An implicit method damps vibrations
@@ -81,7 +79,7 @@ def allowed_imbalance(
 
 
 class RunMonitor:
-    """What the samples of a run say of it, looked at piece by piece in the order of time.
+    """Checks the samples of a run, chunk by chunk in the order of time.
 
     Attributes
     ----------
@@ -124,7 +122,7 @@ class RunMonitor:
         deflection: float = 0.0,
         turned: float = 0.0,
     ) -> bool:
-        """Derive and judge the samples before `stop` that were not looked at, after `steps`; whether all are good.
+        """Compute and check the samples before `stop` that are new; returns whether all are valid.
 
         `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. `deflection`: the
         largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
@@ -144,26 +142,26 @@ class RunMonitor:
         return not self.fault
 
     def trajectory(self) -> Trajectory:
-        """The good samples, with the warnings."""
+        """The valid samples, with the warnings."""
         return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
 
     @property
     def tolerance(self) -> float:
-        """Of its steps, up to now [m]; of no deflection what rounding leaves."""
+        """Tolerance of the steps so far [m]; the rounding limit where nothing has bent yet."""
         return max(tolerance_of(self.run, self.record.chain, self.deflection), self.least)
 
     @functools.cached_property
     def least(self) -> float:
-        """The smallest tolerance that the arm can keep [m]."""
+        """The smallest tolerance that rounding allows [m]."""
         return least_tolerance(self.record)
 
     @property
     def moved(self) -> float:
-        """How far the tip moves in the good samples, by the box around them [m]."""
+        """Extent of the tip's motion in the valid samples, the diagonal of their bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
-        """The error of a run with a fault, or else of one whose steps ended early, as they say."""
+        """The error to raise for a run that failed a check, or whose steps ended early."""
         record, run = self.record, self.run
         advice = f"try a smaller step than {run.step:g} s"
         if run.controlled:
@@ -199,7 +197,7 @@ class RunMonitor:
         self._stop_at(rows, ~finite, "energies or torques are beyond float64")
 
     def _allowance(self, kinetic: Array) -> balance.Allowance:
-        """What the tolerance explains of the imbalance at the next samples, of these kinetic energies [J]."""
+        """Energy imbalance [J] of the next samples that the tolerance explains, from their kinetic energies [J]."""
         if not self.run.controlled:
             return balance.NOTHING
         name = self.steps.method  # before the first step it may not be picked yet
@@ -210,13 +208,13 @@ class RunMonitor:
         )
 
     def _steps_up_to(self, rows: slice) -> Array | int:
-        """Number of steps up to each of these samples; where steps differ, up to now."""
+        """Number of steps up to each of these samples; of adaptive steps the number so far."""
         if self.run.controlled:
             return self.steps.taken
         return self.run.steps_per_sample * np.arange(rows.start, rows.stop)
 
     def _judge_bend(self, rows: slice) -> None:
-        """No hinge is bent far, and M is positive definite in spite of the negative rotors of matched twist."""
+        """Check that no hinge is bent too far, and that M is positive definite (matched twist has negative rotors)."""
         record, passive = self.record, self.passive
         if not passive.size:
             return
@@ -233,41 +231,44 @@ class RunMonitor:
             self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
 
     def _judge_limits(self, rows: slice) -> None:
-        """Joints stay within their limits; nothing stops one that does not."""
+        """Warn of joints beyond their limits; the model has no end stops."""
+        # How far past a limit an angle still counts as at it [rad]: rounding of a run that starts or is led there
+        rounding_of_angles = 1e-9
         chain = self.record.chain
         for k in self.limited:
             q, lower, upper = self.record.q[rows, k], chain.hinges["lower"][k], chain.hinges["upper"][k]
-            out = np.maximum(lower - q, q - upper) > NEAR
+            out = np.maximum(lower - q, q - upper) > rounding_of_angles
             if out.any():
                 row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
                 angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
                 self._warn(f"limit {k}", row, f"{angle}, past its limits {least:.6g}° … {most:.6g}°; no stop holds it")
 
     def _bent(self, row: int, bends: Array) -> str:
-        """Words for the hinge that is bent most in a sample."""
+        """Name and angle of the hinge that is bent most in a sample, for messages."""
         k = int(self.passive[np.argmax(bends)])
         return f"hinge {self.record.chain.joint_name(k)!r} is bent by {np.degrees(self.record.q[row, k]):.1f}°"
 
     def probed(self, rows: slice) -> Indices:
-        """Of these samples those whose next step's own error is looked at."""
+        """Samples whose next step's error is measured."""
         every = self._apart()
         return np.arange(-(-rows.start // every) * every, rows.stop, every)
 
     def _apart(self) -> int:
-        """Of samples that are probed [samples]."""
+        """Distance between measured steps [samples]."""
+        fewest = 64  # steps of a run whose error is measured, if it has so many
         per_sample = self.run.steps_per_sample
-        steps_apart = min(APART, (self.run.samples - 1) * per_sample // FEWEST)
+        steps_apart = min(APART, (self.run.samples - 1) * per_sample // fewest)
         return max(1, -(-steps_apart // per_sample))
 
     def _probe_steps(self, rows: slice, known: Array | None) -> None:
-        """Add up the errors of the steps themselves, of a few that stand for all."""
+        """Add up the errors of steps, extrapolated from the measured ones."""
         probed = self.probed(rows)
         errors = step_errors(self.record, probed) if known is None else known[: len(probed)].copy()
         errors[errors < rounding.of_position(self.record.chain)] = 0.0
         self.tip_error += float(errors.sum()) * self._apart() * self.run.steps_per_sample
 
     def _doubts(self) -> Iterator[str]:
-        """What makes a run doubtful that is not garbage."""
+        """Warnings of a run that passed all checks but may be inaccurate."""
         if self.good < 2:
             return
         moved = self.moved
@@ -291,12 +292,12 @@ class RunMonitor:
 
     @property
     def suspicious(self) -> bool:
-        """Whether the energy is out of balance, by a little, or by so much that only the tolerance excuses it."""
+        """Whether the energy imbalance is notable, or so large that only the tolerance explains it."""
         least = DOUBT * balance.SHARE * self._exchanged
         return self._unbalanced > least or self._excused > least / DOUBT
 
     def _rounded_away(self) -> float:
-        """What fixed steps may lose of the tip's motion [m] as q + h q̇ is rounded: N h q̇, or N times half an ulp of q.
+        """Tip motion [m] that rounding of q + h q̇ in N fixed steps may lose: N h q̇, at most N ulp(q)/2.
 
         Nothing at the angles of a few turns, where that is what rounding leaves anyway.
         """

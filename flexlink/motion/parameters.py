@@ -33,17 +33,12 @@ Array = NDArray[np.float64]
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024
 """Of the number, or of 1 where it is 0: Δ, the first with which the numbers of the run are smooth."""
-SMOOTH = 1e-12
-"""Of a number of the run: what the last two terms may be, ten times what rounding leaves of them."""
 VARIED = "material", "section", "link", "tip", "drive", "initial"
 """Tables whose numbers are parameters; those of a run change its steps."""
-OF_DRIVES = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "smooth", "hold"}
-OF_WRENCHES = {"force", "moment"}
-"""What is differentiated; another key with something to say is refused."""
 
 
 class Numbers(NamedTuple):
-    """What a run is computed from, by the names of its parts."""
+    """The numbers that a run is computed from, by the names of its parts."""
 
     bodies: dict[str, Array]
     hinges: dict[str, Array]
@@ -80,7 +75,8 @@ def parametric(scene: Scene, chain: Chain, paths: list[str]) -> tuple[Parametric
 
 
 def _check_known(scene: Scene) -> None:
-    for name, part, known in (("drive", scene.drive, OF_DRIVES), ("wrench", scene.wrench, OF_WRENCHES)):
+    of_drives = {"kind", "torque", "times", "torques", "kp", "kd", "target_deg", "smooth", "hold"}
+    for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment"})):
         for field, value in _said(part):
             if field not in known:
                 raise ArgumentError(f"{name}.{field} = {short(value)}: sensitivities are not known of it")
@@ -155,12 +151,13 @@ def _differentiated(f: Callable[[float], Numbers], p: float, Δ: float) -> Numbe
 
 
 def _by_chebyshev(values: Array, x: Array, at: float) -> Array:
+    smooth = 1e-12  # largest part of the last two terms in a number: ten times their rounding
     flat = values.reshape(POINTS, -1)
     if (flat == flat[0]).all():
         return np.zeros(values.shape[1:])
     c = 2 / POINTS * chebyshev.chebvander(x, POINTS - 1).T @ flat
     c[0] /= 2
-    if (np.abs(c[-2:]).max(axis=0) > SMOOTH * np.abs(flat).max()).any():
+    if (np.abs(c[-2:]).max(axis=0) > smooth * np.abs(flat).max()).any():
         raise _RoughError
     return np.asarray(chebyshev.chebval(at, chebyshev.chebder(c))).reshape(values.shape[1:])
 

@@ -1,4 +1,4 @@
-"""Control laws from outside: torques from time and state, asked for by a run, and held as a sampled controller does."""
+"""Control laws in Python: torques from time and state, sampled and held as by a digital controller."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Tableau = tuple[Array, Array, Array]
 
 
 class Control:
-    """A law at work in a run: sampled at a rate and held in between, or asked at every stage.
+    """A control law in a run: sampled at a rate and held in between, or evaluated at every stage.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Control:
         return len(self.chain.active)
 
     def torque(self, t: float, q: Array, qd: Array) -> Array:
-        """What the law gives, within the drive's `effort`, shape (d,).
+        """Torques of the law, limited to the drive's `effort`, shape (d,).
 
         Raises
         ------
@@ -83,7 +83,7 @@ class Control:
         return np.clip(given.astype(np.float64), -self.effort, self.effort)
 
     def note(self, k: int, q: Array, qd: Array) -> None:
-        """Ask the law at instant `k`, and hold what it gives from there."""
+        """Evaluate the law at instant `k`, and hold its torques from there."""
         self.drive.feedforward.coefficients[k, 0] = self.torque(float(self.times[k]), q, qd)
 
     def pieces(self, record: Record, run: RunSettings, state: tuple[Array, Array, Array]) -> Iterator[int]:
@@ -123,7 +123,7 @@ class Control:
     def _continuous(
         self, record: Record, tableau: Tableau, state: tuple[Array, Array, Array], first: int, stop: int
     ) -> int:
-        """As `integrate`, the law asked at every stage."""
+        """As `integrate`, with the law evaluated at every stage."""
         (A, b, c), run, inputs = tableau, record.run, record.inputs
         h = run.step
         (q, qd, work), (L, K) = state, np.zeros((2, len(c), self.chain.n))

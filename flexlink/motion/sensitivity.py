@@ -23,9 +23,6 @@ from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-CLOSE = 1e-12
-"""Of the parts of a drive's torque: a few roundings of each."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Sensitivities:
@@ -122,10 +119,11 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
 
 def _check_drive(scene: Scene, run: Trajectory, drive: Array) -> None:
     """The run took the torques that are differentiated, u + v q + w q̇; those of a table hang on no parameter."""
+    close = 1e-12  # Of the parts of a drive's torque: a few roundings of each
     if scene.drive.kind == "table":
         return
     parts = np.array([np.broadcast_to(drive[0], run.q.shape), drive[1] * run.q, drive[2] * run.qd])
-    other = np.abs(parts.sum(axis=0) - run.tau) > CLOSE * np.abs(parts).sum(axis=0)
+    other = np.abs(parts.sum(axis=0) - run.tau) > close * np.abs(parts).sum(axis=0)
     other[:, run.chain.hinges["prescribed"] != 0] = False
     if other.any():
         raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: its torques are not what sensitivities differentiate")

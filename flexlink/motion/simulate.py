@@ -1,4 +1,4 @@
-"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in pieces between which Python looks up."""
+"""simulate(scene) → Trajectory: the compiled Runge-Kutta loop, in chunks between which Python checks the samples."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def simulate(
 
 
 def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None) -> dict[str, object]:
-    """Changes by path of a scene, that starts from this state; what is None stays as it is."""
+    """Changes of a scene, by path, that start it from this state; None leaves a part as it is."""
     changes: dict[str, object] = {} if t0 is None else {"initial.time": t0}
     if q0 is not None:
         changes |= {"initial.passive": None, "initial.q": q0}
@@ -132,7 +132,7 @@ def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None)
 
 
 class SingleRun:
-    """A run that is judged and compiled, and has not started; errors as in `simulate`."""
+    """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
 
     def __init__(self, scene: Scene, watch: RunMonitor | None = None) -> None:
         self.scene = scene
@@ -147,7 +147,7 @@ class SingleRun:
         compared: bool = True,
         warn: Callable[[str], None] | None = None,
     ) -> Trajectory:
-        """Run to the end, or to where it is stopped; `compared` with a second run where its steps call for one.
+        """Run to the end, or until stopped; `compared` with a verification run where its steps call for one.
 
         `warn` is told, once, and while the run goes on, where it hangs.
         """
@@ -173,7 +173,7 @@ class SingleRun:
         most: float = math.inf,
         warn: Callable[[str], None] | None = None,
     ) -> None:
-        """As far as the steps go, the samples are good, nobody stops it, and no more than `most` evaluations."""
+        """Advance until the run ends, a check fails, somebody stops it, or `most` evaluations are spent."""
         watch, steps = self.watch, self.steps
         for reached in steps:
             judged = watch.look(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
@@ -188,7 +188,7 @@ class SingleRun:
 
 
 def verify(scene: Scene, watch: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
-    """What second runs say against a finished one, that advanced by the method of this name: a warning, or nothing."""
+    """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
     text, own = "", watch.steps.evaluations
     for second in second_runs(watch, name):
         text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(watch))
@@ -215,14 +215,14 @@ def verify(scene: Scene, watch: RunMonitor, name: str, stop: Stop) -> Iterator[s
 
 
 def steps_of(watch: RunMonitor) -> FixedSteps | AdaptiveSteps:
-    """The steps of a run by its method: fixed ones of an explicit method, or others."""
+    """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones."""
     return FixedSteps(watch) if watch.explicit else AdaptiveSteps(watch)
 
 
 def prepare(
     scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
-    """`allocate` a run, whose first sample is looked at; errors as there."""
+    """`allocate` a run and check its first sample; errors as there."""
     watch = allocate(scene, chain, law, rate, rows=rows)
     watch.look(1)
     return watch
@@ -231,7 +231,7 @@ def prepare(
 def allocate(
     scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
-    """Room for the samples of a run, or for its first rows, of which the first is filled, and its step judged.
+    """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
 
     Raises
     ------

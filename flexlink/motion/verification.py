@@ -26,23 +26,6 @@ Array = NDArray[np.float64]
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""
 
-FINER = 1e-2
-"""Tolerance of a run that is to explain why two differ, over that of the one before."""
-
-SURE = 2**2 - 1.0
-"""How much larger the error of a run of twice the step is at least, beyond that of the first: that of order two. Steps
-that hardly resolve the motion have not the order of their method, and two such runs may be wrong alike."""
-
-FAR = 16.0
-"""Angle [rad] that the joints go through in all from which a motion is suspected to multiply errors: one of the rates
-grows to one of the angle all the time, and postures change without end. The trade's scenes go through 15.1 and less;
-of a thousand arms that something hit, those whose errors were more than ten tolerances went through 29 and more, two of
-them with no single joint beyond 13.5."""
-
-LOOP = 10.0
-"""Times by which the loop of a sampled drive lets motion grow within a run, beyond what it does without the drive, from
-which it is suspected to multiply errors. Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and
-more."""
 
 GIVEN_UP = 50
 """Times the evaluations of a run that a second one may take: one that ends takes a few times as many at most, and
@@ -55,7 +38,7 @@ UNKNOWN = (
 
 
 class Second(NamedTuple):
-    """A run to compare with."""
+    """A verification run, and how it compares."""
 
     run: RunSettings
     every: int  # of the first run's samples
@@ -68,6 +51,9 @@ def second_runs(watch: RunMonitor, name: str) -> Iterator[Second]:
 
     None where a control law drives the arm: it may remember what it was asked.
     """
+    # Error of the run with twice the step, less that of the first, over that of the first, for order two: steps that
+    # hardly resolve the motion do not show the order of their method, and two such runs may be wrong alike.
+    error_ratio = 2**2 - 1.0
     run = watch.run
     if watch.control is not None:
         return
@@ -81,12 +67,12 @@ def second_runs(watch: RunMonitor, name: str) -> Iterator[Second]:
         if pairs := (run.samples - 1) // 2:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
-            yield Second(coarser, 2, SURE, strict=False)
+            yield Second(coarser, 2, error_ratio, strict=False)
         yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
 
 
 def doubt(watch: RunMonitor, second: Second, tip: Array) -> str:
-    """Why a run is doubtful whose second run has these tips; empty if it is not."""
+    """The warning that follows from the tips of a verification run; empty if both runs agree."""
     error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(watch)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
@@ -100,39 +86,47 @@ def doubt(watch: RunMonitor, second: Second, tip: Array) -> str:
 
 
 def multiplies(watch: RunMonitor) -> str:
-    """What lets a run multiply its errors, as the end of a sentence; empty if nothing is known to."""
-    if turned(watch) > FAR:
+    """Why a run may multiply its errors, as the end of a sentence; empty if there is no known reason."""
+    # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
+    # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
+    growth = 10.0
+    # Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles,
+    # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
+    # with errors of more than ten tolerances travelled 29 and more.
+    far = 16.0
+    if turned(watch) > far:
         return ": this motion multiplies errors"
     growth, without = sampled_growth(watch.record)
     more, rate = growth / max(1.0, without), watch.record.scene.drive.rate or 0.0
-    if more > 1.0 and np.log(more) * rate * watch.run.duration > np.log(LOOP):
+    if more > 1.0 and np.log(more) * rate * watch.run.duration > np.log(growth):
         return f": the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors"
     return ""
 
 
 def advice(watch: RunMonitor) -> str:
-    """What to change in a run that is doubtful so."""
+    """What to change in a run that its verification run contradicts."""
     return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
 
 
 def turned(watch: RunMonitor) -> float:
-    """Angle [rad] that all links' joints go through, forth and back, in all steps, or by their rates at the samples."""
+    """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
     record, chain = watch.record, watch.record.chain
     rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
     return max(watch.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
 def _stricter_and_stricter(watch: RunMonitor) -> Iterator[Second]:
-    """Runs that are to explain a difference by their own errors, down to what is too strict for that."""
+    """Settings of stricter and stricter runs that may explain a difference by their own errors."""
+    finer = 1e-2  # Tolerance of a run that is to explain why two differ, over that of the one before
     tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, least_tolerance(watch.record))
     while tolerance > own:
         yield Second(_within(watch.run, AUTO, tolerance), 1, 1.0, strict=False)
-        tolerance *= FINER
+        tolerance *= finer
     yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
 
 
 def _stricter(watch: RunMonitor, name: str) -> RunSettings:
-    """A run with a tolerance that is a part of this one's, of the same kind."""
+    """The same settings with a stricter tolerance of the same kind."""
     run = watch.run
     if run.accuracy == "tip":
         return _within(run, name, max(STRICTER * _tolerance(watch), least_tolerance(watch.record)))

@@ -1,4 +1,4 @@
-"""Samples of a run while it goes on."""
+"""Preallocated samples of a running simulation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def trajectory_from_states(scene: Scene, chain: Chain, inputs: Inputs, t: Array,
 
 
 class Record:
-    """Samples of a run while it goes on: room for all, of which the first ones are filled.
+    """Preallocated samples of a running simulation; rows beyond the last one reached are uninitialised.
 
     Attributes
     ----------
