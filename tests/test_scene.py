@@ -11,7 +11,7 @@ import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
 from flexlink import Arm, Joint, Link, RunSettings, SceneError, Section, load_scene, lump, simulate
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.conditions import whole
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
@@ -193,7 +193,7 @@ def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.Monke
 
     with monkeypatch.context() as patched:
         patched.setattr(Path, "open", refuse)
-        patched.setattr(catalogue, "load", refuse)
+        patched.setattr(data_files, "load", refuse)
         scene = make_scene(flexible("a", lumping="papr"), run=RunSettings(method="RK5"))
         scene.to_toml()
     with pytest.raises(SceneError, match=r"^link\[0\]\.lumping = 'papr': unknown; .*did you mean 'paper'"):

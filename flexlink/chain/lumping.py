@@ -9,7 +9,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.builder import Builder, Piece, recorded
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
@@ -54,7 +54,7 @@ def lump(scene: Scene) -> Chain:
     ArgumentError
         `scene` is no Scene.
     """
-    name, builder = given("scene", scene, Scene).name, _walked(scene)
+    name, builder = require_type("scene", scene, Scene).name, _walked(scene)
     bodies = recorded(builder.bodies[1:])  # bodies[0] is the fixed base
     hinges = np.array(builder.hinges, dtype=HINGE)
     for array in (bodies, hinges):
@@ -74,7 +74,7 @@ def pieces(scene: Scene) -> list[Piece]:
 
     Errors as there.
     """
-    return _walked(given("scene", scene, Scene)).pieces
+    return _walked(require_type("scene", scene, Scene)).pieces
 
 
 def _walked(scene: Scene) -> Builder:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 
-from flexlink.cli.shared import about, varied_scene
+from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
@@ -24,7 +24,7 @@ def compare_engines(options: argparse.Namespace) -> int:
     if options.trajectory:
         return _compare_runs(scene, options)
     bar = Progress(scene.name)
-    with about(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
+    with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
         comparison = compare(
             scene, engines=options.engines, file=options.file, progress=bar,
             samples=SAMPLES if options.samples is None else options.samples, seed=options.seed or 0,
@@ -36,7 +36,7 @@ def compare_engines(options: argparse.Namespace) -> int:
 
 def _compare_runs(scene: Scene, options: argparse.Namespace) -> int:
     bar = Progress(scene.name)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         found = compare_trajectories(scene, engines=options.engines, duration=options.duration, progress=bar)
     bar.clear()
     print(found)

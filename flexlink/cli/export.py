@@ -10,7 +10,7 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, require_place, varied_scene
+from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.scene import Scene
@@ -29,17 +29,17 @@ def export_scenes(options: argparse.Namespace) -> int:
     notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options.set)
-        with about(path):
+        with prefix_errors(path):
             chain, state = _chain_and_state(path, scene, options, notes)
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
                 raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
-            with about(path):
+            with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
     for path, text in texts.items():
-        require_place(path)
+        require_writable(path)
         write_text(path, text)
         print(path)
     for note in notes:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import about, assignments, require_place, varied
+from flexlink.cli.shared import assignments, prefix_errors, require_writable, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
@@ -24,13 +24,13 @@ from flexlink.robots.serial import finite
 def import_scene(options: argparse.Namespace) -> int:
     """Import a robot, say what was done, and write the scene where it is asked for."""
     if options.out is not None:
-        require_place(options.out)
+        require_writable(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
     robot = read_robot(known.path if by_name else source)
     asked = _asked(robot, known, options)
-    with about(source):
+    with prefix_errors(source):
         imported = import_urdf(robot, **asked)
     scene = varied(source, imported.scene, options.set)
     print(imported)

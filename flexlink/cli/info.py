@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
-from flexlink.cli.shared import about, varied_scene
-from flexlink.describe import data_files as catalogue
+from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
@@ -33,7 +33,7 @@ LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 def show_info(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
     scene = varied_scene(options.scene, options.set)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         _show(scene)
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
@@ -80,7 +80,7 @@ def _kind(chain: Chain, k: int) -> str:
 
 def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:
     """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
-    costs = {method: cost(method, λ, evaluation, planar=planar) for method in catalogue.names("methods")}
+    costs = {method: cost(method, λ, evaluation, planar=planar) for method in data_files.names("methods")}
     rk4 = costs["RK4"].seconds
     for method, (h, seconds) in costs.items():
         price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""

@@ -29,7 +29,7 @@ from flexlink.cli.terminal import announced
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import finish, word
 from flexlink.common.versions import __version__
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.formats import FORMATS
 from flexlink.results.stop_reasons import InterruptedRunError
@@ -197,7 +197,7 @@ def _of_simulate(run: argparse.ArgumentParser) -> None:
     own = "the scene's"
     run.add_argument("scene", type=Path, help="scene file (.toml)")
     run.add_argument(
-        "--method", help=f"auto, {', '.join(catalogue.names('methods'))}, or a file (.toml); default: {own}"
+        "--method", help=f"auto, {', '.join(data_files.names('methods'))}, or a file (.toml); default: {own}"
     )
     run.add_argument("--step", type=float, help=f"fixed integration step [s]; default: {own}")
     run.add_argument("--tolerance", type=float, help="error of any body's place [m] that steps follow from")

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Iterable
 
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, draw, require_picture, varied_scene
+from flexlink.cli.shared import draw, prefix_errors, require_picture, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.modal import Modes, modes
@@ -32,7 +32,7 @@ def show_modes(options: argparse.Namespace) -> int:
     require_picture(options.plot)
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")
-    with about(options.scene):
+    with prefix_errors(options.scene):
         chain = lump(scene)
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]

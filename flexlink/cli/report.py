@@ -6,7 +6,7 @@ import argparse
 import shlex
 import sys
 
-from flexlink.cli.shared import about, varied_scene
+from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.scene_report.report import building, report
 
 
@@ -14,7 +14,7 @@ def report_scene(options: argparse.Namespace) -> int:
     """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
     scene = varied_scene(options.scene, options.set)
     building()  # what is missing is said before the work
-    with about(options.scene):
+    with prefix_errors(options.scene):
         found = report(
             scene, options.out, against=options.against, command=_command(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexlink.cli.shared import require_place, varied
+from flexlink.cli.shared import require_writable, varied
 from flexlink.common.output import write_text
 from flexlink.robots.collection import import_known, known_arm, known_arms
 
@@ -16,7 +16,7 @@ def list_robots(options: argparse.Namespace) -> int:
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
     targets = {options.out / f"{name}.toml": scene for name, scene in scenes.items()} if options.out else {}
     for target in targets:
-        require_place(target)
+        require_writable(target)
     print(f"{'name':<27} joints  mass [kg]  file")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)

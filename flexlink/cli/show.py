@@ -8,7 +8,7 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from flexlink.cli.shared import about, require_place, varied_scene
+from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import simulate
@@ -39,14 +39,14 @@ def show_scene(options: argparse.Namespace) -> int:
     """Run a scene and draw it; nothing is run that cannot be drawn."""
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
-    require_place(out)
+    require_writable(out)
     scene = varied_scene(
         options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
     )
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
     for note in notes(scene):
         print(f"note: {note}", file=sys.stderr)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         run = simulate(scene, progress=Progress(scene.name))
     for warning in run.warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import about, draw, require_picture, require_place, varied_scene
+from flexlink.cli.shared import draw, prefix_errors, require_picture, require_writable, varied_scene
 from flexlink.cli.terminal import Progress
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
@@ -30,9 +30,9 @@ def simulate_scene(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options.set, said)
     if options.out is not None:
         output_format(options.out)
-        require_place(options.out)
+        require_writable(options.out)
     require_picture(options.plot)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         ready = SingleRun(scene)  # compiled: a signal need not wait, and no run is timed by it
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
@@ -41,7 +41,7 @@ def simulate_scene(options: argparse.Namespace) -> int:
         bar = Progress(scene.name)
         started = time.perf_counter()
         try:
-            with about(options.scene):
+            with prefix_errors(options.scene):
                 run = ready.finish(stop, bar, warn=lambda text: _warn(bar, text))
             seconds = time.perf_counter() - started
         except (DivergenceError, InterruptedRunError) as error:

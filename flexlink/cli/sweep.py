@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import about, assignments, require_place
+from flexlink.cli.shared import assignments, prefix_errors, require_writable
 from flexlink.cli.terminal import Progress, clock
 from flexlink.sweeps.fingerprint import identity
 from flexlink.sweeps.plan import Plan, load_sweep
@@ -39,7 +39,7 @@ def sweep_members(options: argparse.Namespace) -> int:
     """Run the members that have no row yet, say what became of them, export all rows."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
-    require_place(out)
+    require_writable(out)
     integer("--workers", options.workers, 1, MOST)
     if options.export == "parquet":
         require_parquet()
@@ -62,7 +62,7 @@ def _planned(options: argparse.Namespace) -> Plan:
     """The plan of a file that can be carried out, with what `--set` sets for all members."""
     sweep = load_sweep(options.sweep)
     said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
-    with about(options.sweep):
+    with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **said}))
         require_possible(plan)
     return plan

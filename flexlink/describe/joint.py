@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncated
 
 Array = NDArray[np.float64]
 
@@ -71,7 +71,7 @@ class Mount(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
-            raise SceneError(f"rpy = {short(self.rpy)}: rpy_deg = {short(self.rpy_deg)} is given, too")
+            raise SceneError(f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too")
 
 
 class DenavitHartenberg(Spec, frozen=True):

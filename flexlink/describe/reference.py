@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import profiles
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import NonNegative, Positive, Spec, rising, short
+from flexlink.describe.spec import NonNegative, Positive, Spec, require_increasing, truncated
 
 Array = NDArray[np.float64]
 Row = tuple[float, ...]
@@ -74,7 +74,7 @@ class Reference(Spec, frozen=True):
             value = getattr(self, name)
             missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
             if missing or odd:
-                said = ": missing;" if missing else f" = {short(value)}:"
+                said = ": missing;" if missing else f" = {truncated(value)}:"
                 takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
                 raise SceneError(f"{name}{said} profile {self.profile!r} takes {takes}")
         if self.times is None:
@@ -91,7 +91,7 @@ class Reference(Spec, frozen=True):
             raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
 
     def _check_table(self, times: Row) -> None:
-        rising("times", times)
+        require_increasing("times", times)
         if self.acceleration_deg is not None and self.rate_deg is None:
             raise SceneError("rate_deg: missing; acceleration_deg is given, too")
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
@@ -137,7 +137,7 @@ class Reference(Spec, frozen=True):
         initial = np.asarray(initial_deg, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(initial):
-                raise SceneError(f"{name} = {short(row)}: expected one number per link, {len(initial)}")
+                raise SceneError(f"{name} = {truncated(row)}: expected one number per link, {len(initial)}")
         chosen = list(range(len(initial)) if links is None else links)
         try:
             with np.errstate(all="ignore"):

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
-from flexlink.describe.spec import NonNegative, Spec, Vector3, short
+from flexlink.describe.spec import NonNegative, Spec, Vector3, truncated
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,8 @@ class RigidBody(Spec, frozen=True):
         super().__post_init__()
         if len(self.inertia) not in {3, 6}:
             raise SceneError(
-                f"inertia = {short(self.inertia)}: expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz"
+                f"inertia = {truncated(self.inertia)}: expected 3 moments, xx, yy, zz, or "
+                "6 numbers, xx, yy, zz, xy, xz, yz"
             )
         size = max(map(abs, self.inertia)) or 1.0
         low, middle, high = (moment / size for moment in self.principal_moments)
@@ -46,8 +47,8 @@ class RigidBody(Spec, frozen=True):
             over = f"here by {size * (high - low - middle):.3g}"
             rule = f", and none may exceed the sum of the other two, {over}" if self.mass else ""
             raise SceneError(
-                f"inertia = {short(self.inertia)}: no body can have it; its principal moments are {moments}; none may "
-                f"be negative{rule}"
+                f"inertia = {truncated(self.inertia)}: no body can have it; its principal moments are {moments}; none "
+                f"may be negative{rule}"
             )
 
     @property

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import (
     Drive,
@@ -29,9 +29,9 @@ from flexlink.describe.conditions import (
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.spec import Spec, Vector3, assembled, check_keys, decode, fields_of, short
-from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
-from flexlink.describe.writing import said, toml_of
+from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, truncated
+from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
+from flexlink.describe.writing import toml_of, without_defaults
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Scene(Spec, frozen=True):
         }
         for key, values in per_link.items():
             if values is not None and len(values) != links:
-                raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
+                raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
                     raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
@@ -192,7 +192,7 @@ class Scene(Spec, frozen=True):
             They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
         """
         if self.wrench.varies:
-            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {short(self.wrench.times)}"
+            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
             raise SceneError(
                 f"wrench.{said}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
             )
@@ -232,9 +232,9 @@ class Scene(Spec, frozen=True):
         """
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
-        anew = touched(changes)
+        anew = top_level_keys(changes)
         seen = {} if "link" in anew else {"link": _document_of(self.arm.links)}
-        document = changed({**self.document(anew), **seen}, FIELDS, changes)
+        document = apply_changes({**self.document(anew), **seen}, FIELDS, changes)
         parts = {**_parts(self), **_parts(self.arm)}
         kept = {key: value for key, value in parts.items() if key not in anew}
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept)
@@ -253,7 +253,7 @@ class Scene(Spec, frozen=True):
 
     def to_toml(self) -> str:
         """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
-        document: dict[str, Any] = said(self, always=frozenset({"gravity"}))
+        document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         return toml_of({key: document[key] for key in ORDER if key in document})
 
@@ -262,7 +262,9 @@ class Scene(Spec, frozen=True):
         parts = {**_parts(self), **_parts(self.arm)}
         del parts["arm"]
         return {
-            key: parsed(value) for key, value in parts.items() if (keys is None or key in keys) and value is not None
+            key: to_document(value)
+            for key, value in parts.items()
+            if (keys is None or key in keys) and value is not None
         }
 
 
@@ -299,10 +301,10 @@ def load_scene(path: str | Path) -> Scene:
     DataFileError
         The file of a rule or method that the scene names is not valid.
     """
-    path = catalogue.given_path("path", path)
-    raw = catalogue.read_toml(path)
+    path = data_files.require_path("path", path)
+    raw = data_files.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
-    _find_beside(path, said_below(raw, "drive", "reference", "shaper"), "kind")
+    _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
     try:
@@ -316,7 +318,7 @@ def load_scene(path: str | Path) -> Scene:
 def _find_beside(scene: Path, table: object, key: str) -> None:
     """A rule's, method's or shaper's own file is named from the folder of the scene, wherever it was started."""
     if isinstance(table, dict) and isinstance(table.get(key), str):
-        table[key] = catalogue.absolute(table[key], scene.parent)
+        table[key] = data_files.absolute(table[key], scene.parent)
 
 
 def check_named(scene: Scene) -> None:
@@ -336,7 +338,7 @@ def check_named(scene: Scene) -> None:
 @functools.lru_cache(maxsize=16)
 def _document_of(links: tuple[Link, ...]) -> Any:
     """Links as a TOML parser returns them, to look at only: variants of a scene share them."""
-    return parsed(links)
+    return to_document(links)
 
 
 def _parts(spec: Spec) -> dict[str, Any]:
@@ -357,7 +359,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
     own = {key: value for key, value in values.items() if key in _OWN}
-    return assembled(Scene, arm=assembled(Arm, **parts), **own)
+    return build_validated(Scene, arm=build_validated(Arm, **parts), **own)
 
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}

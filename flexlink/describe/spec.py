@@ -30,7 +30,7 @@ BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
-class _LookedThrough(threading.local):
+class _Validated(threading.local):
     """Whether what this thread builds a description of has been checked, type by type and number by number."""
 
     now = False
@@ -44,7 +44,7 @@ class _LookedThrough(threading.local):
             self.now = before
 
 
-LOOKED_THROUGH = _LookedThrough()
+VALIDATED = _Validated()
 UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
 
 
@@ -58,11 +58,11 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """
 
     def __post_init__(self) -> None:
-        if LOOKED_THROUGH.now:
+        if VALIDATED.now:
             return
         for field in fields_of(type(self)):
             try:
-                value = plain(getattr(self, field.name))
+                value = to_builtin(getattr(self, field.name))
             except RecursionError:
                 raise SceneError(f"{field.encode_name}: nested too deeply") from None
             _check_finite(value, field.encode_name)
@@ -98,19 +98,19 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
     return msgspec.structs.fields(kind)
 
 
-def plain(value: object) -> object:
+def to_builtin(value: object) -> object:
     """`value` with Python's own numbers, texts and lists for NumPy's, at any depth.
 
     A sweep is written with NumPy; msgspec takes np.float64 for a class it does not know.
     """
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return to_builtin(value.tolist())
     if isinstance(value, np.generic):
         return _scalar(value)
     if type(value) in {list, tuple}:
-        return type(value)(plain(item) for item in value)  # type: ignore[attr-defined, call-arg]
+        return type(value)(to_builtin(item) for item in value)  # type: ignore[attr-defined, call-arg]
     if type(value) is dict:
-        return {plain(key): plain(item) for key, item in value.items()}
+        return {to_builtin(key): to_builtin(item) for key, item in value.items()}
     return value
 
 
@@ -143,14 +143,14 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
-        return LOOKED_THROUGH.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
+        return VALIDATED.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
     except msgspec.ValidationError as error:
         raise SceneError(_explain(raw, kind, path, error)) from None
 
 
-def assembled(kind: type[T], **fields: Any) -> T:
+def build_validated(kind: type[T], **fields: Any) -> T:
     """A `Spec` of fields each of which has been decoded, or stood in another one; what they are together is checked."""
-    return LOOKED_THROUGH.build(kind, **fields)
+    return VALIDATED.build(kind, **fields)
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
@@ -165,7 +165,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
             tail = tail.replace("[...]", f".{key}", 1)
         value = value[int(key)] if isinstance(value, list | tuple) else value[key]
         kind = type_below(kind, key)
-    kind = bare(kind)
+    kind = bare_type(kind)
     where = (path + tail).lstrip(".")
     if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
         return f"{where}.{error.__cause__}".lstrip(".")
@@ -176,7 +176,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    return f"{where} = {short(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
+    return f"{where} = {truncated(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -198,7 +198,7 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
 
 def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> str:
     key = f"{where}.{name}".lstrip(".")
-    return f"{key} = {short(value)}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
+    return f"{key} = {truncated(value)}: unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
 
 
 def _missing(key: str) -> str:
@@ -216,10 +216,10 @@ def _fits(value: object, kind: Any) -> bool:
 def _allowed(kind: Any, value: object) -> str:
     """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    return "allowed are " + ", ".join(map(repr, allowed)) + meant(value, allowed) if allowed else ""
+    return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
 
 
-def meant(value: object, allowed: Iterable[str]) -> str:
+def did_you_mean(value: object, allowed: Iterable[str]) -> str:
     """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
     close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
@@ -228,14 +228,14 @@ def meant(value: object, allowed: Iterable[str]) -> str:
 
 def type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
-    kind = bare(kind)
+    kind = bare_type(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
 
 
-def bare(kind: Any) -> Any:
+def bare_type(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
     while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)
@@ -256,7 +256,7 @@ def _flaw(value: object) -> tuple[str, str] | None:
     if isinstance(value, SOUND):
         return None
     if isinstance(value, UNORDERED):
-        return "", f"{short(value)}: a set has no order; expected a list"
+        return "", f"{truncated(value)}: a set has no order; expected a list"
     items: Iterable[tuple[str, object]] = ()
     if isinstance(value, Mapping):
         items = ((f".{key}", item) for key, item in value.items())
@@ -269,7 +269,7 @@ def _flaw(value: object) -> tuple[str, str] | None:
     return None
 
 
-def rising(name: str, times: Sequence[float]) -> None:
+def require_increasing(name: str, times: Sequence[float]) -> None:
     """Check that the times of a table's rows increase.
 
     Raises
@@ -306,11 +306,11 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArra
 
 def _lower(reason: str) -> str:
     """msgspec's reason in the words of TOML."""
-    plain = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return plain.replace(" | null", "").replace("object", "table")
+    words = (reason[:1].lower() + reason[1:]).replace("`", "")
+    return words.replace(" | null", "").replace("object", "table")
 
 
-def short(value: object) -> str:
+def truncated(value: object) -> str:
     """`repr` in one line, cut to a length that fits into a message."""
     try:
         text = " ".join(repr(value).split())

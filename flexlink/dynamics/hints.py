@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
 from flexlink.describe.joint import Joint
@@ -32,7 +32,7 @@ def notes(scene: Scene) -> tuple[str, ...]:
     ArgumentError
         `scene` is no Scene.
     """
-    given("scene", scene, Scene)
+    require_type("scene", scene, Scene)
     found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
     return tuple(note for each in found for note in each(scene))
 

@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError, SceneError
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, RigidBody
-from flexlink.describe.spec import Positive, Spec, Vector3, short
+from flexlink.describe.spec import Positive, Spec, Vector3, truncated
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.serial import Part
 
@@ -109,8 +109,9 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     mass = _mass(flexible, volume, largest)
     if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
         raise ArgumentError(
-            f"flexible: link {short(part.link)}: a beam of {mass:.4g} kg does not fit into its {part.body.mass:.4g} kg "
-            f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or another line"
+            f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into its "
+            f"{part.body.mass:.4g} kg and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter "
+            "section, or another line"
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     link = msgspec.structs.replace(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3, short, short_list
+from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
@@ -106,7 +106,7 @@ def import_urdf(
     """
     for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
         if not isinstance(table, Mapping):
-            raise ArgumentError(f"{key} = {short(table)}: expected a dict, got {type(table).__name__}")
+            raise ArgumentError(f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}")
     robot = path if isinstance(path, Robot) else read_robot(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
@@ -129,12 +129,14 @@ def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
     for link, asked in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
-            raise ArgumentError(f"flexible: link {short(link)} is folded into {short(holders[0])}, which can bend")
+            raise ArgumentError(
+                f"flexible: link {truncated(link)} is folded into {truncated(holders[0])}, which can bend"
+            )
         if link not in [part.link for part in way.parts]:
             allowed = short_list([part.link for part in way.parts])
-            raise ArgumentError(f"flexible: link {short(link)} is not on the path; allowed are {allowed}")
+            raise ArgumentError(f"flexible: link {truncated(link)} is not on the path; allowed are {allowed}")
         if not isinstance(asked, FlexibleLink):
-            raise ArgumentError(f"flexible: {short(link)} = {short(asked)}: expected a Flexible")
+            raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a Flexible")
 
 
 def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
@@ -142,10 +144,12 @@ def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
     for joint, value in armature.items():
         if joint not in free:
             raise ArgumentError(
-                f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
+                f"armature: joint {truncated(joint)} is no free one of the path; allowed are {short_list(free)}"
             )
         if (number := finite(value)) is None or number < 0:
-            raise ArgumentError(f"armature: {short(joint)} = {short(value)}: expected a number of at least 0 [kg m²]")
+            raise ArgumentError(
+                f"armature: {truncated(joint)} = {truncated(value)}: expected a number of at least 0 [kg m²]"
+            )
 
 
 def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
-from flexlink.describe.spec import short, short_list
+from flexlink.describe.spec import short_list, truncated
 
 Array = NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class Robot:
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.links:
-                    raise DataFileError(f"joint {short(joint.name)}: link {short(link)} is not there")
+                    raise DataFileError(f"joint {truncated(joint.name)}: link {truncated(link)} is not there")
         _check_roots(self)
         _check_mimics(self)
 
@@ -116,8 +116,8 @@ class Robot:
         for joint in self.joints.values():
             other = found.setdefault(joint.child, joint)
             if other is not joint:
-                both = f"{short(other.name)} and {short(joint.name)}"
-                raise DataFileError(f"link {short(joint.child)} hangs on two joints, {both}; a robot is a tree")
+                both = f"{truncated(other.name)} and {truncated(joint.name)}"
+                raise DataFileError(f"link {truncated(joint.child)} hangs on two joints, {both}; a robot is a tree")
         return found
 
     @functools.cached_property
@@ -183,9 +183,9 @@ def _check_mimics(robot: Robot) -> None:
         while joint.mimic is not None and joint.name not in fine:
             leader = joint.mimic.leader
             if leader not in robot.joints:
-                raise DataFileError(f"joint {short(joint.name)}: mimics {short(leader)}, which is not there")
+                raise DataFileError(f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which is not there")
             fine.add(joint.name)  # unless this way leads back to it
             joint = robot.joints[leader]
             if leader in way:
-                raise DataFileError(f"joint {short(leader)}: mimics itself, by way of {short_list(list(way))}")
+                raise DataFileError(f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}")
             way[leader] = None

@@ -20,9 +20,9 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import meant, short
+from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ def read_robot(path: str | Path) -> Robot:
     DataFileError
         The message names the file, the link or joint, the value and what is allowed.
     """
-    path = given_path("path", path)
+    path = require_path("path", path)
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, str(path))
     try:
@@ -72,14 +72,14 @@ def read_robot(path: str | Path) -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
-        raise DataFileError(f"<{short(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
+        raise DataFileError(f"<{truncated(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
     if root.find(".//flexlink") is not None:
         raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
-            raise DataFileError(f"<xacro:{short(element.tag.partition('}')[2])[1:-1]}>: a macro")
+            raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
         if any(len(value) > LONGEST for value in element.attrib.values()):
-            raise DataFileError(f"<{short(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
+            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
@@ -106,7 +106,7 @@ def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, 
 
 def _said(element: ET.Element) -> str:
     """A link or joint in a message."""
-    return f"{element.tag} {short(element.get('name'))}"
+    return f"{element.tag} {truncated(element.get('name'))}"
 
 
 def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
@@ -134,9 +134,9 @@ def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) ->
     values = safe_xml.numbers_of(text)
     if values is None or len(values) != count:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
-        raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
+        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}")
     if max(map(abs, values)) > largest:
-        raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
+        raise DataFileError(f"{about} = {truncated(text)}: expected a finite number, of a robot at most {largest:g}")
     return values
 
 
@@ -204,7 +204,9 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
 def _kind(element: ET.Element, about: str) -> JointKind:
     given = _text(element, "type", about)
     if given not in KINDS:
-        raise DataFileError(f"{about}: type = {short(given)}: allowed are {', '.join(KINDS)}{meant(given, KINDS)}")
+        raise DataFileError(
+            f"{about}: type = {truncated(given)}: allowed are {', '.join(KINDS)}{did_you_mean(given, KINDS)}"
+        )
     return cast(JointKind, given)
 
 

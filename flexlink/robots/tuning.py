@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.dynamics.vibration.modal import natural_frequencies
 
 CLOSE = 1e-6
@@ -41,7 +41,7 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
     young = material.young * (ratio * ratio)
-    asked = f"flexible: link {short(link)}: frequency_hz = {hertz!r}"
+    asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
         raise ArgumentError(f"{asked}: young = {young:g} Pa is beyond the numbers of float64")
     stiff = msgspec.structs.replace(material, young=young)
