@@ -13,7 +13,17 @@ from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, 
 from flexlink.describe import data_files
 from flexlink.describe.reference import Reference
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, require_increasing, truncated
+from flexlink.describe.spec import (
+    ONE_PER_LINK,
+    NonNegative,
+    PerLink,
+    Positive,
+    PositivePerLink,
+    Spec,
+    Vector3,
+    require_increasing,
+    truncated,
+)
 
 Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
@@ -34,8 +44,8 @@ class InitialState(Spec, frozen=True):
     joints stay, and may be left out: zero in a scene.
     """
 
-    joint_deg: tuple[float, ...] = ()
-    rate_deg: tuple[float, ...] | None = None  # default: at rest
+    joint_deg: PerLink = ()
+    rate_deg: PerLink | None = None  # default: at rest
     passive: Literal["zero", "static"] = "zero"
     q: tuple[float, ...] | None = None  # rad
     qd: tuple[float, ...] | None = None  # rad/s
@@ -71,17 +81,17 @@ class Drive(Spec, frozen=True):
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
-    torque: tuple[float, ...] | None = None
+    torque: PerLink | None = None
     times: tuple[float, ...] | None = None  # s
-    torques: tuple[tuple[float, ...], ...] | None = None
-    kp: tuple[NonNegative, ...] | None = None
-    kd: tuple[NonNegative, ...] | None = None
-    target_deg: tuple[float, ...] | None = None
+    torques: tuple[PerLink, ...] | None = None
+    kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    target_deg: PerLink | None = None
     reference: Reference | None = None
     gravity: Literal["none", "rigid", "static"] = "none"
     smooth: bool = False
     hold: bool = False
-    effort: tuple[Positive, ...] | None = None  # N m
+    effort: PositivePerLink | None = None  # N m
     rate: Positive | None = None  # Hz
 
     def __post_init__(self) -> None:

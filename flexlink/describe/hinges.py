@@ -25,12 +25,12 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
         A rule's own file is not valid.
     """
     found = []
-    for k, link in enumerate(arm.links):
+    for k, link in enumerate(arm.links, 1):
         try:
             found.append(_hinges_of(link))
         except (ArgumentError, SceneError, DataFileError) as error:
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
-            raise kind(f"link[{k}].{error}") from None
+            raise kind(f"{arm.path(k)}.{error}") from None
     return found
 
 

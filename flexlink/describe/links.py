@@ -31,6 +31,6 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
     if type(wanted) is int and 1 <= wanted <= len(names):
         return wanted
     raise ArgumentError(
-        f"{argument} = {truncated(value)}: no link of this arm; allowed are 1 … {len(names)}, or {short_list(names)}"
+        f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
         f"{did_you_mean(wanted, names)}"
     )

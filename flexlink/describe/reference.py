@@ -13,7 +13,7 @@ from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import profiles
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import NonNegative, Positive, Spec, require_increasing, truncated
+from flexlink.describe.spec import NonNegative, PerLink, Positive, PositivePerLink, Spec, require_increasing, truncated
 
 Array = NDArray[np.float64]
 Row = tuple[float, ...]
@@ -54,17 +54,17 @@ class Reference(Spec, frozen=True):
     """
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
-    to_deg: Row | None = None
-    from_deg: Row | None = None
+    to_deg: PerLink | None = None
+    from_deg: PerLink | None = None
     start: NonNegative = 0.0  # s
     duration: Positive | None = None  # s
-    max_rate_deg: tuple[Positive, ...] | None = None
-    max_acceleration_deg: tuple[Positive, ...] | None = None
-    max_jerk_deg: tuple[Positive, ...] | None = None
+    max_rate_deg: PositivePerLink | None = None
+    max_acceleration_deg: PositivePerLink | None = None
+    max_jerk_deg: PositivePerLink | None = None
     times: Row | None = None  # s
-    angle_deg: tuple[Row, ...] | None = None
-    rate_deg: tuple[Row, ...] | None = None
-    acceleration_deg: tuple[Row, ...] | None = None
+    angle_deg: tuple[PerLink, ...] | None = None
+    rate_deg: tuple[PerLink, ...] | None = None
+    acceleration_deg: tuple[PerLink, ...] | None = None
     shaper: InputShaper | None = None
 
     def __post_init__(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Container, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -29,7 +30,7 @@ from flexlink.describe.conditions import (
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, truncated
+from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, link_key, truncated
 from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
 
@@ -71,13 +72,15 @@ class Scene(Spec, frozen=True):
                 raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
-                    raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+                    where = self.arm.path(k + 1, key)
+                    raise SceneError(f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         if not self.run.controlled:
             self._check_grid()
         self._check_rate()
         for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
-            if self.initial.q is None or link.joint.locked:
-                _check_limits(link, f"initial.joint_deg[{k}]", angle)
+            outside = _outside_limits(link, angle)
+            if outside and (self.initial.q is None or link.joint.locked):
+                raise SceneError(f"{self.arm.path(k + 1, 'initial.joint_deg')} = {outside}")
         self._check_reference()
         self._check_motions()
 
@@ -88,15 +91,15 @@ class Scene(Spec, frozen=True):
     def _check_motions(self) -> None:
         """Each link moves by one motion, and is not driven by gains."""
         moved: set[int] = set()
-        for k, motion in enumerate(self.motion):
-            number = self._check_motion(motion, f"motion[{k}]")
+        for motion in self.motion:
+            number = self._check_motion(motion)
             if number in moved:
-                raise SceneError(f"motion[{k}].link = {motion.link!r}: has two motions")
+                raise SceneError(f"motion.{motion.link}: the second motion of this link; give one")
             moved.add(number)
             for name in ("kp", "kd"):
                 gains = getattr(self.drive, name)
                 if gains is not None and gains[number - 1]:
-                    said = f"drive.{name}[{number - 1}] = {gains[number - 1]!r}"
+                    said = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
                     raise SceneError(f"{said}: the motion of {motion.link!r} is prescribed; only 0 fits")
 
     def _check_grid(self) -> None:
@@ -113,14 +116,15 @@ class Scene(Spec, frozen=True):
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
-    def _check_motion(self, motion: PrescribedMotion, path: str) -> int:
+    def _check_motion(self, motion: PrescribedMotion) -> int:
         """Number of the link that moves."""
+        path = f"motion.{link_key([str(motion.link)], 0)}"
         try:
             number = self.arm.number(motion.link)
         except ArgumentError as error:
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
-            raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
+            raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
         initial = self.initial
         for key, start, first, elsewhere in (
             ("angle_deg", initial.joint_deg[number - 1], motion.angle_deg[0], initial.q),
@@ -129,7 +133,8 @@ class Scene(Spec, frozen=True):
             if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
         for k, angle in enumerate(motion.angle_deg):
-            _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
+            if outside := _outside_limits(self.arm.links[number - 1], angle):
+                raise SceneError(f"{path}.angle_deg[{k}] = {outside}")
         return number
 
     def _check_rate(self) -> None:
@@ -272,10 +277,10 @@ OF_LOCKED_TOO = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
 """Numbers per link that may be said of a link whose joint is locked."""
 
 
-def _check_limits(link: Link, key: str, angle: float) -> None:
-    limits = link.joint.limits_deg
-    if limits is not None and not limits[0] <= angle <= limits[1]:
-        raise SceneError(f"{key} = {angle!r}: outside limits_deg = {list(limits)} of the joint of {link.name!r}")
+def _outside_limits(link: Link, angle: float) -> str:
+    """The angle with what is wrong about it; empty within the joint's limits."""
+    low, high = link.joint.limits_deg or (-math.inf, math.inf)
+    return "" if low <= angle <= high else f"{angle!r}: outside limits_deg = {[low, high]} of joint {link.name!r}"
 
 
 def load_scene(path: str | Path) -> Scene:

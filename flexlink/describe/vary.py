@@ -3,7 +3,7 @@
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
 name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, and so to the items of lists
 of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands
-for all: of links, for those on which the key has an effect.
+for all: of links, for those on which the key has an effect. Messages name a value by the path that sets it.
 """
 
 from __future__ import annotations
@@ -15,19 +15,22 @@ from typing import Any, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.spec import Spec, bare_type, did_you_mean, fields_of, to_builtin, truncated, type_below
+from flexlink.describe.spec import (
+    Spec,
+    bare_type,
+    did_you_mean,
+    fields_of,
+    is_per_link,
+    to_builtin,
+    truncated,
+    type_below,
+)
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
 OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping", "friction"}
 OF_BEAMS = {"material", "section", "section_tip", "up"}
 ALSO_OF_LOCKED = ["axis"], ["locked"], ["gear_stiffness"], ["gear_damping"], ["limits_deg"]
-PER_LINK = {
-    "initial.joint_deg", "initial.rate_deg", "drive.torque", "drive.kp", "drive.kd", "drive.target_deg",
-    "drive.effort", "drive.reference.to_deg", "drive.reference.from_deg", "drive.reference.max_rate_deg",
-    "drive.reference.max_acceleration_deg", "drive.reference.max_jerk_deg",
-}  # fmt: skip
-"""Lists of one number per link; one that is not there yet starts with zeros."""
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -111,9 +114,9 @@ class _Change:
         """From a table or list of this kind follow the rest of the path: tables or lists at its end, and their keys."""
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
-                if isinstance(node, dict) and key not in node:
-                    node[key] = [0.0] * len(self.links) if self._above(depth + 1) in PER_LINK else {}
                 below = kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key))
+                if isinstance(node, dict) and key not in node:
+                    node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 yield from self.places(node[key], below, depth + 1)
             else:
                 yield node, key
@@ -123,11 +126,8 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
-        part, above, kind = (
-            self.parts[depth],
-            self._above(depth),
-            kind if isinstance(kind, Mapping) else bare_type(kind),
-        )
+        part, above, per_link = self.parts[depth], self._above(depth), is_per_link(kind)
+        kind = kind if isinstance(kind, Mapping) else bare_type(kind)
         if isinstance(kind, Mapping):
             return [self._one_of(part, kind)]
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
@@ -137,7 +137,7 @@ class _Change:
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
         if isinstance(node, list) and above == "motion":
             return self._numbers(part, [str(get_in(motion, "link")) for motion in node], [True] * len(node))
-        if isinstance(node, list) and (above == "link" or above in PER_LINK):
+        if isinstance(node, list) and (above == "link" or per_link):
             return self._numbers(
                 part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
             )
