@@ -280,7 +280,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
             raise KeyboardInterrupt
 
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
-    monkeypatch.setattr("flexlink.cli.terminal.Progress.__call__", stop_at_half)
+    monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
     assert "interrupted at t = 0.05 s; 11 samples kept in" in capsys.readouterr().err

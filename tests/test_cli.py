@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.cli import simulate
-from flexlink.cli.main import main
+from flexlink.cli.main import _parser, main
 from flexlink.cli.terminal import announced
 from flexlink.motion import simulate as single
 
@@ -168,6 +169,22 @@ def test_help_has_examples(capsys) -> None:
         main(["--help"])
     assert caught.value.code == 0
     assert "flexlink simulate models/paper_fig5.toml" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["info", "simulate", "advise", "modes", "show", "export", "compare", "report", "import", "robots", "sweep"],
+)
+def test_help_of_a_command_says_what_it_does_shows_examples_and_takes_them(command: str, capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main([command, "--help"])
+    assert caught.value.code == 0
+    text, _, examples = capsys.readouterr().out.partition("\nexamples:\n")
+    assert text.split("\n\n")[1].strip().endswith((".", ")."))
+    assert "--set PATH=VALUE" in text
+    for line in examples.splitlines():
+        assert line.startswith(f"  flexlink {command} ")
+        _parser().parse_args(shlex.split(line)[1:])
 
 
 @pytest.mark.slow

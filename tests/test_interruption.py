@@ -16,9 +16,9 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.cli import simulate, terminal
+from flexlink.cli import simulate
 from flexlink.cli.main import main
-from flexlink.common import output
+from flexlink.common import output, progress
 from flexlink.common.entry import is_command
 from flexlink.common.interruption import LAST, StoppedError, deferred
 
@@ -166,7 +166,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 )
 def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
-        "running": (terminal.Progress, "__call__"),
+        "running": (progress.Progress, "__call__"),
         "saving": (sys.modules["flexlink.results.files"].Writer, "__call__"),
         "before the file is there": (output.Path, "replace"),
         "drawing": (simulate, "draw"),

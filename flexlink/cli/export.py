@@ -1,4 +1,8 @@
-"""`flexlink export`: the chains of scenes as files of other engines."""
+"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly.
+
+flexlink export models/paper_fig5.toml --format urdf --out .
+flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,19 @@ from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.inputs.initial_state import initial_state
 
 
-def export_scenes(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `export`."""
+    command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
+    command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
+    command.add_argument("--out", type=Path, default=Path(), help="folder to write to; default: the current one")
+    command.add_argument("--strict", action="store_true", help="write nothing if a format cannot hold all of a scene")
+    command.add_argument(
+        "--small-mass", type=float, metavar="KG",
+        help="mass for links without mass, which some programs refuse; prints what it changes",
+    )  # fmt: skip
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Write the chains of scenes, all or none of them, and say what their formats cannot hold."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)

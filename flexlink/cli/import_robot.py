@@ -1,4 +1,8 @@
-"""`flexlink import`: a robot's URDF as a scene, some of its links bending."""
+"""`flexlink import`: Make a scene of a robot's URDF: the arm between two links, some of them flexible.
+
+flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,22 @@ from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import finite
 
 
-def import_scene(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `import`."""
+    command.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
+    command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: only print the arm")
+    command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
+    command.add_argument("--tip", help="link where the arm ends; default: the end, if the robot has one arm")
+    for option, form, text in (
+        ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
+        ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
+        ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
+        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²]"),
+    ):
+        command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Import a robot, say what was done, and write the scene where it is asked for."""
     if options.out is not None:
         require_writable(options.out)

@@ -1,10 +1,15 @@
-"""`flexlink info`: the chain of a scene, its frequencies, stable steps and damping."""
+"""`flexlink info`: Show the model of a scene: joints, mass, frequencies, stable steps, damping.
+
+flexlink info models/paper_fig5.toml
+flexlink info models/paper_fig5.toml --set 'link.*.segments=9'
+"""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +35,12 @@ SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a fe
 LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 
 
-def show_info(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `info`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
     scene = varied_scene(options.scene, options.set)
     with prefix_errors(options.scene):

@@ -1,4 +1,7 @@
-"""`flexlink robots`: the arms of example-robot-data that `flexlink import` takes by name."""
+"""`flexlink robots`: List the arms of example-robot-data that `flexlink import` takes by name.
+
+flexlink robots --out models/robots
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,12 @@ from flexlink.common.output import write_text
 from flexlink.robots.collection import import_known, known_arm, known_arms
 
 
-def list_robots(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `robots`."""
+    command.add_argument("--out", type=Path, help="write their scenes to this folder")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Print every arm's name, joints, mass and file; write all scenes, or none, where it is asked for."""
     arms = {name: import_known(name) for name in known_arms()}
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
