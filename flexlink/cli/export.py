@@ -50,7 +50,7 @@ def run_command(options: argparse.Namespace) -> int:
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
+                raise ArgumentError(f"{path}: would be written to {target}, as another scene; export one at a time")
             with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
@@ -85,15 +85,15 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """A note on what a file cannot hold; an error if that is asked for."""
     missing = not_held(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; nothing is written")
-    told = "; ".join(f"{feature}: {instead}" for feature, instead in missing.items())
-    return [f"{target}: {format} cannot hold all: {told}"] if missing else []
+        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; no file written")
+    features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
+    return [f"{target}: {format} cannot hold {features}"] if missing else []
 
 
 def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
     """A note on how far an arm with masses where there are none moves differently."""
     added = added_inertia(chain, q, mass=mass)
     return (
-        f"{path}: {mass:g} kg for every link without mass: at the initial posture M grows by up to {added:.2g} of "
-        f"itself, frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} of themselves"
+        f"{path}: {mass:g} kg for every link without mass: the mass matrix at the initial posture grows by up to "
+        f"{added:.2g} (relative), frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} (relative)"
     )

@@ -56,7 +56,7 @@ def run_command(options: argparse.Namespace) -> int:
     for warning in imported.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     if options.out is None:
-        print("nothing written: -o FILE.toml takes the scene")
+        print("no file written; add -o FILE.toml to write the scene")
     else:
         write_text(options.out, scene.to_toml())
         print(options.out)
@@ -82,7 +82,7 @@ def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, flo
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
-            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg, or m of a slide]")
+            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg; of a slide m]")
         slides = name in robot.joints and robot.joints[name].kind == "prismatic"
         found[name] = number if slides else math.radians(number)
     return found

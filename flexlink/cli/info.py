@@ -60,7 +60,7 @@ def _show(scene: Scene) -> None:
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
     if chain.n > SLOW:
-        print(f"finding the fastest modes of {chain.n} joints …", file=sys.stderr)
+        print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
@@ -93,13 +93,13 @@ def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> 
     costs = {method: cost(method, λ, evaluation, planar=planar) for method in data_files.names("methods")}
     rk4 = costs["RK4"].seconds
     for method, (h, seconds) in costs.items():
-        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
+        price = f"; {seconds:.2g} s of CPU per second of motion" if np.isfinite(seconds) else ""
         if np.isfinite(rk4) and not price:
             number = rk4 / step_time(method, evaluation, planar=planar)
-            price = f", as cheap as RK4 with about {number:.0f} steps a second"
+            price = f"; costs as much as RK4 at {number:.0f} steps/s"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")
+        print(f"stable step, {method:<6} {_step(h)}{price}{without}")
 
 
 def _without_structural_damping(chain: Chain) -> Chain:
@@ -110,7 +110,7 @@ def _without_structural_damping(chain: Chain) -> Chain:
 
 
 def _step(h: float) -> str:
-    return f"{h:.4g} s" if np.isfinite(h) else "any"
+    return f"at most {h:.4g} s" if np.isfinite(h) else "no limit"
 
 
 def _some(values: np.ndarray) -> str:

@@ -108,7 +108,7 @@ def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
 
 
 def _place(options: argparse.Namespace) -> str:
-    return f" in {options.out}" if options.out else ", but not saved, for want of --out"
+    return f" in {options.out}" if options.out else "; not saved: no --out"
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
@@ -121,7 +121,7 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
     share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
-    print(f"power balance: E − E(0) − W is at most {worst:.2g} J{share}")
+    print(f"power balance: E − E(0) − W at most {worst:.2g} J{share}")
 
 
 def _save(run: Trajectory, out: Path | None) -> None:

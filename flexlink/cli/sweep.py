@@ -76,6 +76,6 @@ def _summary(store: Store, before: int, seconds: float) -> None:
     if count:
         print(f"warning: {count} of {store.plan.members} members failed; {first}", file=sys.stderr)
     new = store.plan.members - before
-    there = f", {before} were there" if before else ""
+    there = f", {before} stored before" if before else ""
     print(f"{store.plan.sweep.scene.name}: {new} members run in {clock(seconds)}{there}")
     print(f"rows: {store.path}")

@@ -56,9 +56,11 @@ class InitialState(Spec, frozen=True):
         if not self.joint_deg and self.q is None:
             raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
-            raise SceneError(f"q = {truncated(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
+            raise SceneError(
+                "passive = 'static': computes the hinges' angles, but q is given, too; leave out one of them"
+            )
         if self.qd is not None and self.rate_deg is not None:
-            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; give one of both")
+            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; leave out one of them")
 
     @property
     def rates(self) -> tuple[float, ...]:

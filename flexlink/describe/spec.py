@@ -357,7 +357,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArra
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
     if array.dtype.kind not in "fiu":
-        beyond = " (integers beyond float64 are none)" if array.dtype.kind == "O" else ""
+        beyond = " (no integers beyond float64)" if array.dtype.kind == "O" else ""
         raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
     return np.array(array, np.float64, order="C")
 

@@ -67,7 +67,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
 
 
 def top_level_keys(changes: Mapping[str, object]) -> set[str]:
-    """Keys at the top of a scene's file that the paths of changes begin with: nothing else may change."""
+    """Top-level keys of the scene that the changes touch."""
     paths = changes if isinstance(changes, Mapping) else ()
     return {part for path in paths if isinstance(path, str) for part in PART.findall(path)[:1]}
 
@@ -99,7 +99,7 @@ class _Change:
     def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
         self.path, self.value, self.parts, self.drops = path, value, PART.findall(path), value is None
         if not PATH.fullmatch(path):
-            raise self.error("not a path; a path is keys and names with dots between, such as run.step")
+            raise self.error("not a path; expected keys and names with dots between, such as run.step")
         try:
             self.value = to_document(to_builtin(value))
         except RecursionError:

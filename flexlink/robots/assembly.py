@@ -133,5 +133,5 @@ def _check_last(link: Link) -> None:
     moved = link.hub.about(link.joint.direction) + link.joint.armature
     if moved == 0 and link.flex == "rigid":
         raise DataFileError(
-            f"link {truncated(link.name)}: nothing that its joint turns has inertia; end the arm before it"
+            f"link {truncated(link.name)}: nothing beyond its joint has inertia; choose a tip before it"
         )

@@ -86,7 +86,8 @@ def known_arm(name: str) -> KnownArm:
     arms = known_arms()
     if name not in arms:
         raise ArgumentError(
-            f"robot = {truncated(name)}: neither a file nor one of {short_list(list(arms))}{did_you_mean(name, arms)}"
+            f"robot = {truncated(name)}: no such file; known arms are {short_list(list(arms))}"
+            f"{did_you_mean(name, arms)}"
         )
     return arms[name]
 

@@ -105,7 +105,7 @@ class Robot:
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.links:
-                    raise DataFileError(f"joint {truncated(joint.name)}: link {truncated(link)} is not there")
+                    raise DataFileError(f"joint {truncated(joint.name)}: link {truncated(link)} does not exist")
         _check_roots(self)
         _check_mimics(self)
 
@@ -117,7 +117,9 @@ class Robot:
             other = found.setdefault(joint.child, joint)
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
-                raise DataFileError(f"link {truncated(joint.child)} hangs on two joints, {both}; a robot is a tree")
+                raise DataFileError(
+                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not supported"
+                )
         return found
 
     @functools.cached_property
@@ -169,11 +171,11 @@ class Robot:
 def _check_roots(robot: Robot) -> None:
     roots = [link for link in robot.links if link not in robot.above]
     if len(roots) > 1:
-        raise DataFileError(f"{len(roots)} links hang on no joint, {short_list(roots)}; a robot has one root")
+        raise DataFileError(f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root")
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
-        raise DataFileError(f"links {short_list(circle)} hang on each other in a loop; a robot is a tree")
+        raise DataFileError(f"links {short_list(circle)} form a loop; closed loops are not supported")
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -183,7 +185,7 @@ def _check_mimics(robot: Robot) -> None:
         while joint.mimic is not None and joint.name not in fine:
             leader = joint.mimic.leader
             if leader not in robot.joints:
-                raise DataFileError(f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which is not there")
+                raise DataFileError(f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist")
             fine.add(joint.name)  # unless this way leads back to it
             joint = robot.joints[leader]
             if leader in way:

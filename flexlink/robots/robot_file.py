@@ -72,14 +72,14 @@ def read_robot(path: str | Path) -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
-        raise DataFileError(f"<{truncated(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
+        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>")
     if root.find(".//flexlink") is not None:
-        raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
+        raise DataFileError("<flexlink>: this file was exported by flexlink; load its scene instead")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
             raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
         if any(len(value) > LONGEST for value in element.attrib.values()):
-            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
+            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {LONGEST} characters")
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
@@ -100,7 +100,7 @@ def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, 
     if not name:
         raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing")
     if name in known:
-        raise DataFileError(f"{_said(element)}: two {element.tag}s have this name")
+        raise DataFileError(f"{_said(element)}: this name is used twice")
     return name
 
 
@@ -136,7 +136,7 @@ def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) ->
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
         raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}")
     if max(map(abs, values)) > largest:
-        raise DataFileError(f"{about} = {truncated(text)}: expected a finite number, of a robot at most {largest:g}")
+        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)")
     return values
 
 

@@ -43,7 +43,7 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     young = material.young * (ratio * ratio)
     asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
-        raise ArgumentError(f"{asked}: young = {young:g} Pa is beyond the numbers of float64")
+        raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which float64 cannot hold")
     stiff = msgspec.structs.replace(material, young=young)
     found = scene.varied({"material": scene.arm.materials | {name: stiff}})  # no path: the name may hold any character
     reached = clamped_frequency(found, link)
