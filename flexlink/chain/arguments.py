@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.spec import did_you_mean, numbers, to_builtin, truncated
 from flexlink.kernels.tools.finite import is_finite
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)

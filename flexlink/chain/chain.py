@@ -20,11 +20,10 @@ from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, number_of, require_type
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import truncated
 from flexlink.kernels.layout import ChainArrays
-
-Array = NDArray[np.float64]
 
 EPS = float(np.finfo(np.float64).eps)
 

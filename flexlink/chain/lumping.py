@@ -15,13 +15,13 @@ from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import HINGE
 
-Array = NDArray[np.float64]
 TWIST, GEAR = 1, 3  # axes of coordinates
 LIMITS = {"lower", "upper"}
 BUT_LIMITS = [k for k, field in enumerate(HINGE.names or ()) if field not in LIMITS]

@@ -17,9 +17,9 @@ from flexlink.chain.lumping import lump
 from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
-from flexlink.formats.document import Array
 from flexlink.formats.features import not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.inputs.initial_state import initial_state

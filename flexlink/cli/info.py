@@ -12,12 +12,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
 from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.common.types import Complex
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
@@ -27,8 +27,6 @@ from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_st
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.cost import cost, evaluation_time, step_time
-
-Complex = NDArray[np.complex128]
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds

@@ -7,9 +7,9 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.reference import Reference
 from flexlink.describe.schemes.methods import method
@@ -25,7 +25,6 @@ from flexlink.describe.spec import (
     truncated,
 )
 
-Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
 Dynamics = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""

@@ -6,13 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot
+from flexlink.common.types import Array
 from flexlink.describe.spec import Vector3, truncated
-
-Array = NDArray[np.float64]
 
 PARALLEL = 1e-6
 """Radians below which two directions are the same one: files of robots state angles to some ten digits."""

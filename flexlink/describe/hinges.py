@@ -5,13 +5,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-
-Array = NDArray[np.float64]
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncated
-
-Array = NDArray[np.float64]
 
 
 class Joint(Spec, frozen=True):

@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import profiles
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
 from flexlink.describe.spec import NonNegative, PerLink, Positive, PositivePerLink, Spec, require_increasing, truncated
 
-Array = NDArray[np.float64]
 Row = tuple[float, ...]
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
+from flexlink.common.types import Array
 from flexlink.describe.spec import NonNegative, Spec, Vector3, truncated
-
-Array = NDArray[np.float64]
 
 ROUNDING = 32 * np.finfo(float).eps
 """How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three

@@ -12,9 +12,9 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import (
@@ -33,8 +33,6 @@ from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, link_key, truncated
 from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
 from flexlink.describe.writing import toml_of, without_defaults
-
-Array = NDArray[np.float64]
 
 
 class Scene(Spec, frozen=True):

@@ -16,13 +16,13 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
-Array = NDArray[np.float64]
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 MOST_IMPULSES = 1024

@@ -7,9 +7,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from flexlink.chain.rigid import Array, Pose
+from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount

@@ -8,8 +8,9 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.chain.rigid import Array, Pose, SpatialInertia, body_with
+from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, RigidBody

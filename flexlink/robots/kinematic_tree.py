@@ -9,13 +9,11 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
+from flexlink.common.types import Array
 from flexlink.describe.spec import short_list, truncated
-
-Array = NDArray[np.float64]
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 TURNING = {"revolute", "continuous"}

@@ -13,19 +13,17 @@ from typing import cast, get_args
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular
+from flexlink.common.types import Array
 from flexlink.describe.data_files import require_path
 from flexlink.describe.directions import unit
 from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
-
-Array = NDArray[np.float64]
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 LONGEST = 10_000  # characters of an attribute; no path is longer

@@ -12,13 +12,12 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
-Array = NDArray[np.float64]
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 
 MOST_JACOBI = 1000

@@ -10,15 +10,12 @@ from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.schemes import collocation
 from flexlink.describe.spec import Spec, truncated
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
 """Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
