@@ -266,5 +266,5 @@ def test_paths_reach_the_new_keys() -> None:
 def test_what_has_no_effect_is_noted() -> None:
     lost = fl.Link(name="a", length=0.5, up=(0, 1, 0), hub=fl.RigidBody(center=(0, 0, 1)), end=fl.RigidBody(mass=1.0))
     assert [note.partition(" = ")[0] for note in notes(make_scene(lost, gravity=(0.0, 9.81, 0.0)))] == [
-        "link[0].up", "link[0].hub.center",
+        "link.a.up", "link.a.hub.center",
     ]  # fmt: skip

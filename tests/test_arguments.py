@@ -124,7 +124,7 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
-        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are 1 … 2, or waist, upper"),
+        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are waist, upper, or 1 … 2"),
         (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], method="uper"),
@@ -285,7 +285,7 @@ def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None
     with pytest.raises(fl.ArgumentError, match=r"^link = 'uper': no link of this arm; .*; did you mean 'upper'\?$"):
         of.index("uper", 0, 0)
     for wrong in (0, 3, -1, True, 1.0, None):
-        with pytest.raises(fl.ArgumentError, match=rf"^link = {wrong}: .* allowed are 1 … 2, or waist, upper"):
+        with pytest.raises(fl.ArgumentError, match=rf"^link = {wrong}: .* allowed are waist, upper, or 1 … 2"):
             arm.number(wrong)  # type: ignore[arg-type]
     with pytest.raises(fl.ArgumentError, match=r"^k = 'upper.9.z': no joint of this chain; .*; did you mean"):
         of.coordinate("upper.9.z")
@@ -303,7 +303,7 @@ def test_a_motion_names_its_link_or_its_number() -> None:
         np.testing.assert_array_equal(by_name.hinges["prescribed"], by_number.hinges["prescribed"])
         assert by_name.hinges["prescribed"][by_name.index(link, 0, 0)] == 1
     two = fl.PrescribedMotion(link=1, times=[0], angle_deg=[0], rate_deg=[0], acceleration_deg=[0])
-    with pytest.raises(fl.SceneError, match=r"^motion\[1\]\.link = 'waist': has two motions"):
+    with pytest.raises(fl.SceneError, match=r"^motion\.waist: the second motion of this link"):
         make_scene(fl.Link(name="waist", length=1.0), motion=(two, msgspec.structs.replace(two, link="waist")))
 
 
@@ -312,9 +312,9 @@ def test_one_class_of_error_a_cause(tmp_path: Path) -> None:
     broken = tmp_path / "own.toml"
     broken.write_text("other = 1\n", encoding="utf-8")
     link = functools.partial(flexible, "a", segments=3)
-    with pytest.raises(fl.SceneError, match=r"^link\[0\]\.lumping = 'gaus': unknown; .*; did you mean 'gauss'"):
+    with pytest.raises(fl.SceneError, match=r"^link\.a\.lumping = 'gaus': unknown; .*; did you mean 'gauss'"):
         fl.lump(make_scene(link(lumping="gaus")))
-    with pytest.raises(fl.SceneError, match=r"^link\[0\]\.segments = 2, so 1 hinges: rule 'gregory'"):
+    with pytest.raises(fl.SceneError, match=r"^link\.a\.segments = 2, so 1 hinges: rule 'gregory'"):
         fl.lump(make_scene(link(lumping="gregory", segments=2)))
     with pytest.raises(fl.SceneError, match=r"^run\.method = 'RK7': unknown"):
         fl.simulate(scene(), method="RK7")

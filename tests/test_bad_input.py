@@ -98,7 +98,7 @@ def test_torques_that_change_faster_than_float64_are_refused(edit: Edit, tmp_pat
 def test_a_motion_that_jumps_is_refused(tmp_path: Path, capsys) -> None:
     jump = {"link": "waist", "times": [0.0, 1e-200], "angle_deg": [30.0, 31.0], "rate_deg": [40.0, 0.0]}
     path = write(tmp_path / "a.toml", lambda raw: raw.update(motion=[jump | {"acceleration_deg": [0.0, 0.0]}]))
-    assert "motion[0].angle_deg: changes faster" in refusal(["simulate", path], capsys)
+    assert "motion.waist.angle_deg: changes faster" in refusal(["simulate", path], capsys)
 
 
 def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
@@ -113,7 +113,7 @@ def test_damping_beyond_float64_is_refused(tmp_path: Path, capsys) -> None:
         ("a" + ".a" * 5000 + " = 1", ": unknown key; allowed are name, "),
         ("name = 'a'\nlink = [{name = 'b'}]\ninitial" + ".a" * 5000 + " = 1", "initial: nested too deeply"),
         ("name = 'a'\nname = 'b'", "not TOML"),
-        ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link[0] = 1: expected table, got int"),
+        ("name = 'a'\nlink = [1]\ninitial = {joint_deg = [0]}", "link.1 = 1: expected table, got int"),
     ],
     ids=["arrays", "digits", "unknown", "known", "twice", "no table"],
 )
@@ -209,7 +209,7 @@ def test_a_wrong_lumping_rule_is_refused_by_key_and_file(fields: dict, wanted: s
     own.write_text(tomli_w.dumps({"about": "wrong", "source": "here"} | fields), encoding="utf-8")
     path = write(tmp_path / "scene.toml", lambda raw: raw["link"][1].update(lumping="rule.toml"))
     line = refusal(["info", path], capsys)
-    assert line.startswith(f"flexlink: {path}: link[1].lumping = ")
+    assert line.startswith(f"flexlink: {path}: link.upper.lumping = ")
     assert line.count(f": {own}: ") == 1
     assert wanted in line
 
@@ -257,7 +257,7 @@ def test_scenes_that_would_be_exported_over_each_other_are_refused(tmp_path: Pat
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         paths.append(write(tmp_path / folder / "arm.toml"))
-    assert "arm.urdf, too" in refusal(["export", *paths, "--out", str(tmp_path)], capsys)
+    assert "arm.urdf, as another scene" in refusal(["export", *paths, "--out", str(tmp_path)], capsys)
     assert not list(tmp_path.glob("arm*"))
 
 
@@ -280,7 +280,7 @@ def test_ctrl_c_keeps_the_samples_so_far(tmp_path: Path, capsys, monkeypatch) ->
             raise KeyboardInterrupt
 
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
-    monkeypatch.setattr("flexlink.cli.terminal.Progress.__call__", stop_at_half)
+    monkeypatch.setattr("flexlink.common.progress.Progress.__call__", stop_at_half)
     out = tmp_path / "run.npz"
     assert main(["simulate", write(tmp_path / "a.toml"), "--duration", "0.1", "--out", str(out)]) == 130
     assert "interrupted at t = 0.05 s; 11 samples kept in" in capsys.readouterr().err

@@ -72,7 +72,7 @@ def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
 
 
 def test_a_taper_between_two_shapes_is_refused() -> None:
-    with pytest.raises(fl.SceneError, match=r"link\[0\].section_tip = 'flat': is a rectangle, not a circle"):
+    with pytest.raises(fl.SceneError, match=r"link\.\w+.section_tip = 'flat': is a rectangle, not a circle"):
         fl.Arm(
             links=(flexible("a", section="thick", section_tip="flat"),),
             materials={"aluminium": ALUMINIUM},

@@ -201,7 +201,7 @@ def test_a_hub_turns_with_its_joint_and_stays_where_the_joint_is_locked() -> Non
 def test_a_hinge_on_a_free_joint_needs_inertia_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
-    with pytest.raises(SceneError, match=r"^link\[0\].lumping = .*with no inertia between the two"):
+    with pytest.raises(SceneError, match=r"^link\.a.lumping = .*with no inertia between the two"):
         lump(make_scene(flexible("a", lumping=str(rule))))
     for fields in (
         {"joint": Joint(armature=0.1)},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
 import time
@@ -16,7 +17,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.cli import simulate
-from flexlink.cli.main import main
+from flexlink.cli.main import _parser, main
 from flexlink.cli.terminal import announced
 from flexlink.motion import simulate as single
 
@@ -38,10 +39,10 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     out = capsys.readouterr().out
     assert "10 degrees of freedom, 2 driven" in out
     assert "upper.1.z" in out
-    assert "largest stable step, RK4    0.000491 s, " in out
-    assert " s of CPU a second of motion\n" in out
+    assert "stable step, RK4    at most 0.000491 s; " in out
+    assert " s of CPU per second of motion\n" in out
     assert "stiffness ratio 13.3: fastest eigenvalue 5760 1/s, slowest elastic mode 431.6 rad/s with free joints" in out
-    assert "largest stable step, Radau5 any, as cheap as RK4 with about " in out
+    assert "stable step, Radau5 no limit; costs as much as RK4 at " in out
 
 
 @pytest.mark.slow
@@ -67,7 +68,7 @@ def test_a_bad_scene_prints_one_line_exits_2_and_writes_nothing(paper: str, tmp_
     for command in (["simulate", str(bad), "--out", str(tmp_path / "run.csv")], ["info", str(bad)],
                     ["export", paper, str(bad), "--out", str(tmp_path)]):  # fmt: skip
         assert main(command) == 2
-        assert "link[1].segments = 1" in error_line(capsys)
+        assert "link.upper.segments = 1" in error_line(capsys)
     assert [path.name for path in tmp_path.iterdir()] == ["bad.toml"]
 
 
@@ -168,6 +169,22 @@ def test_help_has_examples(capsys) -> None:
         main(["--help"])
     assert caught.value.code == 0
     assert "flexlink simulate models/paper_fig5.toml" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["info", "simulate", "advise", "modes", "show", "export", "compare", "report", "import", "robots", "sweep"],
+)
+def test_help_of_a_command_says_what_it_does_shows_examples_and_takes_them(command: str, capsys) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main([command, "--help"])
+    assert caught.value.code == 0
+    text, _, examples = capsys.readouterr().out.partition("\nexamples:\n")
+    assert text.split("\n\n")[1].strip().endswith((".", ")."))
+    assert "--set PATH=VALUE" in text
+    for line in examples.splitlines():
+        assert line.startswith(f"  flexlink {command} ")
+        _parser().parse_args(shlex.split(line)[1:])
 
 
 @pytest.mark.slow

@@ -190,10 +190,10 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
         (lambda: fl.Joint(gear_stiffness=0.0, armature=1.0), r"^gear_stiffness = 0\.0: expected float > 0"),
         (lambda: fl.Joint(limits_deg=(10, 10)), r"^limits_deg = \(10\.0, 10\.0\): the lower one must be below"),
         (lambda: make_scene(fl.Link(name="a", joint=LIMITS), initial=fl.InitialState(joint_deg=(46.0,))),
-         r"^initial\.joint_deg\[0\] = 46\.0: outside limits_deg = \[-90\.0, 45\.0\] of the joint of 'a'"),
+         r"^initial\.joint_deg\.a = 46\.0: outside limits_deg = \[-90\.0, 45\.0\] of joint 'a'"),
         (lambda: make_scene(fl.Link(name="a", joint=LIMITS), motion=(fl.PrescribedMotion(
             link="a", times=(0, 1), angle_deg=(0, 46), rate_deg=(0, 0), acceleration_deg=(0, 0)),)),
-         r"^motion\[0\]\.angle_deg\[1\] = 46\.0: outside limits_deg"),
+         r"^motion\.a\.angle_deg\[1\] = 46\.0: outside limits_deg"),
         (lambda: fl.Friction(coulomb=-1.0), r"^coulomb = -1\.0: expected float >= 0"),
     ],
 )  # fmt: skip
@@ -206,7 +206,7 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
     for joint in (GEAR, fl.Joint(gear_stiffness=K, locked=True)):
-        with pytest.raises(fl.SceneError, match=r"^link\[0\].lumping = .*with no inertia between the two"):
+        with pytest.raises(fl.SceneError, match=r"^link\.a.lumping = .*with no inertia between the two"):
             fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint)))
         chain = fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint, hub=WHEEL)))
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0
@@ -214,7 +214,7 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
 
 def test_friction_of_a_rigid_link_is_noted() -> None:
     scene = make_scene(fl.Link(name="a", length=0.5, friction=fl.Friction(coulomb=1.0)), gravity=(0.0, 9.81, 0.0))
-    assert notes(scene) == ("link[0].friction.coulomb = 1.0: has no effect, 'a' is rigid",)
+    assert notes(scene) == ("link.a.friction.coulomb = 1.0: has no effect, 'a' is rigid",)
 
 
 def test_a_bend_and_a_gear_survive_toml(tmp_path) -> None:

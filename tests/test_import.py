@@ -78,8 +78,8 @@ def test_friction_start_and_rotors_are_carried_over(robot) -> None:
     again = import_urdf(path, tip="p8", locked={"j4": 0.0}, armature={"j5": 0.2})
     assert [link.joint.armature for link in again.scene.arm.links if link.name == "p5"] == [0.2]
     assert len(again.path.parts) == 5
-    assert "stay where they are [rad, m]: j1 at 0.4, " in str(imported)
-    assert "p3: rigid with a3, p4, c3, a4, c4\n" in str(imported)
+    assert "fixed at [rad, m]: j1 at 0.4, " in str(imported)
+    assert "p3: includes a3, p4, c3, a4, c4, which" in str(imported)
 
 
 def test_what_is_imported_is_shown_in_a_line(robot) -> None:
@@ -208,7 +208,9 @@ def test_a_link_of_any_name_can_be_tuned(name: str, tmp_path: Path) -> None:
 
 def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> None:
     line = ((0, 0, 0), (0.1, 0.1, 0.2))
-    with pytest.raises(ArgumentError, match=r"link 'p3': a beam of 900 kg does not fit into its \S+ kg") as caught:
+    with pytest.raises(
+        ArgumentError, match=r"link 'p3': a beam of 900 kg does not fit into its mass, \S+ kg"
+    ) as caught:
         robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=900.0, line=line))
     fits = float(re.search(r"at most (\S+) kg", str(caught.value))[1])
     robot(3, p3=FlexibleLink(frequency_hz=9.0, mass=fits, line=line))
@@ -219,44 +221,44 @@ def test_a_beam_that_does_not_fit_is_refused_with_the_mass_that_does(robot) -> N
 def test_little_room_for_a_beam_is_told(robot) -> None:
     _, _, imported = robot(3, p3=FlexibleLink(frequency_hz=9.0, line=((2, 2, 2), (3, 3, 3))))
     (warning,) = imported.warnings
-    assert re.fullmatch(r"p3: only \d\.\d% of its mass fit along this line: does its tube run elsewhere\?", warning)
+    assert re.fullmatch(r"p3: only \d\.\d% of its mass fit into a beam along this line; check line", warning)
 
 
 def test_a_follower_of_a_joint_that_moves_is_told(tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(RandomRobot(0).text().replace('joint="b2"', 'joint="j3"'), encoding="utf-8")
     warnings = import_urdf(path, tip="p8", locked={"j4": 0.0}).warnings
-    assert warnings == ("d2: follows j3, which moves, and stays all the same",)
+    assert warnings == ("d2: mimics j3, which moves; here d2 does not",)
 
 
 WRONG = {
-    "base": ({"base": "p99"}, "base = 'p99': not there; allowed are p0, "),
+    "base": ({"base": "p99"}, "base = 'p99': unknown; allowed are p0, "),
     "tip": ({"tip": "P8"}, "did you mean 'p8'"),
-    "turned round": ({"base": "p8", "tip": "p1"}, "does not lie beyond base = 'p8'"),
-    "several arms": ({"tip": None}, "there are several arms, to "),
+    "turned round": ({"base": "p8", "tip": "p1"}, "is not reached from base = 'p8'"),
+    "several arms": ({"tip": None}, "several arms begin at 'p0'; choose one of their ends: "),
     "sliding": ({}, "joint 'j4', between 'p0' and 'p8', is prismatic"),
-    "following": ({"tip": "c2"}, "joint 'd2', between 'p0' and 'c2', follows 'b2'"),
-    "no joints": ({"base": "p1", "tip": "p2"}, "no joint between 'p1' and 'p2' turns"),
-    "unknown joint": ({"posture": {"j99": 0.0}}, "posture = 'j99': not there"),
+    "following": ({"tip": "c2"}, "joint 'd2', between 'p0' and 'c2', mimics 'b2'"),
+    "no joints": ({"base": "p1", "tip": "p2"}, "no free hinge between 'p1' and 'p2'"),
+    "unknown joint": ({"posture": {"j99": 0.0}}, "posture = 'j99': unknown"),
     "fixed": ({"posture": {"j2": 0.0}}, "posture: joint 'j2' is fixed"),
-    "follower": ({"posture": {"d2": 0.0}}, "posture: joint 'd2' follows 'b2'"),
-    "limits": ({"posture": {"j3": 3.1}}, "posture: 'j3' = 3.1 rad (177.617°): its limits are -3.0 rad ("),
-    "limits of a slide": ({"locked": {"j4": 3.1}}, "locked: 'j4' = 3.1 m: its limits are "),
-    "stated twice": ({"posture": {"j4": 0.1}, "locked": {"j4": 0.2}}, "joint 'j4': stands in posture and in locked"),
+    "follower": ({"posture": {"d2": 0.0}}, "posture: joint 'd2' mimics 'b2'"),
+    "limits": ({"posture": {"j3": 3.1}}, "posture: 'j3' = 3.1 rad (177.617°): must be between -3.0 rad ("),
+    "limits of a slide": ({"locked": {"j4": 3.1}}, "locked: 'j4' = 3.1 m: must be between "),
+    "stated twice": ({"posture": {"j4": 0.1}, "locked": {"j4": 0.2}}, "joint 'j4': is in posture and in locked"),
     "too high": (
         {"locked": {"j4": 0.0}, "flexible": {"p3": FlexibleLink(frequency_hz=1e200)}},
-        "link 'p3': frequency_hz = 1e+200: young = inf Pa is beyond",
+        "link 'p3': frequency_hz = 1e+200: needs young = inf Pa",
     ),
     "too low": (
         {"locked": {"j4": 0.0}, "flexible": {"p3": FlexibleLink(frequency_hz=1e-200)}},
-        "link 'p3': frequency_hz = 1e-200: young = 0 Pa is beyond",
+        "link 'p3': frequency_hz = 1e-200: needs young = 0 Pa",
     ),
     "no number": ({"posture": {"j3": "x"}}, "posture: 'j3' = 'x': expected a finite number"),
     "NaN": ({"posture": {"j3": float("nan")}}, "posture: 'j3' = nan: expected a finite number"),
-    "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: 'b2' is not between 'p0' and 'p8'"),
-    "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "armature: joint 'j4' is no free one"),
+    "beside the path": ({"locked": {"b2": 0.1, "j4": 0.0}}, "locked: joint 'b2' is not between 'p0' and 'p8'"),
+    "armature of nothing": ({"locked": {"j4": 0.0}, "armature": {"j4": 1.0}}, "joint 'j4' does not move in this arm"),
     "negative armature": ({"locked": {"j4": 0.0}, "armature": {"j5": -1.0}}, "armature: 'j5' = -1.0: expected"),
-    "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": FlexibleLink(frequency_hz=1.0)}}, "is folded into 'p3'"),
+    "folded": ({"locked": {"j4": 0.0}, "flexible": {"p4": FlexibleLink(frequency_hz=1.0)}}, "is fixed to 'p3'"),
     "elsewhere": ({"locked": {"j4": 0}, "flexible": {"x": FlexibleLink(frequency_hz=1.0)}}, "'x' is not on the path"),
     "no line": (
         {"locked": {"j4": 0}, "flexible": {"p3": FlexibleLink(frequency_hz=1.0, line=((0, 0, 0), (0, 0, 0)))}},
@@ -278,7 +280,7 @@ def test_what_does_not_fit_the_robot_is_refused_by_name(name: str, tmp_path: Pat
 
 
 def test_a_flexible_link_needs_to_know_its_stiffness() -> None:
-    with pytest.raises(fl.SceneError, match="section: missing; a beam needs a section, or frequency_hz"):
+    with pytest.raises(fl.SceneError, match="section: missing; give section or frequency_hz"):
         FlexibleLink(mass=1.0)
 
 
@@ -288,7 +290,7 @@ def test_a_joint_that_cannot_be_at_zero_starts_in_the_middle(tmp_path: Path) -> 
     path.write_text(text, encoding="utf-8")
     imported = import_urdf(path, tip="p8", locked={"j4": 1.0})
     assert imported.path.positions["j3"] == 2.0
-    assert "j3: starts at 2 rad, the middle of limits that exclude 0" in imported.notes
+    assert "j3: starts at 2 rad, the middle of its limits, which exclude 0" in imported.notes
 
 
 def test_a_beam_is_a_solid_box_turned_along_its_line() -> None:

@@ -16,9 +16,9 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.cli import simulate, terminal
+from flexlink.cli import simulate
 from flexlink.cli.main import main
-from flexlink.common import output
+from flexlink.common import output, progress
 from flexlink.common.entry import is_command
 from flexlink.common.interruption import LAST, StoppedError, deferred
 
@@ -61,7 +61,7 @@ def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: 
     with pytest.raises(StoppedError), deferred():
         for _ in range(LAST - 1):
             signal.raise_signal(number)
-        assert "once more, and it is lost" in capfd.readouterr().err
+        assert "one more signal quits without them" in capfd.readouterr().err
         signal.raise_signal(number)
 
 
@@ -166,7 +166,7 @@ def at_first_call(monkeypatch, owner: object, name: str, number: int) -> None:
 )
 def test_a_signal_at_any_moment_keeps_the_samples(number, ending, moment, tmp_path, capsys, monkeypatch) -> None:
     owner, name = {
-        "running": (terminal.Progress, "__call__"),
+        "running": (progress.Progress, "__call__"),
         "saving": (sys.modules["flexlink.results.files"].Writer, "__call__"),
         "before the file is there": (output.Path, "replace"),
         "drawing": (simulate, "draw"),
@@ -252,7 +252,7 @@ def test_a_signal_while_importing_or_compiling_ends_the_command_in_one_line(
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 128 + number
     last = done.stderr.splitlines()[-1]
-    assert last in {f"flexlink: {what}; no samples to keep yet" for what in ("interrupted", "terminated")}
+    assert last in {f"flexlink: {what}; no samples yet" for what in ("interrupted", "terminated")}
     assert len(done.stderr.splitlines()) == (2 if module == "never" else 1)
     assert not list(tmp_path.glob("*x*"))
 
@@ -314,5 +314,5 @@ def test_signals_from_outside_at_some_moments(tmp_path: Path, started) -> None:
             assert f"{len(t)} sample" in error
             assert (np.diff(t) > 0).all()
         else:
-            assert "no samples to keep yet" in error
+            assert "no samples yet" in error
     assert not list(tmp_path.glob(".*"))

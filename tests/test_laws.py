@@ -351,11 +351,11 @@ def test_no_file_says_a_law_and_it_is_told() -> None:
 @pytest.mark.parametrize(
     ("drive", "changes", "message"),
     [
-        ({"kp": (np.nan, 0, 0)}, {}, r"drive\.kp\[0\] = nan: must be a finite number"),
-        ({"kp": (-1.0, 0, 0)}, {}, r"drive\.kp\[0\] = -1\.0"),
-        ({"kd": (0.0, 0, -2.0)}, {}, r"drive\.kd\[2\] = -2\.0"),
-        ({"effort": (1.0, 0.0, 1.0)}, {}, r"drive\.effort\[1\] = 0\.0"),
-        ({"effort": (1.0, np.inf, 1.0)}, {}, r"drive\.effort\[1\] = inf: must be a finite number"),
+        ({"kp": (np.nan, 0, 0)}, {}, r"drive\.kp\.1 = nan: must be a finite number"),
+        ({"kp": (-1.0, 0, 0)}, {}, r"drive\.kp\.1 = -1\.0"),
+        ({"kd": (0.0, 0, -2.0)}, {}, r"drive\.kd\.3 = -2\.0"),
+        ({"effort": (1.0, 0.0, 1.0)}, {}, r"drive\.effort\.2 = 0\.0"),
+        ({"effort": (1.0, np.inf, 1.0)}, {}, r"drive\.effort\.2 = inf: must be a finite number"),
         ({"effort": (1.0, 1.0)}, {}, r"drive\.effort = \(1\.0, 1\.0\): expected one number per link, 3"),
         ({"kp": (1.0, 1.0)}, {}, r"drive\.kp = \(1\.0, 1\.0\): expected one number per link, 3"),
         ({"gravity": "some"}, {}, r"drive\.gravity = 'some': .*none.*rigid.*static"),
@@ -366,10 +366,10 @@ def test_no_file_says_a_law_and_it_is_told() -> None:
         ({"rate": 1000.0 / 7}, {}, r"drive\.rate = 142\.\d*: run\.sample = 0\.01: must be a multiple of 1 / rate"),
         ({"rate": 100.0}, {"initial.time": 0.005}, r"drive\.rate = 100\.0: initial\.time = 0\.005: must be a multiple"),
         ({"torque": (1.0, 1.0, 1.0)}, {}, "drive kind 'pd' takes kp, kd, target_deg"),
-        ({}, {"link.fore.joint.locked": True}, r"drive\.kp\[2\] = 400\.0: the joint of 'fore' is locked; only 0 fits"),
+        ({}, {"link.fore.joint.locked": True}, r"drive\.kp\.fore = 400\.0: the joint of 'fore' is locked; only 0 fits"),
         ({}, {"motion": [{"link": "base", "times": [0.0], "angle_deg": [10.0], "rate_deg": [0.0],
                           "acceleration_deg": [0.0]}]},
-         r"drive\.kp\[0\] = 900\.0: the motion of 'base' is prescribed; only 0 fits"),
+         r"drive\.kp\.base = 900\.0: the motion of 'base' is prescribed; only 0 fits"),
     ],
 )  # fmt: skip
 def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:

@@ -140,8 +140,8 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
 @pytest.mark.parametrize(
     ("change", "wanted"),
     [
-        ({"link": "x"}, r"motion\[0\].link = 'x': no link of this arm; allowed are 1 … 1, or a"),
-        ({"angle_deg": (1.0, 2.0)}, r"motion\[0\].angle_deg\[0\] = 1.0: must be the initial value, 0.0"),
+        ({"link": "x"}, r"motion\.x\.link = 'x': no link of this arm; allowed are a, or 1 … 1"),
+        ({"angle_deg": (1.0, 2.0)}, r"motion\.\w+\.angle_deg\[0\] = 1.0: must be the initial value, 0.0"),
     ],
 )
 def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:

@@ -78,9 +78,9 @@ def test_what_has_no_effect_is_noted_by_key_and_value() -> None:
     assert notes(scene) == (
         "initial.passive = 'static': has no effect, no link bends",
         "drive.torque: has no effect on 'a', whose motion is prescribed",
-        "link[0].damping.ratio = 0.01: has no effect, 'a' is rigid",
-        "link[1].joint.viscous = 2.0: has no effect, the joint of 'b' is locked",
-        "link[1].joint.armature = 0.1: has no effect, the joint of 'b' is locked",
+        "link.a.damping.ratio = 0.01: has no effect, 'a' is rigid",
+        "link.b.joint.viscous = 2.0: has no effect, the joint of 'b' is locked",
+        "link.b.joint.armature = 0.1: has no effect, the joint of 'b' is locked",
     )
 
 

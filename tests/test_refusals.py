@@ -50,10 +50,10 @@ REFUSED: dict[str, tuple[Callable[[], object], str]] = {
         lambda: fl.Drive(**TABLE | {"torques": ((0.0,),)}), r"torques has 1 rows: expected one per time, 2"),
     "a motion of a locked joint": (
         lambda: make_scene(locked(), motion=(fl.PrescribedMotion(link="boom", **RISE),)),
-        r"motion\[0\]\.link = 'boom': its joint is locked; a motion needs a free joint"),
+        r"motion\.boom: its joint is locked; a motion needs a free joint"),
     "two motions of one joint": (
         lambda: make_scene(flexible("boom"), motion=(fl.PrescribedMotion(link="boom", **RISE),) * 2),
-        r"motion\[1\]\.link = 'boom': has two motions"),
+        r"motion\.boom: the second motion"),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
 from flexlink import Arm, Joint, Link, RunSettings, SceneError, Section, load_scene, lump, simulate
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.conditions import whole
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
@@ -19,53 +19,53 @@ PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 BAD = {  # what is replaced: (old, new, what the message must contain)
     "unknown key": ("young   =", "yung =", ["material.aluminium.yung", "unknown key", "did you mean 'young'"]),
     "unknown table": ("[initial]", "[initil]", ["initil", "unknown key", "initial"]),
-    "nested unknown key": ("locked =", "loked =", ["link[0].joint.loked", "did you mean 'locked'"]),
-    "wrong type": ("length   = 1.25", 'length = "long"', ["link[1].length", "'long'", "float"]),
+    "nested unknown key": ("locked =", "loked =", ["link.waist.joint.loked", "did you mean 'locked'"]),
+    "wrong type": ("length   = 1.25", 'length = "long"', ["link.upper.length", "'long'", "float"]),
     "missing key": ('name    = "paper_fig5"', "", ["name", "missing"]),
-    "missing material": ('"aluminium"\nsection', '"steel"\nsection', ["link[1].material", "'steel'", "aluminium"]),
-    "missing section": ('section  = "square"', 'section = "round"', ["link[1].section", "'round'", "square"]),
-    "negative length": ("length   = 1.25", "length = -1.25", ["link[1].length", "-1.25", ">= 0"]),
-    "zero length": ("length   = 1.25", "length = 0.0", ["link[1].length", "0.0", "> 0"]),
+    "missing material": ('"aluminium"\nsection', '"steel"\nsection', ["link.upper.material", "'steel'", "aluminium"]),
+    "missing section": ('section  = "square"', 'section = "round"', ["link.upper.section", "'round'", "square"]),
+    "negative length": ("length   = 1.25", "length = -1.25", ["link.upper.length", "-1.25", ">= 0"]),
+    "zero length": ("length   = 1.25", "length = 0.0", ["link.upper.length", "0.0", "> 0"]),
     "negative young": ("young   = 70e9", "young = -70e9", ["material.aluminium.young", "-70000000000.0", "> 0"]),
     "zero density": ("density = 2700.0", "density = 0", ["material.aluminium.density", "0", "> 0"]),
     "zero step": ("step     = 1e-4", "step = 0.0", ["run.step", "0.0", "> 0"]),
     "negative payload": ("[initial]", "[tip]\nmass = -1.0\n[initial]", ["tip.mass", "-1.0", ">= 0"]),
     "key of an optional table": ("[initial]", "[link.damping]\nratio = 0.1\nat_Hz = 4\n[initial]",
-                                 ["link[2].damping.at_Hz = 4", "unknown key", "did you mean 'at_hz'?"]),
+                                 ["link.fore.damping.at_Hz = 4", "unknown key", "did you mean 'at_hz'?"]),
     "drive incomplete": ("[initial]", "[drive]\nkind = 'constant'\n[initial]", ["drive.torque: missing"]),
     "nan": ("young   = 70e9", "young = nan", ["material.aluminium.young", "nan", "finite"]),
     "infinity": ("9.81", "inf", ["gravity[2]", "inf", "finite"]),
-    "one segment": ("segments = 5", "segments = 1", ["link[1].segments", "1", "at least 2"]),
-    "fractional segments": ("segments = 5", "segments = 4.5", ["link[1].segments", "4.5", "int"]),
-    "unknown flex": ('flex     = "z"', 'flex = "w"', ["link[1].flex", "'w'", "'xyz'"]),
-    "flex misspelt": ('flex     = "z"', 'flex = "xzy"', ["link[1].flex", "'xzy'", "did you mean 'xyz'?"]),
+    "one segment": ("segments = 5", "segments = 1", ["link.upper.segments", "1", "at least 2"]),
+    "fractional segments": ("segments = 5", "segments = 4.5", ["link.upper.segments", "4.5", "int"]),
+    "unknown flex": ('flex     = "z"', 'flex = "w"', ["link.upper.flex", "'w'", "'xyz'"]),
+    "flex misspelt": ('flex     = "z"', 'flex = "xzy"', ["link.upper.flex", "'xzy'", "did you mean 'xyz'?"]),
     "shape misspelt": ('"rectangle"', '"rectangel"', ["section.square.shape", "did you mean 'rectangle'?"]),
-    "material misspelt": ('"aluminium"\nsection', '"aluminum"\nsection', ["link[1].material", "mean 'aluminium'?"]),
-    "section misspelt": ('section  = "square"', 'section = "Square"', ["link[1].section", "did you mean 'square'?"]),
-    "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link[1].lumping", "did you mean 'paper'?"]),
-    "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link[1].lumping", "did you mean 'paper'?"]),
+    "material misspelt": ('"aluminium"\nsection', '"aluminum"\nsection', ["link.upper.material", "mean 'aluminium'?"]),
+    "section misspelt": ('section  = "square"', 'section = "Square"', ["link.upper.section", "did you mean 'square'?"]),
+    "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link.upper.lumping", "did you mean 'paper'?"]),
+    "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link.upper.lumping", "did you mean 'paper'?"]),
     "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
     "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
     "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
-                      "acceleration_deg = [0]\n[initial]", ["motion[0].link", "'uper'", "did you mean 'upper'?"]),
+                      "acceleration_deg = [0]\n[initial]", ["motion.uper.link", "'uper'", "did you mean 'upper'?"]),
     "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',
-                     ["link[1].lumping", "'papr'", "midpoint"]),
+                     ["link.upper.lumping", "'papr'", "midpoint"]),
     "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                           'segments = 4\nflex = "z"\nlumping = "gauss"',
-                          ["link[1].segments", "4, so 3 hinges: rule 'gauss'", "groups of 2", "near are 3 or 5"]),
+                          ["link.upper.segments", "4, so 3 hinges: rule 'gauss'", "groups of 2", "near are 3 or 5"]),
     "rule of at least": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                          'segments = 3\nflex = "z"\nlumping = "gregory"',
-                         ["link[1].segments", "3, so 2 hinges: rule 'gregory' needs at least"]),
+                         ["link.upper.segments", "3, so 2 hinges: rule 'gregory' needs at least"]),
     "too many nodes to find": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                                'segments = 100001\nflex = "z"\nlumping = "legendre"',
-                               ["link[1].segments", "rule 'legendre' takes at most 1001"]),
+                               ["link.upper.segments", "rule 'legendre' takes at most 1001"]),
     "section beyond float64": ("width  = 0.04", "width = 1e308", ["section.square.height", "1e+308: ", "beyond"]),
     "section below float64": ("width  = 0.04", "width = 1e-200", ["section.square.height", "i_y = 0.0 is beyond"]),
     "sample no multiple": ("sample   = 0.005", "sample = 0.00123", ["run.sample", "0.00123", "multiple of step"]),
     "step no divisor": ("step     = 1e-4", "step = 3e-4", ["run.sample", "0.005", "multiple of step"]),
     "joints too few": ("[0.0, -80.0, -10.0]", "[0.0, -80.0]", ["initial.joint_deg", "one number per link, 3"]),
     "unknown method": ('"RK4"', '"RK5"', ["run.method", "'RK5'", "RK2"]),
-    "two names": ('name     = "fore"', 'name = "upper"', ["link[2].name", "'upper'", "differ"]),
+    "two names": ('name     = "fore"', 'name = "upper"', ["link.3.name", "'upper'", "differ"]),
     "gravity of two": ("[0.0, 0.0, 9.81]", "[0.0, 9.81]", ["gravity", "length 3"]),
     "section incomplete": ("width  = 0.04", "", ["section.square.width", "rectangle"]),
     "section of another shape": ("width  = 0.04", "diameter = 1.0", ["section.square.diameter", "height, width"]),
@@ -126,7 +126,7 @@ def one_hinge_rule(node: float) -> str:
 def test_a_rule_whose_hinges_float64_cannot_tell_apart_is_refused(beside: float, tmp_path: Path) -> None:
     rule = tmp_path / "rule.toml"
     rule.write_text(f'about = "a"\nsource = "b"\n[grid]\nfirst = {beside}\nlast = {beside}\n', encoding="utf-8")
-    with pytest.raises(SceneError, match=r"^link\[0\].segments = 4, so 3 hinges: rule '.*rule.toml' puts them"):
+    with pytest.raises(SceneError, match=r"^link\.a.segments = 4, so 3 hinges: rule '.*rule.toml' puts them"):
         lump(make_scene(flexible("a", segments=4, lumping=str(rule))))
 
 
@@ -177,7 +177,7 @@ def test_python_objects_are_checked_like_files() -> None:
         Link(name="a", material="aluminium", section="square")
     with pytest.raises(SceneError, match=r"armature = nan: must be a finite number"):
         Joint(armature=float("nan"))
-    with pytest.raises(SceneError, match=r"link\[0\].material = 'steel': not defined; defined are aluminium"):
+    with pytest.raises(SceneError, match=r"link\.a.material = 'steel': not defined; defined are aluminium"):
         Arm(links=(flexible("a", material="steel"),), materials={"aluminium": ALUMINIUM}, sections={"square": SQUARE})
     with pytest.raises(SceneError, match="every joint is locked"):
         lump(make_scene(Link(name="a", joint=Joint(locked=True))))
@@ -193,10 +193,10 @@ def test_a_description_is_built_without_reading_a_file(monkeypatch: pytest.Monke
 
     with monkeypatch.context() as patched:
         patched.setattr(Path, "open", refuse)
-        patched.setattr(catalogue, "load", refuse)
+        patched.setattr(data_files, "load", refuse)
         scene = make_scene(flexible("a", lumping="papr"), run=RunSettings(method="RK5"))
         scene.to_toml()
-    with pytest.raises(SceneError, match=r"^link\[0\]\.lumping = 'papr': unknown; .*did you mean 'paper'"):
+    with pytest.raises(SceneError, match=r"^link\.a\.lumping = 'papr': unknown; .*did you mean 'paper'"):
         lump(scene)
     with pytest.raises(SceneError, match=r"^run.method = 'RK5': unknown; allowed are "):
         simulate(make_scene(flexible("a"), run=RunSettings(method="RK5")))
@@ -227,9 +227,9 @@ def test_other_ratios_are_refused(value: float, unit: float) -> None:
     ("text", "wanted"),
     [
         ("[drive]\nkind = 'constant'\ntorque = [5.0, 0.0, 0.0]",
-         r"drive.torque\[0\] = 5.0: the joint of 'waist' is locked"),
+         r"drive.torque.waist = 5.0: the joint of 'waist' is locked"),
         ("[drive]\nkind = 'pd'\nkp = [1.0, 1.0, 1.0]\nkd = [0.0, 0.0, 0.0]\ntarget_deg = [9.0, 0.0, 0.0]",
-         r"drive.kp\[0\] = 1.0: the joint of 'waist' is locked"),
+         r"drive.kp.waist = 1.0: the joint of 'waist' is locked"),
     ],
 )  # fmt: skip
 def test_a_torque_on_a_locked_joint_is_refused(text: str, wanted: str, tmp_path: Path) -> None:

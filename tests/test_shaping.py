@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import flexlink as fl
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.shaping import ShaperRule
 
 EPS = np.finfo(float).eps
@@ -42,9 +42,9 @@ def residual(course: fl.ReferenceTrajectory, pole: complex) -> float:
 
 
 def test_every_shaper_that_comes_along_is_tested() -> None:
-    assert set(catalogue.names("shapers")) == set(ZEROS)
+    assert set(data_files.names("shapers")) == set(ZEROS)
     for name, zeros in ZEROS.items():
-        assert catalogue.load("shapers", "kind", name, ShaperRule).zeros == zeros
+        assert data_files.load("shapers", "kind", name, ShaperRule).zeros == zeros
 
 
 @pytest.mark.slow

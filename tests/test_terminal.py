@@ -8,8 +8,8 @@ import sys
 
 import pytest
 
-from flexlink.cli import terminal
-from flexlink.cli.terminal import Compiling, Progress, clock, progress_text
+from flexlink.cli.terminal import Compiling
+from flexlink.common.progress import Progress, clock, progress_text
 
 
 class Terminal(io.StringIO):
@@ -50,8 +50,7 @@ def test_clocks() -> None:
 
 def test_progress_stays_in_one_line_of_a_narrow_terminal(monkeypatch) -> None:
     screen = narrow(monkeypatch)
-    monkeypatch.setattr(terminal, "REDRAWN", 0.0)
-    bar = Progress("a_rather_long_name_of_a_scene")
+    bar = Progress("a_rather_long_name_of_a_scene", redraw_after=0.0)
     for k in range(11):
         bar(k / 10)
     bar.clear()

@@ -116,9 +116,9 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
         ({"link": [5], "link.*.joint.viscous": 1.0}, r"link\.\*\.joint\.viscous = 1\.0: link\.\* is one value"),
         (
             {"link.*.segments": 8, "link.*.lumping": "gauss"},
-            r"link\[1\]\.segments = 8, so 7 hinges: rule 'gauss'",
+            r"link\.upper\.segments = 8, so 7 hinges: rule 'gauss'",
         ),
-        ({"link.*.lumping": "gaus"}, r"link\[1\]\.lumping = 'gaus': unknown; .* did you mean 'gauss'\?"),
+        ({"link.*.lumping": "gaus"}, r"link\.upper\.lumping = 'gaus': unknown; .* did you mean 'gauss'\?"),
         ({"run.method": "RK7"}, r"run\.method = 'RK7': unknown; allowed are"),
     ],
 )
@@ -126,6 +126,38 @@ def test_what_does_not_fit_is_refused_in_one_line_that_helps(paper: fl.Scene, ch
     with pytest.raises(fl.SceneError, match=f"^({wanted})") as caught:
         paper.varied(changes)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("names", [["upper", "a.b", "c'd", "2", "*"], ["1", "4", "3", "5", "2"], list("abcde")])
+def test_a_message_names_a_link_by_the_path_that_sets_it_and_by_the_number_of_its_coordinates(names: list) -> None:
+    scene = make_scene(*map(flexible, names))
+    raw = scene.document()
+    numbers = {joint.link for joint in fl.lump(scene).coordinates}
+    assert numbers == set(range(1, len(names) + 1))
+    for number, link in enumerate(raw["link"], 1):
+        link["length"] = -1.0
+        with pytest.raises(fl.SceneError, match=r"^link\..*\.length = -1\.0: ") as caught:
+            scene.varied({f"link.{number}.length": -1.0} if str(number) not in names else {"link": raw["link"]})
+        path = str(caught.value).partition(" = ")[0]
+        assert scene.varied({path: 5.0}).arm.links[number - 1].length == 5.0
+        link["length"] = 1.0
+        with pytest.raises(fl.SceneError, match=r"^joint_deg\.\d = 'x': ") as caught:
+            fl.InitialState(joint_deg=[*[0.0] * (number - 1), "x"])  # names are not known yet
+        assert f".{number} " in str(caught.value)
+
+
+def test_a_message_names_a_number_of_a_link_by_the_path_that_sets_it() -> None:
+    links = [fl.Link(name=name, length=1.0, joint=fl.Joint(limits_deg=(-9, 9))) for name in ("a", "b.c")]
+    scene = make_scene(*links, drive=fl.Drive(kind="constant", torque=(0.0, 1.0)))
+    for key, value, path in (
+        ("initial.joint_deg", [0.0, 10.0], 'initial.joint_deg."b.c"'),
+        ("drive.torque", [0.0, "x"], "drive.torque.2"),
+        ("drive.torque", [np.nan, 0.0], "drive.torque.1"),
+    ):
+        with pytest.raises(fl.SceneError) as caught:
+            scene.varied({key: value})
+        assert str(caught.value).partition(" = ")[0] == path
+        scene.varied({path: 1.0})
 
 
 def test_changes_are_a_dict_of_values_by_path(paper: fl.Scene) -> None:

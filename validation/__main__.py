@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.progress import Progress
 from validation.case import ALL, CASES, MODELS, Case, load_cases
 from validation.judgement import MISSED, correctness, speed, speed_state
 from validation.store import Row, Store
@@ -17,7 +18,6 @@ from validation.store import Row, Store
 try:
     from rich.console import Console
     from rich.markup import escape
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.table import Table
 
     from validation.runner import run_cases
@@ -107,25 +107,26 @@ def _parser() -> argparse.ArgumentParser:
 def _run(
     console: Console, cases: Sequence[Case], store: Store, options: argparse.Namespace
 ) -> dict[str, FlexlinkError]:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    started: list[str] = []
-    with Progress(*columns, console=console) as progress:
-        task = progress.add_task("reading what is stored", total=len(cases))
+    bar, started = Progress("reading what is stored"), 0
 
-        def report(case: str, row: Row | None) -> None:
-            if row is None:
-                progress.update(task, description=case, completed=len(started))
-                started.append(case)
-                if not console.is_terminal:  # a log shows no moving bar
-                    console.print(f"{case} …", highlight=False)
-                return
-            progress.update(task, description=f"{case}: {row.quantity}")
-            if row.passed is False and not row.timed:
-                console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
+    def report(case: str, row: Row | None) -> None:
+        nonlocal started
+        if row is None:
+            bar(started / len(cases), case)
+            started += 1
+            if not console.is_terminal:  # a log shows no moving bar
+                console.print(f"{case} …", highlight=False)
+            return
+        bar((started - 1) / len(cases), f"{case}: {row.quantity}")
+        if row.passed is False and not row.timed:
+            bar.clear()
+            console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False)
 
+    try:
         failed = run_cases(cases, store, options.force, report, again_if_busy=not options.full)
-        stored = "all cases stored" if not failed else f"{len(cases) - len(failed)} of {len(cases)} cases stored"
-        progress.update(task, description=stored, completed=len(cases))
+    finally:
+        bar.clear()
+    console.print(f"{len(cases) - len(failed)} of {len(cases)} cases stored", highlight=False)
     return failed
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from validation.facts import Facts
@@ -145,7 +145,7 @@ def load_case(path: Path) -> Case:
         The message names the file, the key path, the value and what is allowed.
     """
     try:
-        raw = catalogue.read_toml(path)
+        raw = data_files.read_toml(path)
         for key in ("name", "whole"):
             if key in raw:
                 raise SceneError(f"{key} = {raw[key]!r}: unknown key; the name of a case is its file's")

@@ -15,7 +15,7 @@ from flexlink.advice.model import Model, judged, most_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.search import Search
 from flexlink.advice.verdict import Advice, Limit, length, line, time
-from flexlink.chain.arguments import flag, given, positive
+from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
 from flexlink.results.deflection import deflections
@@ -81,8 +81,8 @@ def advise(
     InterruptedRunError
         Ctrl-C or SIGTERM; of the advice nothing is there.
     """
-    scene = judged(given("scene", scene, Scene))
-    goal = goal_of(tip, deflection=flag("deflection", deflection), band=band, run=scene.run)
+    scene = judged(require_type("scene", scene, Scene))
+    goal = goal_of(tip, deflection=require_bool("deflection", deflection), band=band, run=scene.run)
     return Study(scene, goal, positive("budget", budget)).advice()
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import RunSettings
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 
 Array = NDArray[np.float64]
@@ -58,9 +58,11 @@ def goal_of(tip: float | str, *, deflection: bool, band: float | None, run: RunS
     else:
         size, metres = real("tip", tip, wanted), False
     if not 0 < size < (np.inf if metres else 1.0):
-        raise ArgumentError(f"tip = {short(tip)}: expected a part of the motion between 0 and 1, or a length as '2 mm'")
+        raise ArgumentError(
+            f"tip = {truncated(tip)}: expected a part of the motion between 0 and 1, or a length as '2 mm'"
+        )
     if metres and deflection:
-        raise ArgumentError(f"deflection = True: tip = {short(tip)} is a length; give a part of the deflection")
+        raise ArgumentError(f"deflection = True: tip = {truncated(tip)} is a length; give a part of the deflection")
     if band is not None:
         band, highest = positive("band", band), 0.5 / run.sample
         if band > highest:

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from flexlink.common.errors import SceneError
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 
 FLEX = ("rigid", "z", "yz", "xyz")
 """What may bend, each with all of the one before it."""
@@ -73,7 +73,7 @@ def judged(scene: Scene) -> Scene:
         value = getattr(scene.initial, name)
         if value is not None:
             raise SceneError(
-                f"initial.{name} = {short(value)}: are the joints of one model; advice compares models, and needs "
+                f"initial.{name} = {truncated(value)}: are the joints of one model; advice compares models, and needs "
                 "initial.joint_deg, rate_deg and passive"
             )
     if scene.run.duration == 0:

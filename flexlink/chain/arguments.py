@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, numbers, plain, short
+from flexlink.common.types import Array
+from flexlink.describe.spec import did_you_mean, numbers, to_builtin, truncated
 from flexlink.kernels.tools.finite import is_finite
 
-Array = NDArray[np.float64]
 T = TypeVar("T")
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
@@ -53,7 +53,7 @@ def dimensions(value: ArrayLike) -> int:
         return 1
 
 
-def choice(name: str, value: str, allowed: Mapping[Any, T]) -> T:
+def require_one_of(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """The entry of `allowed` that `value` names.
 
     Raises
@@ -63,12 +63,12 @@ def choice(name: str, value: str, allowed: Mapping[Any, T]) -> T:
     """
     if not isinstance(value, str) or value not in allowed:
         raise ArgumentError(
-            f"{name} = {short(value)}: unknown; allowed are {', '.join(allowed)}{meant(value, allowed)}"
+            f"{name} = {truncated(value)}: unknown; allowed are {', '.join(allowed)}{did_you_mean(value, allowed)}"
         )
     return allowed[value]
 
 
-def given(name: str, value: object, kind: type[T]) -> T:
+def require_type(name: str, value: object, kind: type[T]) -> T:
     """`value`, which must be a `kind`.
 
     Raises
@@ -77,13 +77,13 @@ def given(name: str, value: object, kind: type[T]) -> T:
         It is none; the message says what it is.
     """
     if not isinstance(value, kind):
-        raise ArgumentError(f"{name} = {short(value)}: expected a {kind.__name__}, got {type(value).__name__}")
+        raise ArgumentError(f"{name} = {truncated(value)}: expected a {kind.__name__}, got {type(value).__name__}")
     return value
 
 
-def all_given(name: str, values: object, kind: type[T]) -> list[T]:
-    """`values` as a list, every one of which must be a `kind`; errors as in `given`."""
-    return [given(f"{name}[{k}]", value, kind) for k, value in enumerate(sequence(name, values, kind.__name__))]
+def require_each(name: str, values: object, kind: type[T]) -> list[T]:
+    """`values` as a list, every one of which must be a `kind`; errors as in `require_type`."""
+    return [require_type(f"{name}[{k}]", value, kind) for k, value in enumerate(sequence(name, values, kind.__name__))]
 
 
 def sequence(name: str, values: object, item: str) -> list[Any]:
@@ -93,7 +93,7 @@ def sequence(name: str, values: object, item: str) -> list[Any]:
             return list(values)  # type: ignore[call-overload, no-any-return]
     except TypeError:  # of a 0-d array, too, which has an __iter__
         pass
-    raise ArgumentError(f"{name} = {short(values)}: expected a sequence, each item a {item}")
+    raise ArgumentError(f"{name} = {truncated(values)}: expected a sequence, each item a {item}")
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
@@ -106,10 +106,10 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     """
     number = number_of(value)
     if type(number) is not int:
-        raise ArgumentError(f"{name} = {short(value)}: must be a whole number, got {type(value).__name__}")
+        raise ArgumentError(f"{name} = {truncated(value)}: must be a whole number, got {type(value).__name__}")
     if number < least or (most is not None and number > most):
         allowed = f"at least {least}" if most is None else f"{least} … {most}"
-        raise ArgumentError(f"{name} = {short(number)}: must be {allowed}")
+        raise ArgumentError(f"{name} = {truncated(number)}: must be {allowed}")
     return number
 
 
@@ -117,7 +117,7 @@ def positive(name: str, value: object) -> float:
     """`value` as a finite float > 0; errors as in `integer`."""
     number = number_of(value)
     if type(number) not in {int, float} or not 0 < number <= sys.float_info.max:  # type: ignore[operator]
-        raise ArgumentError(f"{name} = {short(value)}: must be a finite number > 0")
+        raise ArgumentError(f"{name} = {truncated(value)}: must be a finite number > 0")
     return float(number)  # type: ignore[arg-type]
 
 
@@ -132,25 +132,25 @@ def real(name: str, value: object, wanted: str) -> float:
     try:
         return float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError, OverflowError):
-        raise ArgumentError(f"{name} = {short(value)}: expected {wanted}") from None
+        raise ArgumentError(f"{name} = {truncated(value)}: expected {wanted}") from None
 
 
 def number_of(value: object) -> object:
     """Python's number for a NumPy scalar or an array of no dimension; anything else as it is."""
-    return plain(value) if isinstance(value, np.generic | np.ndarray) else value
+    return to_builtin(value) if isinstance(value, np.generic | np.ndarray) else value
 
 
-def flag(name: str, value: object) -> bool:
+def require_bool(name: str, value: object) -> bool:
     """`value`, which must be True or False: the text "no" would count as true."""
     if not isinstance(value, bool | np.bool_):
-        raise ArgumentError(f"{name} = {short(value)}: must be True or False")
+        raise ArgumentError(f"{name} = {truncated(value)}: must be True or False")
     return bool(value)
 
 
-def callable_or_none(name: str, value: object) -> None:
+def require_callable(name: str, value: object) -> None:
     """Refuse a `value` that is neither None nor can be called, before the work that it is called from."""
     if value is not None and not callable(value):
-        raise ArgumentError(f"{name} = {short(value)}: expected a function, or None")
+        raise ArgumentError(f"{name} = {truncated(value)}: expected a function, or None")
 
 
 def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Coordinate
 from flexlink.chain.rigid import HERE, NOTHING, Pose, SpatialInertia
 from flexlink.common.products import product
+from flexlink.common.types import Array
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.kernels.layout import BODY
-
-Array = NDArray[np.float64]
 
 RIGHT, BELOW = np.triu_indices(3, 1)
 """Of the elements above a diagonal; the other way round they are those below."""

@@ -18,13 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given, integer, number_of
+from flexlink.chain.arguments import integer, number_of, require_type
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.links import link_number
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.kernels.layout import ChainArrays
-
-Array = NDArray[np.float64]
 
 EPS = float(np.finfo(np.float64).eps)
 
@@ -161,7 +160,7 @@ class Chain:
 
     def same_layout(self, other: Chain) -> bool:
         """Whether two chains differ in numbers only, so that they can be evaluated side by side."""
-        return self._layout == given("other", other, Chain)._layout
+        return self._layout == require_type("other", other, Chain)._layout
 
     def index(self, link: int | str, segment: int, axis: int) -> int:
         """Sequential index of the coordinate (link, segment, axis), the paper's θ_{i,j,k}; the link by number or name.
@@ -175,9 +174,9 @@ class Chain:
             link_number("link", link, self.link_names), integer("segment", segment, 0), integer("axis", axis, 0, 3)
         )
         if wanted not in self._sequential:
-            known = short(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
+            known = truncated(sorted(tuple(c) for c in self.coordinates if c.link == wanted.link))
             raise ArgumentError(
-                f"(link, segment, axis) = {short(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
+                f"(link, segment, axis) = {truncated(tuple(wanted))}: not in this chain; link {wanted.link} has {known}"
             )
         return self._sequential[wanted]
 
@@ -244,9 +243,9 @@ class Chain:
             return -1
         close = difflib.get_close_matches(wanted, [*self.link_names, *names], n=1) if isinstance(wanted, str) else []
         hint = f"; did you mean {close[0]!r}?" if close else ""
-        links = short(", ".join(self.link_names)).strip("'")
+        links = truncated(", ".join(self.link_names)).strip("'")
         raise ArgumentError(
-            f"{name} = {short(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
+            f"{name} = {truncated(value)}: no joint of this chain; allowed are 0 … {self.n - 1}, "
             f"names such as {names[-1]!r}, and links: {links}{hint}"
         )
 

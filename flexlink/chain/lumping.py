@@ -9,21 +9,21 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.builder import Builder, Piece, recorded
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import SpatialInertia
 from flexlink.chain.rotation import about_axis_deg, matrix_from_rpy, matrix_from_rpy_deg, turn_to
 from flexlink.common.errors import SceneError
 from flexlink.common.memo import Memo
+from flexlink.common.types import Array
 from flexlink.describe.arm import AXES, Arm, Link, Material, Section
-from flexlink.describe.data_files import is_own
+from flexlink.describe.data_files import is_user_file
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import HINGE
 
-Array = NDArray[np.float64]
 TWIST, GEAR = 1, 3  # axes of coordinates
 LIMITS = {"lower", "upper"}
 BUT_LIMITS = [k for k, field in enumerate(HINGE.names or ()) if field not in LIMITS]
@@ -56,8 +56,8 @@ def lump(scene: Scene) -> Chain:
     ArgumentError
         `scene` is no Scene.
     """
-    arm = given("scene", scene, Scene).arm
-    if any(is_own(link.lumping) for link in arm.links):  # a file, which may change
+    arm = require_type("scene", scene, Scene).arm
+    if any(is_user_file(link.lumping) for link in arm.links):  # a file, which may change
         return _lumped(scene)
     locked = tuple(angle for link, angle in zip(arm.links, scene.initial.joint_deg, strict=True) if link.joint.locked)
     moved = tuple(motion.link for motion in scene.motion)
@@ -89,7 +89,7 @@ def pieces(scene: Scene) -> list[Piece]:
 
     Errors as there.
     """
-    return _walked(given("scene", scene, Scene)).pieces
+    return _walked(require_type("scene", scene, Scene)).pieces
 
 
 def _walked(scene: Scene) -> Builder:

@@ -10,11 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.products import dot, product
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 
 class Pose(NamedTuple):

@@ -7,12 +7,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.products import product
+from flexlink.common.types import Array
 from flexlink.describe.directions import unit
-
-Array = NDArray[np.float64]
 
 
 @functools.lru_cache(maxsize=256)

@@ -1,21 +1,39 @@
-"""`flexlink advise`: the smallest model that a scene needs, and the scene with it."""
+"""`flexlink advise`: Find the smallest model that keeps the tip within a tolerance, and check it.
+
+flexlink advise models/t3_spatial.toml --tip 1e-3 -o small.toml
+flexlink advise models/t3_spatial.toml --tip 2mm --band 20
+"""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from flexlink.advice.advise import advise
-from flexlink.cli.shared import about, require_place, varied_scene
+from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
 from flexlink.common.output import write_or_keep, write_text
 
 
-def advise_scene(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `advise`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml); flex, segments, lumping and steps are replaced")
+    command.add_argument(
+        "--tip", default="1e-3", metavar="ERROR",
+        help="allowed error of the tip: a fraction of how far it moves, or a length as 2mm; default: 1e-3",
+    )  # fmt: skip
+    command.add_argument("--deflection", action="store_true", help="the error is a fraction of the tip's deflection")
+    command.add_argument("--band", type=float, metavar="HZ", help="ignore vibrations faster than this")
+    command.add_argument("--budget", type=float, default=1.0, metavar="S", help="CPU time of one run [s]; default: 1")
+    command.add_argument("-o", "--out", type=Path, help="write the scene with this model, ready to run (.toml)")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Find a model, say why it is this one, and write the scene where it is asked for; 1 if no model is good enough."""
     scene = varied_scene(options.scene, options.set)
     if options.out is not None:
-        require_place(options.out)
+        require_writable(options.out)
     tip = float(options.tip) if _is_number(options.tip) else options.tip
-    with about(options.scene):
+    with prefix_errors(options.scene):
         found = advise(scene, tip, deflection=options.deflection, band=options.band, budget=options.budget)
     print(found)
     if options.out is not None:

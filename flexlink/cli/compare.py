@@ -1,33 +1,52 @@
-"""`flexlink compare`: the same arm in other engines, or in a file that somebody else wrote."""
+"""`flexlink compare`: Compare flexlink with other engines, or with an MJCF, URDF or SDF file.
+
+flexlink compare models/paper_fig5.toml --engines pinocchio mujoco
+flexlink compare models/t3_spatial.toml --trajectory --duration 0.1
+flexlink compare models/t3_spatial.toml --file theirs.xml
+"""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+from pathlib import Path
 
-from flexlink.cli.shared import about, varied_scene
-from flexlink.cli.terminal import Progress
+from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.common.errors import ArgumentError
+from flexlink.common.progress import Progress
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.trajectories import compare_trajectories
 
-SAMPLES = 200
-OF_STATES, OF_RUNS = ("file", "samples", "seed"), ("duration",)
-"""Options that only one of both comparisons has."""
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `compare`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument(
+        "--engines", nargs="+",
+        help="pinocchio, mujoco, drake, exudyn; default: pinocchio and mujoco, with --file the engine of its format, "
+        "with --trajectory all",
+    )  # fmt: skip
+    command.add_argument("--file", type=Path, help="find what is wrong in this MJCF, URDF or SDF file of the same arm")
+    command.add_argument("--samples", type=int, help="number of random states; default: 200")
+    command.add_argument("--seed", type=int, help="seed of the random states; default: 0")
+    command.add_argument(
+        "--trajectory", action="store_true", help="compare a run of the scene with the same run of every engine"
+    )
+    command.add_argument("--duration", type=float, help="with --trajectory: simulated time [s]; default: the scene's")
 
 
-def compare_engines(options: argparse.Namespace) -> int:
+def run_command(options: argparse.Namespace) -> int:
     """Compare on a scene; 1 where engines or the file disagree by more than rounding explains."""
     _refuse_without_effect(options)
     scene = varied_scene(options.scene, options.set)
     if options.trajectory:
         return _compare_runs(scene, options)
     bar = Progress(scene.name)
-    with about(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
+    with prefix_errors(options.scene) if options.file is None else contextlib.nullcontext():  # a file names itself
         comparison = compare(
             scene, engines=options.engines, file=options.file, progress=bar,
-            samples=SAMPLES if options.samples is None else options.samples, seed=options.seed or 0,
+            samples=200 if options.samples is None else options.samples, seed=options.seed or 0,
         )  # fmt: skip
     bar.clear()
     print(comparison)
@@ -36,7 +55,7 @@ def compare_engines(options: argparse.Namespace) -> int:
 
 def _compare_runs(scene: Scene, options: argparse.Namespace) -> int:
     bar = Progress(scene.name)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         found = compare_trajectories(scene, engines=options.engines, duration=options.duration, progress=bar)
     bar.clear()
     print(found)
@@ -44,8 +63,8 @@ def _compare_runs(scene: Scene, options: argparse.Namespace) -> int:
 
 
 def _refuse_without_effect(options: argparse.Namespace) -> None:
-    for name in OF_STATES if options.trajectory else OF_RUNS:
+    for name in ("file", "samples", "seed") if options.trajectory else ("duration",):
         value = getattr(options, name)
         if value is not None:
-            why = "--trajectory compares runs, not states" if options.trajectory else "it takes --trajectory"
-            raise ArgumentError(f"--{name} {value}: has no effect; {why}")
+            remedy = "leave it out, or leave out --trajectory" if options.trajectory else "add --trajectory"
+            raise ArgumentError(f"--{name} {value}: has no effect here; {remedy}")

@@ -1,4 +1,8 @@
-"""`flexlink export`: the chains of scenes as files of other engines."""
+"""`flexlink export`: Write scenes as MJCF, URDF or SDF, which other engines load exactly.
+
+flexlink export models/paper_fig5.toml --format urdf --out .
+flexlink export models/t3_spatial.toml --format sdf --small-mass 1e-9
+"""
 
 from __future__ import annotations
 
@@ -10,18 +14,30 @@ from pathlib import Path
 from flexlink.chain.arguments import positive
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, require_place, varied_scene
+from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.formats import FORMATS
-from flexlink.formats.document import Array
 from flexlink.formats.features import not_held
 from flexlink.formats.small_mass import added_inertia, with_small_mass
 from flexlink.inputs.initial_state import initial_state
 
 
-def export_scenes(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `export`."""
+    command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
+    command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
+    command.add_argument("--out", type=Path, default=Path(), help="folder to write to; default: the current one")
+    command.add_argument("--strict", action="store_true", help="write nothing if a format cannot hold all of a scene")
+    command.add_argument(
+        "--small-mass", type=float, metavar="KG",
+        help="mass for links without mass, which some programs refuse; prints what it changes",
+    )  # fmt: skip
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Write the chains of scenes, all or none of them, and say what their formats cannot hold."""
     if options.small_mass is not None:
         positive("--small-mass", options.small_mass)
@@ -29,17 +45,17 @@ def export_scenes(options: argparse.Namespace) -> int:
     notes: list[str] = []
     for path in options.scenes:
         scene = varied_scene(path, options.set)
-        with about(path):
+        with prefix_errors(path):
             chain, state = _chain_and_state(path, scene, options, notes)
         for name in _formats(options):
             target = options.out / (path.stem + FORMATS[name].ending)
             if target in texts:
-                raise ArgumentError(f"{path}: a scene before it is written to {target}, too; export one at a time")
-            with about(path):
+                raise ArgumentError(f"{path}: would be written to {target}, as another scene; export one at a time")
+            with prefix_errors(path):
                 notes += _missing(target, scene, chain, name, strict=options.strict)
                 texts[target] = FORMATS[name].write(chain, **({"initial": state} if FORMATS[name].keyframe else {}))
     for path, text in texts.items():
-        require_place(path)
+        require_writable(path)
         write_text(path, text)
         print(path)
     for note in notes:
@@ -69,15 +85,15 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     """A note on what a file cannot hold; an error if that is asked for."""
     missing = not_held(scene, chain, format=format)
     if missing and strict:
-        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; nothing is written")
-    told = "; ".join(f"{feature}: {instead}" for feature, instead in missing.items())
-    return [f"{target}: {format} cannot hold all: {told}"] if missing else []
+        raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; no file written")
+    features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
+    return [f"{target}: {format} cannot hold {features}"] if missing else []
 
 
 def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
     """A note on how far an arm with masses where there are none moves differently."""
     added = added_inertia(chain, q, mass=mass)
     return (
-        f"{path}: {mass:g} kg for every link without mass: at the initial posture M grows by up to {added:.2g} of "
-        f"itself, frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} of themselves"
+        f"{path}: {mass:g} kg for every link without mass: the mass matrix at the initial posture grows by up to "
+        f"{added:.2g} (relative), frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} (relative)"
     )

@@ -1,4 +1,8 @@
-"""`flexlink import`: a robot's URDF as a scene, some of its links bending."""
+"""`flexlink import`: Make a scene of a robot's URDF: the arm between two links, some of them flexible.
+
+flexlink import robot.urdf --base base_link --tip tool0 -o robot.toml
+flexlink import ur5 --posture elbow_joint=90 --flexible 'forearm_link={ frequency_hz = 12 }' -o ur5.toml
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexlink.cli.shared import about, assignments, require_place, varied
+from flexlink.cli.shared import assignments, prefix_errors, require_writable, varied
 from flexlink.common.errors import ArgumentError
 from flexlink.common.output import write_text
 from flexlink.describe.spec import decode
@@ -21,23 +25,38 @@ from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import finite
 
 
-def import_scene(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `import`."""
+    command.add_argument("robot", help="URDF file, or the name of an arm that `flexlink robots` lists")
+    command.add_argument("-o", "--out", type=Path, help="scene file to write (.toml); default: only print the arm")
+    command.add_argument("--base", help="link where the arm begins; default: the root of the robot")
+    command.add_argument("--tip", help="link where the arm ends; default: the end, if the robot has one arm")
+    for option, form, text in (
+        ("posture", "JOINT=DEG", "initial angle of a joint [deg], or position of a slide [m]"),
+        ("locked", "JOINT=DEG", "lock a joint of the arm at this angle [deg], or a slide at this position [m]"),
+        ("flexible", "LINK={…}", "make a link flexible: { section, material, mass, frequency_hz, line, segments, … }"),
+        ("armature", "JOINT=I", "rotor inertia seen at the joint [kg m²]"),
+    ):
+        command.add_argument(f"--{option}", action="append", default=[], metavar=form, help=f"{text}; may be repeated")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Import a robot, say what was done, and write the scene where it is asked for."""
     if options.out is not None:
-        require_place(options.out)
+        require_writable(options.out)
     source = Path(options.robot)
     by_name = source.name == options.robot and not (source.suffix or source.is_file())
     known = known_arm(options.robot) if by_name else KnownArm(file=options.robot)
     robot = read_robot(known.path if by_name else source)
     asked = _asked(robot, known, options)
-    with about(source):
+    with prefix_errors(source):
         imported = import_urdf(robot, **asked)
     scene = varied(source, imported.scene, options.set)
     print(imported)
     for warning in imported.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     if options.out is None:
-        print("nothing written: -o FILE.toml takes the scene")
+        print("no file written; add -o FILE.toml to write the scene")
     else:
         write_text(options.out, scene.to_toml())
         print(options.out)
@@ -63,7 +82,7 @@ def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, flo
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
-            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg, or m of a slide]")
+            raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg; of a slide m]")
         slides = name in robot.joints and robot.joints[name].kind == "prismatic"
         found[name] = number if slides else math.radians(number)
     return found

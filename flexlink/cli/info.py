@@ -1,19 +1,24 @@
-"""`flexlink info`: the chain of a scene, its frequencies, stable steps and damping."""
+"""`flexlink info`: Show the model of a scene: joints, mass, frequencies, stable steps, damping.
+
+flexlink info models/paper_fig5.toml
+flexlink info models/paper_fig5.toml --set 'link.*.segments=9'
+"""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
-from flexlink.cli.shared import about, varied_scene
-from flexlink.describe import data_files as catalogue
+from flexlink.cli.shared import prefix_errors, varied_scene
+from flexlink.common.types import Complex
+from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
@@ -23,17 +28,20 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.cost import cost, evaluation_time, step_time
 
-Complex = NDArray[np.complex128]
-
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
 LARGEST_MODAL = 300  # coordinates up to which `info` finds modes, in O(n³)
 
 
-def show_info(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `info`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Print what a scene's chain is like, and what it says without effect."""
     scene = varied_scene(options.scene, options.set)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         _show(scene)
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
@@ -50,7 +58,7 @@ def _show(scene: Scene) -> None:
     if chain.n > LISTED:
         print(f"  … {chain.n - LISTED} more")
     if chain.n > SLOW:
-        print(f"finding the fastest modes of {chain.n} joints …", file=sys.stderr)
+        print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
     hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
     elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
@@ -80,16 +88,16 @@ def _kind(chain: Chain, k: int) -> str:
 
 def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:
     """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
-    costs = {method: cost(method, λ, evaluation, planar=planar) for method in catalogue.names("methods")}
+    costs = {method: cost(method, λ, evaluation, planar=planar) for method in data_files.names("methods")}
     rk4 = costs["RK4"].seconds
     for method, (h, seconds) in costs.items():
-        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
+        price = f"; {seconds:.2g} s of CPU per second of motion" if np.isfinite(seconds) else ""
         if np.isfinite(rk4) and not price:
             number = rk4 / step_time(method, evaluation, planar=planar)
-            price = f", as cheap as RK4 with about {number:.0f} steps a second"
+            price = f"; costs as much as RK4 at {number:.0f} steps/s"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
-        print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")
+        print(f"stable step, {method:<6} {_step(h)}{price}{without}")
 
 
 def _without_structural_damping(chain: Chain) -> Chain:
@@ -100,7 +108,7 @@ def _without_structural_damping(chain: Chain) -> Chain:
 
 
 def _step(h: float) -> str:
-    return f"{h:.4g} s" if np.isfinite(h) else "any"
+    return f"at most {h:.4g} s" if np.isfinite(h) else "no limit"
 
 
 def _some(values: np.ndarray) -> str:

@@ -1,18 +1,31 @@
-"""`flexlink modes`: frequencies, damping ratios and shapes about the initial posture."""
+"""`flexlink modes`: Natural frequencies and mode shapes about the initial posture, with gravity.
+
+flexlink modes models/paper_fig5.toml --lock upper fore --plot modes.png
+flexlink modes models/t3_spatial.toml --count 20
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from pathlib import Path
 
 from flexlink.chain.lumping import lump
-from flexlink.cli.shared import about, draw, require_picture, varied_scene
+from flexlink.cli.shared import draw, prefix_errors, require_picture, varied_scene
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting
+
+
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `modes`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument("--lock", nargs="+", default=[], metavar="NAME", help="links or joints (boom.2.z) to lock")
+    command.add_argument("--count", type=int, default=8, help="number of modes, slowest first; default: 8")
+    command.add_argument("--plot", type=Path, help="plot the mode shapes to this file (.png, .svg or .pdf)")
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
@@ -26,13 +39,13 @@ def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
 
 
-def show_modes(options: argparse.Namespace) -> int:
+def run_command(options: argparse.Namespace) -> int:
     """Print modes, slowest first, and draw them where that was asked for."""
     scene = varied_scene(options.scene, options.set)
     require_picture(options.plot)
     if options.count < 1:
         raise ArgumentError(f"--count = {options.count}: must be at least 1")
-    with about(options.scene):
+    with prefix_errors(options.scene):
         chain = lump(scene)
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]

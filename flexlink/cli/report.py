@@ -1,20 +1,39 @@
-"""`flexlink report`: one page about a scene, its figures and tables beside it."""
+"""`flexlink report`: Write a page about a scene: model, agreement, accuracy, cost, statics, modes, loads.
+
+flexlink report models/t3_spatial.toml --out t3_report
+flexlink report models/t3_spatial.toml --out t3_report --against theirs.xml
+flexlink report models/ptp_move.toml --out move --against measured.csv
+"""
 
 from __future__ import annotations
 
 import argparse
 import shlex
 import sys
+from pathlib import Path
 
-from flexlink.cli.shared import about, varied_scene
+from flexlink.cli.shared import prefix_errors, varied_scene
 from flexlink.scene_report.report import building, report
 
 
-def report_scene(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `report`."""
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument(
+        "--out", type=Path, required=True, metavar="FOLDER", help="folder for index.html and its files"
+    )
+    command.add_argument(
+        "--against", type=Path, metavar="FILE",
+        help="MJCF, URDF or SDF file of the same arm, or measurements (.csv) with t [s] and columns of "
+        "`flexlink simulate --out run.csv`",
+    )  # fmt: skip
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Write the report, a line a chapter on stderr; 1 if something in it is known to be wrong."""
     scene = varied_scene(options.scene, options.set)
     building()  # what is missing is said before the work
-    with about(options.scene):
+    with prefix_errors(options.scene):
         found = report(
             scene, options.out, against=options.against, command=_command(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),

@@ -1,22 +1,30 @@
-"""`flexlink robots`: the arms of example-robot-data that `flexlink import` takes by name."""
+"""`flexlink robots`: List the arms of example-robot-data that `flexlink import` takes by name.
+
+flexlink robots --out models/robots
+"""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from flexlink.cli.shared import require_place, varied
+from flexlink.cli.shared import require_writable, varied
 from flexlink.common.output import write_text
 from flexlink.robots.collection import import_known, known_arm, known_arms
 
 
-def list_robots(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `robots`."""
+    command.add_argument("--out", type=Path, help="write their scenes to this folder")
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Print every arm's name, joints, mass and file; write all scenes, or none, where it is asked for."""
     arms = {name: import_known(name) for name in known_arms()}
     scenes = {name: varied(Path(name), arm.scene, options.set) for name, arm in arms.items()}
     targets = {options.out / f"{name}.toml": scene for name, scene in scenes.items()} if options.out else {}
     for target in targets:
-        require_place(target)
+        require_writable(target)
     print(f"{'name':<27} joints  mass [kg]  file")
     for name, arm in arms.items():
         moving = sum(part.body.mass for part in arm.path.parts)

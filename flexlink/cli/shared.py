@@ -26,7 +26,7 @@ def varied_scene(path: Path, settings: Sequence[str], own: Mapping[str, object] 
 def varied(path: Path, scene: Scene, settings: Sequence[str], own: Mapping[str, object] | None = None) -> Scene:
     """The scene of `path` with `--set PATH=VALUE`, then with what the command's own options say, values by path."""
     changes = assignments("--set", settings, "run.step=1e-4 or 'link.*.segments=8'", "PATH=VALUE") | dict(own or {})
-    with about(path):
+    with prefix_errors(path):
         return scene.varied(changes) if changes else scene
 
 
@@ -48,7 +48,7 @@ def _assignment(option: str, text: str, example: str, form: str) -> tuple[str, o
 
 
 @contextlib.contextmanager
-def about(path: Path) -> Iterator[None]:
+def prefix_errors(path: Path) -> Iterator[None]:
     """Let what goes wrong with a scene after it was read name its file, too."""
     try:
         yield
@@ -63,7 +63,7 @@ def draw(figure: Figure, path: Path) -> None:
     print(f"plot: {path}")
 
 
-def require_place(path: Path) -> None:
+def require_writable(path: Path) -> None:
     """What can be known before the work: that the folder is there, and that no folder has the file's name."""
     if not path.parent.is_dir():
         raise ArgumentError(f"{path}: the folder {str(path.parent)!r} does not exist")
@@ -75,5 +75,5 @@ def require_picture(path: Path | None) -> None:
     """Know before the work that a picture can be drawn and written."""
     if path is not None:
         picture_format(path)
-        require_place(path)
+        require_writable(path)
         plotting()

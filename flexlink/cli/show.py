@@ -1,4 +1,8 @@
-"""`flexlink show`: a run as a film, or as a page that opens in the browser."""
+"""`flexlink show`: Simulate a scene and show the arm in motion: .gif, .mp4, or a page (.html).
+
+flexlink show models/paper_fig5.toml --magnify 50 -o fall.gif
+flexlink show models/t3_spatial.toml --colour strain --speed 0.25
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,8 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from flexlink.cli.shared import about, require_place, varied_scene
-from flexlink.cli.terminal import Progress
+from flexlink.cli.shared import prefix_errors, require_writable, varied_scene
+from flexlink.common.progress import Progress
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import simulate
 from flexlink.results.pictures.animate import COLOURS, FORMATS, animate, shot
@@ -21,32 +25,30 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scene", type=Path, help="scene file (.toml)")
     command.add_argument(
         "-o", "--out", type=Path,
-        help=f"file to write ({', '.join(FORMATS)}); default: a page called as the scene, here, which is then opened",
+        help=f"file to write ({', '.join(FORMATS)}); default: a page named after the scene, which is then opened",
     )  # fmt: skip
-    command.add_argument(
-        "--magnify", type=float, default=1.0, metavar="X", help="deflections X times as large as they are; default: 1"
-    )
-    command.add_argument("--colour", default="moment", help=f"of the links: {' or '.join(COLOURS)}; default: moment")
+    command.add_argument("--magnify", type=float, default=1.0, metavar="X", help="magnify deflections; default: 1")
+    command.add_argument("--colour", default="moment", help=f"colour by {' or '.join(COLOURS)}; default: moment")
     command.add_argument("--duration", type=float, help="simulated time [s]; default: the scene's")
-    command.add_argument("--fps", type=float, default=25.0, help="frames in a second of the film; default: 25")
+    command.add_argument("--fps", type=float, default=25.0, help="frames per second; default: 25")
     command.add_argument(
-        "--speed", type=float, default=1.0, help="seconds of the run in a second of the film; default: 1, real time"
+        "--speed", type=float, default=1.0, help="simulated seconds per second of film; default: 1, real time"
     )
-    command.add_argument("--width", type=int, default=640, help="of the picture, in pixels; default: 640")
+    command.add_argument("--width", type=int, default=640, help="width of the picture [pixels]; default: 640")
 
 
-def show_scene(options: argparse.Namespace) -> int:
+def run_command(options: argparse.Namespace) -> int:
     """Run a scene and draw it; nothing is run that cannot be drawn."""
     out = options.out or Path(options.scene.with_suffix(".html").name)
     wanted = shot(out, **{name: getattr(options, name) for name in ("magnify", "colour", "fps", "speed", "width")})
-    require_place(out)
+    require_writable(out)
     scene = varied_scene(
         options.scene, options.set, {} if options.duration is None else {"run.duration": options.duration}
     )
     frame_count(scene.run.duration, wanted.fps, wanted.speed)
     for note in notes(scene):
         print(f"note: {note}", file=sys.stderr)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         run = simulate(scene, progress=Progress(scene.name))
     for warning in run.warnings:
         print(f"warning: {warning}", file=sys.stderr)

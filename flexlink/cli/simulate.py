@@ -1,4 +1,10 @@
-"""`flexlink simulate`: one run; what is there of it is delivered, however it ends."""
+"""`flexlink simulate`: Simulate a scene; write samples (.npz, .csv) and plots.
+
+flexlink simulate models/paper_fig5.toml --plot fall.png --out fall.csv
+flexlink simulate models/paper_fig5.toml --method RK10 --step 2e-4 --duration 1
+flexlink simulate models/t3_spatial.toml --tolerance 1e-4
+flexlink simulate models/paper_fig5.toml --set 'link.*.segments=9' --set material.aluminium.young=35e9
+"""
 
 from __future__ import annotations
 
@@ -10,12 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.cli.shared import about, draw, require_picture, require_place, varied_scene
-from flexlink.cli.terminal import Progress
+from flexlink.cli.shared import draw, prefix_errors, require_picture, require_writable, varied_scene
 from flexlink.common.interruption import deferred, finish
 from flexlink.common.output import write_or_keep
+from flexlink.common.progress import Progress
+from flexlink.describe import data_files
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.hints import notes
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.files import output_format
@@ -23,16 +31,43 @@ from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
 
-def simulate_scene(options: argparse.Namespace) -> int:
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `simulate`; those left out have the scene's values."""
+    methods, solvers = ", ".join(data_files.names("methods")), ", ".join(SOLVERS)
+    command.add_argument("scene", type=Path, help="scene file (.toml)")
+    command.add_argument("--method", help=f"integrator: auto, {methods}, or a file (.toml)")
+    command.add_argument("--step", type=float, help="fixed step [s]")
+    command.add_argument("--tolerance", type=float, help="adaptive steps: error of the position of any body [m]")
+    command.add_argument(
+        "--relative-tolerance", type=float, help="the same as a fraction of the arm's reach, or of its deflection"
+    )
+    command.add_argument(
+        "--accuracy", help="what a relative tolerance is a fraction of: tip (the reach) or deflection; default: tip"
+    )
+    command.add_argument("--max-evaluations", type=float, help="stop a run with a tolerance after so many evaluations")
+    command.add_argument("--duration", type=float, help="simulated time [s]")
+    command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")
+    command.add_argument("--dynamics", help=f"solver of the forward dynamics: {solvers}")
+    command.add_argument(
+        "--insist", action="store_const", const="allow", dest="unstable",
+        help="run even if the step exceeds the stability limit, and keep a run whose energy does not balance",
+    )  # fmt: skip
+    command.add_argument("--out", type=Path, help="write the samples to this file (.npz or .csv)")
+    command.add_argument(
+        "--plot", type=Path, help="plot angles [deg], tip [m] and energy [J] to this file (.png, .svg or .pdf)"
+    )
+
+
+def run_command(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
     said = {path: value for path, value in settings.items() if value is not None}
     scene = varied_scene(options.scene, options.set, said)
     if options.out is not None:
         output_format(options.out)
-        require_place(options.out)
+        require_writable(options.out)
     require_picture(options.plot)
-    with about(options.scene):
+    with prefix_errors(options.scene):
         ready = SingleRun(scene)  # compiled: a signal need not wait, and no run is timed by it
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
@@ -41,7 +76,7 @@ def simulate_scene(options: argparse.Namespace) -> int:
         bar = Progress(scene.name)
         started = time.perf_counter()
         try:
-            with about(options.scene):
+            with prefix_errors(options.scene):
                 run = ready.finish(stop, bar, warn=lambda text: _warn(bar, text))
             seconds = time.perf_counter() - started
         except (DivergenceError, InterruptedRunError) as error:
@@ -73,7 +108,7 @@ def _deliver(run: Trajectory, options: argparse.Namespace) -> None:
 
 
 def _place(options: argparse.Namespace) -> str:
-    return f" in {options.out}" if options.out else ", but not saved, for want of --out"
+    return f" in {options.out}" if options.out else "; not saved: no --out"
 
 
 def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
@@ -86,7 +121,7 @@ def _summary(scene: Scene, run: Trajectory, seconds: float) -> None:
     print(f"energy: {total[0]:.9g} J at the start, {total[-1]:.9g} J at the end")
     worst, exchanged = float(np.abs(run.imbalance).max()), float(run.exchanged[-1])
     share = f", {worst / exchanged:.2g} of the {exchanged:.4g} J exchanged" if exchanged > 0 else ""
-    print(f"power balance: E − E(0) − W is at most {worst:.2g} J{share}")
+    print(f"power balance: E − E(0) − W at most {worst:.2g} J{share}")
 
 
 def _save(run: Trajectory, out: Path | None) -> None:

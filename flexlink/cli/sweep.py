@@ -1,4 +1,9 @@
-"""`flexlink sweep`: all members of a sweep file, into a database that a stopped command goes on with."""
+"""`flexlink sweep`: Run all variants of a scene that a sweep file names, into a database.
+
+flexlink sweep sweep.toml --out sweep.db
+flexlink sweep sweep.toml --workers 4 --export csv
+flexlink sweep sweep.toml --dask tcp://10.0.0.1:8786 --fresh
+"""
 
 from __future__ import annotations
 
@@ -10,8 +15,8 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from flexlink.chain.arguments import integer
-from flexlink.cli.shared import about, assignments, require_place
-from flexlink.cli.terminal import Progress, clock
+from flexlink.cli.shared import assignments, prefix_errors, require_writable
+from flexlink.common.progress import Progress, clock
 from flexlink.sweeps.fingerprint import identity
 from flexlink.sweeps.plan import Plan, load_sweep
 from flexlink.sweeps.preflight import require_possible
@@ -21,25 +26,23 @@ from flexlink.sweeps.table import FORMATS, export, require_parquet
 from flexlink.sweeps.workers import MOST
 
 
-def add_options(sweep: argparse.ArgumentParser) -> None:
-    """What the command takes."""
-    sweep.add_argument("sweep", type=Path, help="sweep file (.toml)")
-    sweep.add_argument(
-        "--out", type=Path, help="database of the rows, which a stopped command goes on with; default: SWEEP.db here"
+def add_options(command: argparse.ArgumentParser) -> None:
+    """Options of `sweep`."""
+    command.add_argument("sweep", type=Path, help="sweep file (.toml)")
+    command.add_argument(
+        "--out", type=Path, help="database of the rows, continued if it exists; default: SWEEP.db in the current folder"
     )
-    sweep.add_argument("--workers", type=int, default=1, metavar="N", help="processes that share the work (default: 1)")
-    sweep.add_argument(
-        "--dask", metavar="ADDRESS", help="address of a Dask scheduler whose workers do the work instead"
-    )
-    sweep.add_argument("--export", choices=FORMATS, help="also write all rows to such a file, beside the database")
-    sweep.add_argument("--fresh", action="store_true", help="begin anew, whatever rows of a sweep are there")
+    command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
+    command.add_argument("--dask", metavar="ADDRESS", help="address of a Dask scheduler, whose workers run the members")
+    command.add_argument("--export", choices=FORMATS, help="also write all rows to such a file beside the database")
+    command.add_argument("--fresh", action="store_true", help="delete the rows of the database and start again")
 
 
-def sweep_members(options: argparse.Namespace) -> int:
+def run_command(options: argparse.Namespace) -> int:
     """Run the members that have no row yet, say what became of them, export all rows."""
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
-    require_place(out)
+    require_writable(out)
     integer("--workers", options.workers, 1, MOST)
     if options.export == "parquet":
         require_parquet()
@@ -62,7 +65,7 @@ def _planned(options: argparse.Namespace) -> Plan:
     """The plan of a file that can be carried out, with what `--set` sets for all members."""
     sweep = load_sweep(options.sweep)
     said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
-    with about(options.sweep):
+    with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **said}))
         require_possible(plan)
     return plan
@@ -73,6 +76,6 @@ def _summary(store: Store, before: int, seconds: float) -> None:
     if count:
         print(f"warning: {count} of {store.plan.members} members failed; {first}", file=sys.stderr)
     new = store.plan.members - before
-    there = f", {before} were there" if before else ""
+    there = f", {before} stored before" if before else ""
     print(f"{store.plan.sweep.scene.name}: {new} members run in {clock(seconds)}{there}")
     print(f"rows: {store.path}")

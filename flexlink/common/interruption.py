@@ -41,7 +41,7 @@ class Stop:
         self.signal = self.signal or number
         self._counts[signal.Signals(number)] += 1
         if self._counts[signal.Signals(number)] == LAST - 1:
-            _say("still keeping what is there; once more, and it is lost")
+            _say("saving the results; one more signal quits without them")
         if self._counts[signal.Signals(number)] >= LAST:
             raise StoppedError(number)
 
@@ -120,7 +120,7 @@ def _quit(number: int, _: FrameType | None) -> None:
         return
     with contextlib.suppress(Exception):  # what was printed so far; it fails where this signal cut in
         sys.stdout.flush()
-    _say(word(number) + ("; no samples to keep yet" if "simulate" in sys.argv[1:2] else ""))
+    _say(word(number) + ("; no samples yet" if "simulate" in sys.argv[1:2] else ""))
     os._exit(128 + number)
 
 

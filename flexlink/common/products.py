@@ -6,10 +6,7 @@ twice. What is kept of a chain, and what is written to files, is multiplied here
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 
 def product(first: Array, *others: Array) -> Array:

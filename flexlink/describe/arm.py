@@ -10,13 +10,13 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.directions import Line, line_of, unit
 from flexlink.describe.joint import DenavitHartenberg, Joint, Mount
 from flexlink.describe.links import link_number
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.describe.sections import SHAPES, SectionProperties
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, link_key, short_list, truncated
 
 AXES = {"rigid": (), "z": (3,), "yz": (2, 3), "xyz": (1, 2, 3)}
 """Passive axes of a hinge by flex type: 1 twists about X, 2 bends about Y, 3 bends about Z (paper: T1, T2, T3)."""
@@ -158,7 +158,7 @@ class Link(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "lumping", catalogue.absolute(self.lumping))
+        msgspec.structs.force_setattr(self, "lumping", data_files.absolute(self.lumping))
         if not self.name:
             raise SceneError("name = '': must not be empty")
         if (self.material is None) != (self.section is None):
@@ -168,9 +168,9 @@ class Link(Spec, frozen=True):
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
-            raise SceneError(f"length = {self.length!r}: line = {short(self.line)} is given, too")
+            raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
-            raise SceneError(f"joint.axis = {short(self.joint.axis)}: with dh a joint turns about Z")
+            raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
         length = self.beam.length
         if self.flex != "rigid":
             self._check_flexible(length)
@@ -230,9 +230,9 @@ class Arm(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         seen: set[str] = set()
-        for k, link in enumerate(self.links):
+        for k, link in enumerate(self.links, 1):
             if link.name in seen:
-                raise SceneError(f"link[{k}].name = {link.name!r}: names of links must differ")
+                raise SceneError(f"link.{k}.name = {link.name!r}: names of links must differ")
             seen.add(link.name)
             tables = (("material", self.materials), ("section", self.sections), ("section_tip", self.sections))
             for key, table in tables:
@@ -240,13 +240,13 @@ class Arm(Spec, frozen=True):
                 if name is not None and name not in table:
                     known = ", ".join(table) or "none"
                     raise SceneError(
-                        f"link[{k}].{key} = {name!r}: not defined; defined are {known}{meant(name, table)}"
+                        f"{self.path(k)}.{key} = {name!r}: not defined; defined are {known}{did_you_mean(name, table)}"
                     )
             if link.section_tip is not None and link.section is not None:
                 shapes = self.sections[link.section].shape, self.sections[link.section_tip].shape
                 if shapes[0] != shapes[1]:
                     raise SceneError(
-                        f"link[{k}].section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
+                        f"{self.path(k)}.section_tip = {link.section_tip!r}: is a {shapes[1]}, not a {shapes[0]}"
                     )
         conventions = {link.dh.convention for link in self.links if link.dh is not None}
         if len(conventions) > 1:
@@ -262,6 +262,10 @@ class Arm(Spec, frozen=True):
         if link.flex == "rigid" or link.material is None:
             return 0.0
         return (link.damping or self.materials[link.material]).loss_time
+
+    def path(self, number: int, key: str = "link") -> str:
+        """Path of a link by its number from 1, as `--set` takes it: `link.upper` or `link.2`; or below another key."""
+        return f"{key}.{link_key([link.name for link in self.links], number - 1)}"
 
     def number(self, link: str | int) -> int:
         """Number, from 1, of a link given by its name or number.

@@ -7,15 +7,24 @@ from typing import Annotated, Literal
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, FlexlinkError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.common.types import Array
+from flexlink.describe import data_files
 from flexlink.describe.reference import Reference
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, rising, short
+from flexlink.describe.spec import (
+    ONE_PER_LINK,
+    NonNegative,
+    PerLink,
+    Positive,
+    PositivePerLink,
+    Spec,
+    Vector3,
+    require_increasing,
+    truncated,
+)
 
-Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
 Dynamics = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
@@ -34,8 +43,8 @@ class InitialState(Spec, frozen=True):
     joints stay, and may be left out: zero in a scene.
     """
 
-    joint_deg: tuple[float, ...] = ()
-    rate_deg: tuple[float, ...] | None = None  # default: at rest
+    joint_deg: PerLink = ()
+    rate_deg: PerLink | None = None  # default: at rest
     passive: Literal["zero", "static"] = "zero"
     q: tuple[float, ...] | None = None  # rad
     qd: tuple[float, ...] | None = None  # rad/s
@@ -46,9 +55,11 @@ class InitialState(Spec, frozen=True):
         if not self.joint_deg and self.q is None:
             raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
-            raise SceneError(f"q = {short(self.q)}: passive = 'static' seeks the hinges' angles; give one of both")
+            raise SceneError(
+                "passive = 'static': computes the hinges' angles, but q is given, too; leave out one of them"
+            )
         if self.qd is not None and self.rate_deg is not None:
-            raise SceneError(f"qd = {short(self.qd)}: rate_deg is given, too; give one of both")
+            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; leave out one of them")
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -71,17 +82,17 @@ class Drive(Spec, frozen=True):
     """
 
     kind: Literal["none", "constant", "table", "pd", "computed_torque"] = "none"
-    torque: tuple[float, ...] | None = None
+    torque: PerLink | None = None
     times: tuple[float, ...] | None = None  # s
-    torques: tuple[tuple[float, ...], ...] | None = None
-    kp: tuple[NonNegative, ...] | None = None
-    kd: tuple[NonNegative, ...] | None = None
-    target_deg: tuple[float, ...] | None = None
+    torques: tuple[PerLink, ...] | None = None
+    kp: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    kd: Annotated[tuple[NonNegative, ...], ONE_PER_LINK] | None = None
+    target_deg: PerLink | None = None
     reference: Reference | None = None
     gravity: Literal["none", "rigid", "static"] = "none"
     smooth: bool = False
     hold: bool = False
-    effort: tuple[Positive, ...] | None = None  # N m
+    effort: PositivePerLink | None = None  # N m
     rate: Positive | None = None  # Hz
 
     def __post_init__(self) -> None:
@@ -95,7 +106,7 @@ class Drive(Spec, frozen=True):
             if (getattr(self, name) is not None) != (name in wanted):
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference")
-                said = ": missing;" if value is None else f" = {short(value)}:"
+                said = ": missing;" if value is None else f" = {truncated(value)}:"
                 raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
         check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
@@ -121,7 +132,7 @@ class PrescribedMotion(Spec, frozen=True):
         super().__post_init__()
         if self.times[0] != 0:
             raise SceneError(f"times[0] = {self.times[0]!r}: must be 0")
-        rising("times", self.times)
+        require_increasing("times", self.times)
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
             if len(getattr(self, name)) != len(self.times):
                 raise SceneError(
@@ -152,13 +163,15 @@ class Wrench(Spec, frozen=True):
         if self.times is None:
             for name, rows in tables.items():
                 if rows is not None:
-                    raise SceneError(f"{name} = {short(rows)}: needs times, one per row")
+                    raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row")
             return
         if self.forces is None and self.moments is None:
-            raise SceneError(f"times = {short(self.times)}: takes forces, moments or both, one row per time")
+            raise SceneError(f"times = {truncated(self.times)}: takes forces, moments or both, one row per time")
         for name in ("force", "moment"):
             if any(getattr(self, name)):
-                raise SceneError(f"{name} = {short(getattr(self, name))}: times are given, too; a table takes {name}s")
+                raise SceneError(
+                    f"{name} = {truncated(getattr(self, name))}: times are given, too; a table takes {name}s"
+                )
 
     @property
     def varies(self) -> bool:
@@ -201,7 +214,7 @@ class RunSettings(Spec, frozen=True):
         super().__post_init__()
         if not self.method:
             msgspec.structs.force_setattr(self, "method", "auto" if self.controlled else "RK4")
-        msgspec.structs.force_setattr(self, "method", catalogue.absolute(self.method))
+        msgspec.structs.force_setattr(self, "method", data_files.absolute(self.method))
         if self.controlled:
             self._check_tolerance()
         else:
@@ -261,7 +274,7 @@ def check_table(
         The message names the row.
     """
     if times is not None:
-        rising("times", times)
+        require_increasing("times", times)
     if smooth and len(times or ()) < 2:
         raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times")
     if hold and (smooth or times is None):
@@ -309,7 +322,7 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     said = {path for path, value in changes.items() if value is not None}
     tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
     if tolerances and step:
-        raise SceneError(f"run.step = {short(changes['run.step'])}: {min(tolerances)} is given, too")
+        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too")
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]
@@ -345,7 +358,7 @@ def check_method(run: RunSettings) -> None:
         kind = DataFileError if isinstance(error, DataFileError) else SceneError
         raise kind(f"run.{error}") from None
     if not able:
-        allowed = ", ".join([AUTO, *(name for name in catalogue.names("methods") if method(name).controlled)])
+        allowed = ", ".join([AUTO, *(name for name in data_files.names("methods") if method(name).controlled)])
         raise SceneError(
-            f"run.method = {short(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
+            f"run.method = {truncated(run.method)}: does not estimate its error; with a tolerance allowed are {allowed}"
         )

@@ -10,7 +10,7 @@ from typing import Any, TypeVar, cast
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.files import read_regular
-from flexlink.describe.spec import decode, meant, short
+from flexlink.describe.spec import decode, did_you_mean, truncated
 
 T = TypeVar("T")
 
@@ -18,7 +18,7 @@ DATA = Path(__file__).parent / "data"
 LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
 
 
-def given_path(name: str, value: object) -> Path:
+def require_path(name: str, value: object) -> Path:
     """`value`, a str or a Path, as a Path.
 
     Raises
@@ -27,7 +27,7 @@ def given_path(name: str, value: object) -> Path:
         It is neither; the message says what it is.
     """
     if not isinstance(value, str | os.PathLike):
-        raise ArgumentError(f"{name} = {short(value)}: expected a str or a Path, got {type(value).__name__}")
+        raise ArgumentError(f"{name} = {truncated(value)}: expected a str or a Path, got {type(value).__name__}")
     return Path(value)
 
 
@@ -80,16 +80,16 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
     DataFileError
         A file that is missing, or not a valid description.
     """
-    if not isinstance(name, str) or not (is_own(name) or _is_ours(folder, name)):
+    if not isinstance(name, str) or not (is_user_file(name) or _is_ours(folder, name)):
         known = names(folder)
         raise ArgumentError(
-            f"{key} = {short(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
-            f"{meant(name, known)}"
+            f"{key} = {truncated(name)}: unknown; allowed are {', '.join(known)} or a path ending in .toml"
+            f"{did_you_mean(name, known)}"
         )
     try:
-        found: T = _of_user(name, kind) if is_own(name) else _of_ours(folder, name, cast("Any", kind))
+        found: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
-        raise DataFileError(f"{key} = {short(name)}: {error}") from None
+        raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
     return found
 
 
@@ -99,14 +99,14 @@ def _is_ours(folder: str, name: str) -> bool:
     return Path(name).name == name and (DATA / folder / f"{name}.toml").is_file()
 
 
-def is_own(name: object) -> bool:
+def is_user_file(name: object) -> bool:
     """Whether `name` is a path to the user's own file, not the name of a description that comes with flexlink."""
     return isinstance(name, str) and name.endswith(".toml")
 
 
 def absolute(name: str, folder: Path = Path()) -> str:
     """An own file's path, which starts from `folder`, wherever the program moves to; a name stays as it is."""
-    return str((folder / name).absolute()) if is_own(name) else name
+    return str((folder / name).absolute()) if is_user_file(name) else name
 
 
 @functools.cache

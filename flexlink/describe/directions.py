@@ -6,13 +6,11 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot
-from flexlink.describe.spec import Vector3, short
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
+from flexlink.describe.spec import Vector3, truncated
 
 PARALLEL = 1e-6
 """Radians below which two directions are the same one: files of robots state angles to some ten digits."""
@@ -28,7 +26,7 @@ def unit(key: str, vector: Vector3 | Array) -> Array:
     """
     largest = max(map(abs, vector))
     if largest == 0:
-        raise SceneError(f"{key} = {short(vector)}: must not be zero; it is a direction")
+        raise SceneError(f"{key} = {truncated(vector)}: must not be zero; it is a direction")
     scaled = np.array(vector) / largest
     direction: Array = scaled / math.hypot(*scaled)
     return direction
@@ -62,11 +60,11 @@ def line_of(ends: tuple[Vector3, Vector3], up: Vector3 | None, axis: Array) -> L
         along = stop - start
     length = math.hypot(*along)
     if not 0 < length < math.inf:
-        raise SceneError(f"line = {short(ends)}: is {length:g} m long; must run from one point to another")
+        raise SceneError(f"line = {truncated(ends)}: is {length:g} m long; must run from one point to another")
     x = unit("line", along)
     z = _across(x, axis if up is None else unit("up", up))
     if z is None and up is not None:
-        raise SceneError(f"up = {short(up)}: runs along the line; must point across it, as the section's z")
+        raise SceneError(f"up = {truncated(up)}: runs along the line; must point across it, as the section's z")
     if z is None:
         z = _across(x, np.eye(3)[2 if x[2] ** 2 < 0.5 else 1])
         assert z is not None  # at least 45° between them

@@ -5,13 +5,11 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
-
-Array = NDArray[np.float64]
 
 
 def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
@@ -25,12 +23,12 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
         A rule's own file is not valid.
     """
     found = []
-    for k, link in enumerate(arm.links):
+    for k, link in enumerate(arm.links, 1):
         try:
             found.append(_hinges_of(link))
         except (ArgumentError, SceneError, DataFileError) as error:
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
-            raise kind(f"link[{k}].{error}") from None
+            raise kind(f"{arm.path(k)}.{error}") from None
     return found
 
 

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, short
-
-Array = NDArray[np.float64]
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, truncated
 
 
 class Joint(Spec, frozen=True):
@@ -71,7 +67,7 @@ class Mount(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
-            raise SceneError(f"rpy = {short(self.rpy)}: rpy_deg = {short(self.rpy_deg)} is given, too")
+            raise SceneError(f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too")
 
 
 class DenavitHartenberg(Spec, frozen=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, plain, short, short_list
+from flexlink.describe.spec import did_you_mean, short_list, to_builtin, truncated
 
 
 def link_number(argument: str, value: object, names: Sequence[str]) -> int:
@@ -25,12 +25,12 @@ def link_number(argument: str, value: object, names: Sequence[str]) -> int:
     ArgumentError
         There is no such link; the message lists those that there are.
     """
-    wanted = plain(value)
+    wanted = to_builtin(value)
     if isinstance(wanted, str) and wanted in names:
         return names.index(wanted) + 1
     if type(wanted) is int and 1 <= wanted <= len(names):
         return wanted
     raise ArgumentError(
-        f"{argument} = {short(value)}: no link of this arm; allowed are 1 … {len(names)}, or {short_list(names)}"
-        f"{meant(wanted, names)}"
+        f"{argument} = {truncated(value)}: no link of this arm; allowed are {short_list(names)}, or 1 … {len(names)}"
+        f"{did_you_mean(wanted, names)}"
     )

@@ -10,9 +10,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 QUINTIC = ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0))
 """s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, about 0 and, so that little cancels at the end, about 1/2."""

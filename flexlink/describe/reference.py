@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe import profiles
 from flexlink.describe.reference_trajectory import ReferenceTrajectory, apart, from_rest_to_rest, side_by_side, still
 from flexlink.describe.shaping import MOST_IMPULSES, InputShaper
-from flexlink.describe.spec import NonNegative, Positive, Spec, rising, short
+from flexlink.describe.spec import NonNegative, PerLink, Positive, PositivePerLink, Spec, require_increasing, truncated
 
-Array = NDArray[np.float64]
 Row = tuple[float, ...]
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
@@ -54,17 +54,17 @@ class Reference(Spec, frozen=True):
     """
 
     profile: Literal["quintic", "trapezoidal", "s_curve", "linear", "smooth", "hold"]
-    to_deg: Row | None = None
-    from_deg: Row | None = None
+    to_deg: PerLink | None = None
+    from_deg: PerLink | None = None
     start: NonNegative = 0.0  # s
     duration: Positive | None = None  # s
-    max_rate_deg: tuple[Positive, ...] | None = None
-    max_acceleration_deg: tuple[Positive, ...] | None = None
-    max_jerk_deg: tuple[Positive, ...] | None = None
+    max_rate_deg: PositivePerLink | None = None
+    max_acceleration_deg: PositivePerLink | None = None
+    max_jerk_deg: PositivePerLink | None = None
     times: Row | None = None  # s
-    angle_deg: tuple[Row, ...] | None = None
-    rate_deg: tuple[Row, ...] | None = None
-    acceleration_deg: tuple[Row, ...] | None = None
+    angle_deg: tuple[PerLink, ...] | None = None
+    rate_deg: tuple[PerLink, ...] | None = None
+    acceleration_deg: tuple[PerLink, ...] | None = None
     shaper: InputShaper | None = None
 
     def __post_init__(self) -> None:
@@ -74,7 +74,7 @@ class Reference(Spec, frozen=True):
             value = getattr(self, name)
             missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
             if missing or odd:
-                said = ": missing;" if missing else f" = {short(value)}:"
+                said = ": missing;" if missing else f" = {truncated(value)}:"
                 takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
                 raise SceneError(f"{name}{said} profile {self.profile!r} takes {takes}")
         if self.times is None:
@@ -91,7 +91,7 @@ class Reference(Spec, frozen=True):
             raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
 
     def _check_table(self, times: Row) -> None:
-        rising("times", times)
+        require_increasing("times", times)
         if self.acceleration_deg is not None and self.rate_deg is None:
             raise SceneError("rate_deg: missing; acceleration_deg is given, too")
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
@@ -137,7 +137,7 @@ class Reference(Spec, frozen=True):
         initial = np.asarray(initial_deg, dtype=np.float64)
         for name, row in self.per_link.items():
             if len(row) != len(initial):
-                raise SceneError(f"{name} = {short(row)}: expected one number per link, {len(initial)}")
+                raise SceneError(f"{name} = {truncated(row)}: expected one number per link, {len(initial)}")
         chosen = list(range(len(initial)) if links is None else links)
         try:
             with np.errstate(all="ignore"):

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.spec import numbers
-
-Array = NDArray[np.float64]
 
 NEAR = 16 * np.finfo(float).eps
 """Times that differ by less, of the largest, are one: sums of the same delays in another order."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
 from flexlink.common.products import dot, product
-from flexlink.describe.spec import NonNegative, Spec, Vector3, short
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
+from flexlink.describe.spec import NonNegative, Spec, Vector3, truncated
 
 ROUNDING = 32 * np.finfo(float).eps
 """How far, as a part of the largest, principal moments may miss what a body can have: an eps for each of three
@@ -36,7 +34,8 @@ class RigidBody(Spec, frozen=True):
         super().__post_init__()
         if len(self.inertia) not in {3, 6}:
             raise SceneError(
-                f"inertia = {short(self.inertia)}: expected 3 moments, xx, yy, zz, or 6 numbers, xx, yy, zz, xy, xz, yz"
+                f"inertia = {truncated(self.inertia)}: expected 3 moments, xx, yy, zz, or "
+                "6 numbers, xx, yy, zz, xy, xz, yz"
             )
         size = max(map(abs, self.inertia)) or 1.0
         low, middle, high = (moment / size for moment in self.principal_moments)
@@ -46,8 +45,8 @@ class RigidBody(Spec, frozen=True):
             over = f"here by {size * (high - low - middle):.3g}"
             rule = f", and none may exceed the sum of the other two, {over}" if self.mass else ""
             raise SceneError(
-                f"inertia = {short(self.inertia)}: no body can have it; its principal moments are {moments}; none may "
-                f"be negative{rule}"
+                f"inertia = {truncated(self.inertia)}: no body can have it; its principal moments are {moments}; none "
+                f"may be negative{rule}"
             )
 
     @property

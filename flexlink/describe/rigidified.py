@@ -10,7 +10,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import Link
 from flexlink.describe.conditions import InitialState
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 
 
 def rigidified(scene: Scene) -> Scene:
@@ -40,7 +40,7 @@ def rigidified(scene: Scene) -> Scene:
     >>> tau = fl.inverse_dynamics(model, q[chain.active], qd[chain.active], qdd)
     """
     if not isinstance(scene, Scene):
-        raise ArgumentError(f"scene = {short(scene)}: expected a Scene, got {type(scene).__name__}")
+        raise ArgumentError(f"scene = {truncated(scene)}: expected a Scene, got {type(scene).__name__}")
     angles, rates, links = scene.initial.joint_deg, scene.initial.rate_deg, scene.arm.links
     free = [math.radians(angle) for angle, link in zip(angles, links, strict=True) if not link.joint.locked]
     q = None if scene.initial.q is None else tuple(free)  # then the angles may lie beyond the limits

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Container, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,10 +12,10 @@ from typing import Any
 import msgspec
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.common.types import Array
+from flexlink.describe import data_files
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import (
     Drive,
@@ -29,11 +30,9 @@ from flexlink.describe.conditions import (
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.reference import refuse_beyond
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
-from flexlink.describe.spec import Spec, Vector3, assembled, check_keys, decode, fields_of, short
-from flexlink.describe.vary import changed, parsed, said_below, touched, values_at
-from flexlink.describe.writing import said, toml_of
-
-Array = NDArray[np.float64]
+from flexlink.describe.spec import Spec, Vector3, build_validated, check_keys, decode, fields_of, link_key, truncated
+from flexlink.describe.vary import apply_changes, get_in, to_document, top_level_keys, values_at
+from flexlink.describe.writing import toml_of, without_defaults
 
 
 class Scene(Spec, frozen=True):
@@ -68,16 +67,18 @@ class Scene(Spec, frozen=True):
         }
         for key, values in per_link.items():
             if values is not None and len(values) != links:
-                raise SceneError(f"{key} = {short(values)}: expected one number per link, {links}")
+                raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
                 if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
-                    raise SceneError(f"{key}[{k}] = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
+                    where = self.arm.path(k + 1, key)
+                    raise SceneError(f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         if not self.run.controlled:
             self._check_grid()
         self._check_rate()
         for k, (link, angle) in enumerate(zip(self.arm.links, self.initial.joint_deg, strict=True)):
-            if self.initial.q is None or link.joint.locked:
-                _check_limits(link, f"initial.joint_deg[{k}]", angle)
+            outside = _outside_limits(link, angle)
+            if outside and (self.initial.q is None or link.joint.locked):
+                raise SceneError(f"{self.arm.path(k + 1, 'initial.joint_deg')} = {outside}")
         self._check_reference()
         self._check_motions()
 
@@ -88,15 +89,15 @@ class Scene(Spec, frozen=True):
     def _check_motions(self) -> None:
         """Each link moves by one motion, and is not driven by gains."""
         moved: set[int] = set()
-        for k, motion in enumerate(self.motion):
-            number = self._check_motion(motion, f"motion[{k}]")
+        for motion in self.motion:
+            number = self._check_motion(motion)
             if number in moved:
-                raise SceneError(f"motion[{k}].link = {motion.link!r}: has two motions")
+                raise SceneError(f"motion.{motion.link}: the second motion of this link; give one")
             moved.add(number)
             for name in ("kp", "kd"):
                 gains = getattr(self.drive, name)
                 if gains is not None and gains[number - 1]:
-                    said = f"drive.{name}[{number - 1}] = {gains[number - 1]!r}"
+                    said = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
                     raise SceneError(f"{said}: the motion of {motion.link!r} is prescribed; only 0 fits")
 
     def _check_grid(self) -> None:
@@ -113,14 +114,15 @@ class Scene(Spec, frozen=True):
         joint_deg = (0.0,) * len(self.arm.links)
         msgspec.structs.force_setattr(self, "initial", replace(self.initial, joint_deg=joint_deg))
 
-    def _check_motion(self, motion: PrescribedMotion, path: str) -> int:
+    def _check_motion(self, motion: PrescribedMotion) -> int:
         """Number of the link that moves."""
+        path = f"motion.{link_key([str(motion.link)], 0)}"
         try:
             number = self.arm.number(motion.link)
         except ArgumentError as error:
             raise SceneError(f"{path}.{error}") from None
         if self.arm.links[number - 1].joint.locked:
-            raise SceneError(f"{path}.link = {motion.link!r}: its joint is locked; a motion needs a free joint")
+            raise SceneError(f"{path}: its joint is locked; a motion needs a free joint")
         initial = self.initial
         for key, start, first, elsewhere in (
             ("angle_deg", initial.joint_deg[number - 1], motion.angle_deg[0], initial.q),
@@ -129,7 +131,8 @@ class Scene(Spec, frozen=True):
             if start != first and initial.time == 0 and elsewhere is None:
                 raise SceneError(f"{path}.{key}[0] = {first!r}: must be the initial value, {start!r}")
         for k, angle in enumerate(motion.angle_deg):
-            _check_limits(self.arm.links[number - 1], f"{path}.angle_deg[{k}]", angle)
+            if outside := _outside_limits(self.arm.links[number - 1], angle):
+                raise SceneError(f"{path}.angle_deg[{k}] = {outside}")
         return number
 
     def _check_rate(self) -> None:
@@ -192,7 +195,7 @@ class Scene(Spec, frozen=True):
             They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
         """
         if self.wrench.varies:
-            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {short(self.wrench.times)}"
+            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
             raise SceneError(
                 f"wrench.{said}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
             )
@@ -232,9 +235,9 @@ class Scene(Spec, frozen=True):
         """
         if isinstance(changes, Mapping):
             changes = {**implied(self.run, changes), **changes}
-        anew = touched(changes)
+        anew = top_level_keys(changes)
         seen = {} if "link" in anew else {"link": _document_of(self.arm.links)}
-        document = changed({**self.document(anew), **seen}, FIELDS, changes)
+        document = apply_changes({**self.document(anew), **seen}, FIELDS, changes)
         parts = {**_parts(self), **_parts(self.arm)}
         kept = {key: value for key, value in parts.items() if key not in anew}
         arm = None if anew & _OF_ARM.keys() else self.arm
@@ -254,7 +257,7 @@ class Scene(Spec, frozen=True):
 
     def to_toml(self) -> str:
         """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
-        document: dict[str, Any] = said(self, always=frozenset({"gravity"}))
+        document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         return toml_of({key: document[key] for key in ORDER if key in document})
 
@@ -263,7 +266,9 @@ class Scene(Spec, frozen=True):
         parts = {**_parts(self), **_parts(self.arm)}
         del parts["arm"]
         return {
-            key: parsed(value) for key, value in parts.items() if (keys is None or key in keys) and value is not None
+            key: to_document(value)
+            for key, value in parts.items()
+            if (keys is None or key in keys) and value is not None
         }
 
 
@@ -271,10 +276,10 @@ OF_LOCKED_TOO = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
 """Numbers per link that may be said of a link whose joint is locked."""
 
 
-def _check_limits(link: Link, key: str, angle: float) -> None:
-    limits = link.joint.limits_deg
-    if limits is not None and not limits[0] <= angle <= limits[1]:
-        raise SceneError(f"{key} = {angle!r}: outside limits_deg = {list(limits)} of the joint of {link.name!r}")
+def _outside_limits(link: Link, angle: float) -> str:
+    """The angle with what is wrong about it; empty within the joint's limits."""
+    low, high = link.joint.limits_deg or (-math.inf, math.inf)
+    return "" if low <= angle <= high else f"{angle!r}: outside limits_deg = {[low, high]} of joint {link.name!r}"
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -300,10 +305,10 @@ def load_scene(path: str | Path) -> Scene:
     DataFileError
         The file of a rule or method that the scene names is not valid.
     """
-    path = catalogue.given_path("path", path)
-    raw = catalogue.read_toml(path)
+    path = data_files.require_path("path", path)
+    raw = data_files.read_toml(path)
     _find_beside(path, raw.get("run"), "method")
-    _find_beside(path, said_below(raw, "drive", "reference", "shaper"), "kind")
+    _find_beside(path, get_in(raw, "drive", "reference", "shaper"), "kind")
     for link in raw["link"] if isinstance(raw.get("link"), list) else ():
         _find_beside(path, link, "lumping")
     try:
@@ -317,7 +322,7 @@ def load_scene(path: str | Path) -> Scene:
 def _find_beside(scene: Path, table: object, key: str) -> None:
     """A rule's, method's or shaper's own file is named from the folder of the scene, wherever it was started."""
     if isinstance(table, dict) and isinstance(table.get(key), str):
-        table[key] = catalogue.absolute(table[key], scene.parent)
+        table[key] = data_files.absolute(table[key], scene.parent)
 
 
 def check_named(scene: Scene) -> None:
@@ -337,7 +342,7 @@ def check_named(scene: Scene) -> None:
 @functools.lru_cache(maxsize=16)
 def _document_of(links: tuple[Link, ...]) -> Any:
     """Links as a TOML parser returns them, to look at only: variants of a scene share them."""
-    return parsed(links)
+    return to_document(links)
 
 
 def _parts(spec: Spec) -> dict[str, Any]:
@@ -358,7 +363,7 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     values = {**kept, **{key: decode(value, FIELDS[key], key) for key, value in raw.items()}}
     parts = {_OF_ARM[key].name: value for key, value in values.items() if key in _OF_ARM}
     own = {key: value for key, value in values.items() if key in _OWN}
-    return assembled(Scene, arm=arm or assembled(Arm, **parts), **own)
+    return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
 
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}

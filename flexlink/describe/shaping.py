@@ -16,13 +16,13 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe import data_files as catalogue
-from flexlink.describe.spec import NonNegative, Positive, Spec, short
+from flexlink.common.types import Array
+from flexlink.describe import data_files
+from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
-Array = NDArray[np.float64]
 Ratio = Annotated[float, msgspec.Meta(ge=0, lt=1)]
 
 MOST_IMPULSES = 1024
@@ -47,9 +47,9 @@ class ShaperRule(Spec, frozen=True):
         if len(w) != len(h):
             raise SceneError(f"weights has {len(w)} numbers: expected one per impulse, {len(h)}")
         if h[0] != 0 or np.any(np.diff(h) <= 0):
-            raise SceneError(f"half_periods = {short(self.half_periods)}: must start at 0 and increase")
+            raise SceneError(f"half_periods = {truncated(self.half_periods)}: must start at 0 and increase")
         if w.sum() <= 0:
-            raise SceneError(f"weights = {short(self.weights)}: must have a sum > 0, by which they are divided")
+            raise SceneError(f"weights = {truncated(self.weights)}: must have a sum > 0, by which they are divided")
         for k in range(self.zeros):
             left = abs(np.sum(w * h**k * np.exp(1j * np.pi * h)))
             if left > 1e-12 * np.sum(np.abs(w) * h**k):  # the rounding of numbers written with 13 digits or more
@@ -76,18 +76,18 @@ class InputShaper(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        msgspec.structs.force_setattr(self, "kind", catalogue.absolute(self.kind))
+        msgspec.structs.force_setattr(self, "kind", data_files.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
-                f"frequency_hz = {short(self.frequency_hz)}, poles = {short(self.poles)}: give one of both"
+                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give one of both"
             )
         if not (self.frequency_hz or self.poles):
             raise SceneError("frequency_hz = (): no vibration to shape away; give one or more")
         if self.damping is not None and len(self.damping) != len(self.frequency_hz or ()):
-            raise SceneError(f"damping = {short(self.damping)}: expected one ratio per frequency_hz")
+            raise SceneError(f"damping = {truncated(self.damping)}: expected one ratio per frequency_hz")
         for k, (re, im) in enumerate(self.poles or ()):
             if im <= 0 or re > 0:
-                raise SceneError(f"poles[{k}] = {short((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0")
+                raise SceneError(f"poles[{k}] = {truncated((re, im))}: a vibration has Re λ ≤ 0 and Im λ > 0")
 
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
@@ -106,7 +106,7 @@ class InputShaper(Spec, frozen=True):
         DataFileError
             A file that is not a valid shaper.
         """
-        return catalogue.load("shapers", "kind", self.kind, ShaperRule)
+        return data_files.load("shapers", "kind", self.kind, ShaperRule)
 
     @property
     def vibrations(self) -> list[complex]:
@@ -132,14 +132,14 @@ class InputShaper(Spec, frozen=True):
         rule, vibrations = self.rule, self.vibrations
         if len(rule.weights) ** len(vibrations) > MOST_IMPULSES:
             raise ArgumentError(
-                f"kind = {short(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations are "
-                f"more than {MOST_IMPULSES} in all; shape fewer"
+                f"kind = {truncated(self.kind)}: {len(rule.weights)} impulses for each of {len(vibrations)} vibrations "
+                f"are more than {MOST_IMPULSES} in all; shape fewer"
             )
         single = [list(zip(*rule.impulses(λ), strict=True)) for λ in vibrations]
         times, weights = np.array([
             (math.fsum(t for t, _ in one), math.prod(a for _, a in one)) for one in itertools.product(*single)
         ]).T  # fmt: skip
         if not np.isfinite([times, weights]).all():
-            raise ArgumentError(f"kind = {short(self.kind)}: impulses farther apart than float64 can hold")
+            raise ArgumentError(f"kind = {truncated(self.kind)}: impulses farther apart than float64 can hold")
         order = np.argsort(times, kind="stable")
         return times[order], weights[order]

@@ -11,7 +11,7 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
@@ -22,6 +22,10 @@ from flexlink.common.errors import ArgumentError, SceneError
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
 Vector3 = tuple[float, float, float]
+ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
+"""Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
+PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
+PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
 
 T = TypeVar("T")
 
@@ -30,7 +34,7 @@ BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
-class _LookedThrough(threading.local):
+class _Validated(threading.local):
     """Whether what this thread builds a description of has been checked, type by type and number by number."""
 
     now = False
@@ -44,7 +48,7 @@ class _LookedThrough(threading.local):
             self.now = before
 
 
-LOOKED_THROUGH = _LookedThrough()
+VALIDATED = _Validated()
 UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
 
 
@@ -58,14 +62,14 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """
 
     def __post_init__(self) -> None:
-        if LOOKED_THROUGH.now:
+        if VALIDATED.now:
             return
         for field in fields_of(type(self)):
             try:
-                value = plain(getattr(self, field.name))
+                value = to_builtin(getattr(self, field.name))
             except RecursionError:
                 raise SceneError(f"{field.encode_name}: nested too deeply") from None
-            _check_finite(value, field.encode_name)
+            _check_finite(value, field.type, field.encode_name)
             try:
                 kept = msgspec.convert(value, field.type)  # a tuple for a list, a Spec for a dict, a float for an int
             except msgspec.ValidationError as error:
@@ -98,19 +102,19 @@ def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ..
     return msgspec.structs.fields(kind)
 
 
-def plain(value: object) -> object:
+def to_builtin(value: object) -> object:
     """`value` with Python's own numbers, texts and lists for NumPy's, at any depth.
 
     A sweep is written with NumPy; msgspec takes np.float64 for a class it does not know.
     """
     if isinstance(value, np.ndarray):
-        return plain(value.tolist())
+        return to_builtin(value.tolist())
     if isinstance(value, np.generic):
         return _scalar(value)
     if type(value) in {list, tuple}:
-        return type(value)(plain(item) for item in value)  # type: ignore[attr-defined, call-arg]
+        return type(value)(to_builtin(item) for item in value)  # type: ignore[attr-defined, call-arg]
     if type(value) is dict:
-        return {plain(key): plain(item) for key, item in value.items()}
+        return {to_builtin(key): to_builtin(item) for key, item in value.items()}
     return value
 
 
@@ -137,36 +141,35 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
         Unknown key, wrong type, value out of range or not finite.
     """
     try:
-        _check_finite(raw, path)
+        _check_finite(raw, kind, path)
     except RecursionError:
         raise SceneError(f"{path}: nested too deeply") from None
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
-        return LOOKED_THROUGH.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
+        return VALIDATED.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
     except msgspec.ValidationError as error:
         raise SceneError(_explain(raw, kind, path, error)) from None
 
 
-def assembled(kind: type[T], **fields: Any) -> T:
+def build_validated(kind: type[T], **fields: Any) -> T:
     """A `Spec` of fields each of which has been decoded, or stood in another one; what they are together is checked."""
-    return LOOKED_THROUGH.build(kind, **fields)
+    return VALIDATED.build(kind, **fields)
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
     """Key path, value and what is allowed, from msgspec's "reason - at `$.path`"."""
     reason, _, tail = str(error).rpartition(" - at `$") if " - at `$" in str(error) else (str(error), "", "")
-    tail = tail.rstrip("`")
-    value: Any = raw
-    for part in re.findall(r"\w+|\.\.\.", tail):
-        key = part
+    value, below = cast("Any", raw), kind
+    keys: list[Any] = []
+    for part in re.findall(r"\w+|\.\.\.", tail.rstrip("`")):
         if part == "...":  # msgspec does not name the key of a dict
-            key = next(k for k, item in value.items() if not _fits(item, type_below(kind, k)))
-            tail = tail.replace("[...]", f".{key}", 1)
-        value = value[int(key)] if isinstance(value, list | tuple) else value[key]
-        kind = type_below(kind, key)
-    kind = bare(kind)
-    where = (path + tail).lstrip(".")
+            key = next(k for k, item in value.items() if not _fits(item, type_below(below, k)))
+        else:
+            key = int(part) if isinstance(value, list | tuple) else part
+        keys.append(key)
+        value, below = value[key], type_below(below, key)
+    where, kind = path_to(keys, raw, kind, path), bare_type(below)
     if error.__cause__ is not None:  # a Spec below already said which field, its value and what is allowed
         return f"{where}.{error.__cause__}".lstrip(".")
     unknown = re.search(r"unknown field `(.*)`", reason)
@@ -176,7 +179,7 @@ def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) 
     missing = re.search(r"missing required field `(.*)`", reason)
     if missing:
         return _missing(f"{where}.{missing[1]}".lstrip("."))
-    return f"{where} = {short(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
+    return f"{where} = {truncated(value)}: {_allowed(kind, value) or _lower(reason)}".removeprefix(" = ")
 
 
 def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterable[str]) -> None:
@@ -198,7 +201,7 @@ def check_keys(raw: Mapping[str, Any], allowed: Iterable[str], required: Iterabl
 
 def _unknown(name: str, value: object, allowed: Sequence[str], where: str = "") -> str:
     key = f"{where}.{name}".lstrip(".")
-    return f"{key} = {short(value)}: unknown key; allowed are {', '.join(allowed)}{meant(name, allowed)}"
+    return f"{key} = {truncated(value)}: unknown key; allowed are {', '.join(allowed)}{did_you_mean(name, allowed)}"
 
 
 def _missing(key: str) -> str:
@@ -216,60 +219,115 @@ def _fits(value: object, kind: Any) -> bool:
 def _allowed(kind: Any, value: object) -> str:
     """What a `Literal` annotation allows, and which of it was likely meant; empty for others."""
     allowed = get_args(kind) if get_origin(kind) is Literal else ()
-    return "allowed are " + ", ".join(map(repr, allowed)) + meant(value, allowed) if allowed else ""
+    return "allowed are " + ", ".join(map(repr, allowed)) + did_you_mean(value, allowed) if allowed else ""
 
 
-def meant(value: object, allowed: Iterable[str]) -> str:
+def did_you_mean(value: object, allowed: Iterable[str]) -> str:
     """The end of a message that names the one of `allowed` that `value` looks like; empty if none does."""
     by_case = {name.casefold(): name for name in reversed(list(allowed))}
     close = difflib.get_close_matches(value.casefold(), by_case, n=1) if isinstance(value, str) else []
     return f"; did you mean {by_case[close[0]]!r}?" if close else ""
 
 
+def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
+    """The path of an item, as `Scene.varied` and `--set` take it.
+
+    Links, motions and lists of one number per link lead on by the link's name, or its number from 1; any other list by
+    the index of its item, from 0 and in brackets.
+
+    Parameters
+    ----------
+    keys
+        Keys and indices that lead from `value` to the item.
+    value
+        The value that stands at `path`.
+    kind
+        Its annotation.
+    path
+        Path so far.
+    """
+    for key in keys:
+        if not isinstance(value, list | tuple):
+            path += f".{key}"
+        elif is_per_link(kind):
+            path += f".{key + 1}"
+        elif issubclass(_class_of(type_below(kind, key)), msgspec.Struct):
+            path += f".{link_key([_link_name(item) for item in value], key)}"
+        else:
+            path += f"[{key}]"
+        value, kind = value[key], type_below(kind, key)
+    return path.lstrip(".")
+
+
+def is_per_link(kind: Any) -> bool:
+    """Whether an annotation, or one of a union, is marked by `ONE_PER_LINK`."""
+    parts = get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
+    return any(ONE_PER_LINK in get_args(part)[1:] for part in parts if get_origin(part) is Annotated)
+
+
+def link_key(names: Sequence[object], k: int) -> str:
+    """How a path names the link at index `k`: by its name, in quotes if it has a dot, or else by its number from 1."""
+    name = names[k]
+    if not isinstance(name, str) or not name or names.count(name) > 1 or re.search(r"[\"'*]", name):
+        return str(k + 1)
+    return f'"{name}"' if "." in name else name
+
+
+def _link_name(item: Any) -> object:
+    """The name in the table of a link, or in that of a motion; None of what is no table."""
+    table = msgspec.structs.asdict(item) if isinstance(item, Spec) else item
+    return table.get("name", table.get("link")) if isinstance(table, dict) else None
+
+
+def _class_of(kind: Any) -> type:
+    kind = bare_type(kind)
+    return kind if isinstance(kind, type) else object
+
+
 def type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
-    kind = bare(kind)
+    kind = bare_type(kind)
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return next((f.type for f in fields_of(kind) if f.encode_name == key), None)
     inner = [a for a in get_args(kind) if a is not Ellipsis]
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
 
 
-def bare(kind: Any) -> Any:
+def bare_type(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
     while get_origin(kind) in {Annotated, Union, UnionType}:
         kind = next(part for part in get_args(kind) if part is not NoneType)
     return kind
 
 
-def _check_finite(value: object, path: str) -> None:
+def _check_finite(value: object, kind: Any, path: str) -> None:
     flaw = _flaw(value)
     if flaw is not None:
-        where, text = flaw
-        raise SceneError(f"{path}{where} = {text}".lstrip("."))
+        *keys, text = flaw
+        raise SceneError(f"{path_to(keys, value, kind, path)} = {text}")
 
 
-def _flaw(value: object) -> tuple[str, str] | None:
-    """Where at or below a value something is no finite number, or has no order, and what is wrong with it."""
+def _flaw(value: object) -> tuple[Any, ...] | None:
+    """Keys to an item that is not finite, or has no order, at or below a value, and last what is wrong with it."""
     if isinstance(value, float):
-        return None if math.isfinite(value) else ("", f"{value!r}: must be a finite number")
+        return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
     if isinstance(value, SOUND):
         return None
     if isinstance(value, UNORDERED):
-        return "", f"{short(value)}: a set has no order; expected a list"
-    items: Iterable[tuple[str, object]] = ()
+        return (f"{truncated(value)}: a set has no order; expected a list",)
+    items: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Mapping):
-        items = ((f".{key}", item) for key, item in value.items())
+        items = value.items()
     elif isinstance(value, SEQUENCES):
-        items = ((f"[{k}]", item) for k, item in enumerate(value))
-    for step, item in items:
+        items = enumerate(value)
+    for key, item in items:
         flaw = _flaw(item)
         if flaw is not None:
-            return step + flaw[0], flaw[1]
+            return key, *flaw
     return None
 
 
-def rising(name: str, times: Sequence[float]) -> None:
+def require_increasing(name: str, times: Sequence[float]) -> None:
     """Check that the times of a table's rows increase.
 
     Raises
@@ -299,18 +357,18 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArra
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
     if array.dtype.kind not in "fiu":
-        beyond = " (integers beyond float64 are none)" if array.dtype.kind == "O" else ""
+        beyond = " (no integers beyond float64)" if array.dtype.kind == "O" else ""
         raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
     return np.array(array, np.float64, order="C")
 
 
 def _lower(reason: str) -> str:
     """msgspec's reason in the words of TOML."""
-    plain = (reason[:1].lower() + reason[1:]).replace("`", "")
-    return plain.replace(" | null", "").replace("object", "table")
+    words = (reason[:1].lower() + reason[1:]).replace("`", "")
+    return words.replace(" | null", "").replace("object", "table")
 
 
-def short(value: object) -> str:
+def truncated(value: object) -> str:
     """`repr` in one line, cut to a length that fits into a message."""
     try:
         text = " ".join(repr(value).split())

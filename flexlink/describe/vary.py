@@ -3,7 +3,7 @@
 A path leads from table to table (`run.step`), to materials and sections by name (`material.steel.young`), to links by
 name or by number from 1 (`link.upper.length`, `link.2.length`), to motions by their link, and so to the items of lists
 of one number per link (`initial.joint_deg.upper`). A name with a dot stands in quotes (`link."a.b".length`). `*` stands
-for all: of links, for those on which the key has an effect.
+for all: of links, for those on which the key has an effect. Messages name a value by the path that sets it.
 """
 
 from __future__ import annotations
@@ -15,28 +15,31 @@ from typing import Any, get_origin
 import msgspec
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe.spec import Spec, bare, fields_of, meant, plain, short, type_below
+from flexlink.describe.spec import (
+    Spec,
+    bare_type,
+    did_you_mean,
+    fields_of,
+    is_per_link,
+    to_builtin,
+    truncated,
+    type_below,
+)
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
 OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping", "friction"}
 OF_BEAMS = {"material", "section", "section_tip", "up"}
 ALSO_OF_LOCKED = ["axis"], ["locked"], ["gear_stiffness"], ["gear_damping"], ["limits_deg"]
-PER_LINK = {
-    "initial.joint_deg", "initial.rate_deg", "drive.torque", "drive.kp", "drive.kd", "drive.target_deg",
-    "drive.effort", "drive.reference.to_deg", "drive.reference.from_deg", "drive.reference.max_rate_deg",
-    "drive.reference.max_acceleration_deg", "drive.reference.max_jerk_deg",
-}  # fmt: skip
-"""Lists of one number per link; one that is not there yet starts with zeros."""
 
 
-def changed(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
+def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
     """Put values into a parsed document, one after the other; what comes out is still to be checked as a whole.
 
     Parameters
     ----------
     document
-        What `parsed` returns of a whole scene, its arm's keys beside its own; it is changed in place.
+        What `to_document` returns of a whole scene, its arm's keys beside its own; it is changed in place.
     kinds
         The annotation of each key at its top.
     changes
@@ -50,10 +53,10 @@ def changed(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping
         A path that leads nowhere; the message names it, its value and what is allowed there.
     """
     if not isinstance(changes, Mapping):
-        raise ArgumentError(f"changes = {short(changes)}: expected a dict of values by path")
+        raise ArgumentError(f"changes = {truncated(changes)}: expected a dict of values by path")
     for path, value in changes.items():
         if not isinstance(path, str):
-            raise ArgumentError(f"changes: {short(path)}: expected a path such as 'run.step'")
+            raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'")
         change = _Change(document, path, value)
         for node, key in change.places(document, kinds, 0):
             if change.drops and isinstance(node, dict):
@@ -63,14 +66,14 @@ def changed(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping
     return document
 
 
-def touched(changes: Mapping[str, object]) -> set[str]:
-    """Keys at the top of a scene's file that the paths of changes begin with: nothing else may change."""
+def top_level_keys(changes: Mapping[str, object]) -> set[str]:
+    """Top-level keys of the scene that the changes touch."""
     paths = changes if isinstance(changes, Mapping) else ()
     return {part for path in paths if isinstance(path, str) for part in PART.findall(path)[:1]}
 
 
 def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> list[Any]:
-    """What stands at a path: one value, or, with `*`, several; None where nothing does. Arguments as of `changed`.
+    """What stands at a path: one value, or, with `*`, several; None where nothing does. Arguments: `apply_changes`.
 
     Raises
     ------
@@ -81,13 +84,13 @@ def values_at(document: dict[str, Any], kinds: Mapping[str, Any], path: str) -> 
     return [node.get(key) if isinstance(node, dict) else node[key] for node, key in places]
 
 
-def parsed(value: object) -> Any:
+def to_document(value: object) -> Any:
     """A description as a TOML parser returns it: dicts without keys that have no value, and lists."""
     if isinstance(value, Spec):
-        return parsed(msgspec.to_builtins(value))
+        return to_document(msgspec.to_builtins(value))
     if isinstance(value, dict):
-        return {key: parsed(item) for key, item in value.items() if item is not None}
-    return [parsed(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: to_document(item) for key, item in value.items() if item is not None}
+    return [to_document(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 class _Change:
@@ -96,24 +99,24 @@ class _Change:
     def __init__(self, document: dict[str, Any], path: str, value: object) -> None:
         self.path, self.value, self.parts, self.drops = path, value, PART.findall(path), value is None
         if not PATH.fullmatch(path):
-            raise self.error("not a path; a path is keys and names with dots between, such as run.step")
+            raise self.error("not a path; expected keys and names with dots between, such as run.step")
         try:
-            self.value = parsed(plain(value))
+            self.value = to_document(to_builtin(value))
         except RecursionError:
             raise SceneError(f"{path}: nested too deeply") from None
         links = document.get("link")
         self.links = links if isinstance(links, list) else []
 
     def error(self, reason: str) -> SceneError:
-        return SceneError(f"{short(self.path)[1:-1]} = {short(self.value)}: {reason}")
+        return SceneError(f"{truncated(self.path)[1:-1]} = {truncated(self.value)}: {reason}")
 
     def places(self, node: Any, kind: Any, depth: int) -> Iterator[tuple[Any, Any]]:
         """From a table or list of this kind follow the rest of the path: tables or lists at its end, and their keys."""
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
-                if isinstance(node, dict) and key not in node:
-                    node[key] = [0.0] * len(self.links) if self._above(depth + 1) in PER_LINK else {}
                 below = kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key))
+                if isinstance(node, dict) and key not in node:
+                    node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 yield from self.places(node[key], below, depth + 1)
             else:
                 yield node, key
@@ -123,7 +126,8 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
-        part, above, kind = self.parts[depth], self._above(depth), kind if isinstance(kind, Mapping) else bare(kind)
+        part, above, per_link = self.parts[depth], self._above(depth), is_per_link(kind)
+        kind = kind if isinstance(kind, Mapping) else bare_type(kind)
         if isinstance(kind, Mapping):
             return [self._one_of(part, kind)]
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
@@ -132,16 +136,18 @@ class _Change:
             new = depth == len(self.parts) - 1  # a material or section as a whole
             return list(node) if part == "*" else [part if new else self._one_of(part, node)]
         if isinstance(node, list) and above == "motion":
-            return self._numbers(part, [str(said_below(motion, "link")) for motion in node], [True] * len(node))
-        if isinstance(node, list) and (above == "link" or above in PER_LINK):
+            return self._numbers(part, [str(get_in(motion, "link")) for motion in node], [True] * len(node))
+        if isinstance(node, list) and (above == "link" or per_link):
             return self._numbers(
-                part, [str(said_below(link, "name")) for link in self.links], self._concerned(above, depth)
+                part, [str(get_in(link, "name")) for link in self.links], self._concerned(above, depth)
             )
         raise self.error(f"{above} is one value; set it as a whole")
 
     def _one_of(self, part: str, names: Mapping[str, Any] | list[str]) -> str:
         if part not in names:
-            raise self.error(f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{meant(part, names)}")
+            raise self.error(
+                f"{part!r} is unknown here; allowed are {', '.join(names) or 'none'}{did_you_mean(part, names)}"
+            )
         return part
 
     def _numbers(self, part: str, names: list[str], concerned: list[bool]) -> list[int]:
@@ -155,22 +161,22 @@ class _Change:
         if not any(concerned):
             raise self.error(f"{part!r}: there is no {self.parts[0]} on which this has an effect")
         allowed = f"{', '.join(names)}, a number from 1 to {len(names)} or *"
-        raise self.error(f"{part!r} is unknown here; allowed are {allowed}{meant(part, names)}")
+        raise self.error(f"{part!r} is unknown here; allowed are {allowed}{did_you_mean(part, names)}")
 
     def _concerned(self, above: str, depth: int) -> list[bool]:
         """The links on which the key has an effect."""
         below = self.parts[depth + 1 :]
-        free = [not said_below(link, "joint", "locked") for link in self.links]
+        free = [not get_in(link, "joint", "locked") for link in self.links]
         if above != "link":
             return [True] * len(free) if above == "initial.joint_deg" else free
         if below and below[0] in OF_FLEXIBLE_LINKS:
-            return [(said_below(link, "flex") or "rigid") != "rigid" for link in self.links]
+            return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
         if below and below[0] in OF_BEAMS:
-            return [said_below(link, "material") is not None for link in self.links]
+            return [get_in(link, "material") is not None for link in self.links]
         return free if below[:1] == ["joint"] and below[1:] not in ([], *ALSO_OF_LOCKED) else [True] * len(free)
 
 
-def said_below(table: Any, *keys: str) -> Any:
+def get_in(table: Any, *keys: str) -> Any:
     """What stands below the keys; None if nothing does, also where an earlier change put something else."""
     for key in keys:
         table = table.get(key) if isinstance(table, dict) else None

@@ -15,7 +15,7 @@ WIDTH = 120
 """Characters of a line; a longer list has one item a line."""
 
 
-def said(value: Any, always: frozenset[str] = frozenset()) -> Any:
+def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
     """What a description says that is not so by default, as dicts, lists, texts and numbers.
 
     Parameters
@@ -28,13 +28,13 @@ def said(value: Any, always: frozenset[str] = frozenset()) -> Any:
     if isinstance(value, Spec):
         fields = [(field, getattr(value, field.name)) for field in fields_of(type(value))]
         return {
-            field.encode_name: said(item)
+            field.encode_name: without_defaults(item)
             for field, item in fields
             if item is not None and (field.name in always or item != default_of(field))
         }
     if isinstance(value, Mapping):
-        return {key: said(item) for key, item in value.items()}
-    return [said(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: without_defaults(item) for key, item in value.items()}
+    return [without_defaults(item) for item in value] if isinstance(value, list | tuple) else value
 
 
 def toml_of(document: Mapping[str, Any]) -> str:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from flexlink.chain.arguments import all_given, given, integer
+from flexlink.chain.arguments import integer, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
 from flexlink.diagnosis.foreign_files import load_file
@@ -107,12 +107,12 @@ def compare(
     SingularMassError
         M is positive definite at none of the postures tried.
     """
-    given("scene", scene, Scene)
+    require_type("scene", scene, Scene)
     samples, seed = integer("samples", samples, 1, MOST_SAMPLES), integer("seed", seed, 0)
-    names = None if engines is None else all_given("engines", engines, str)
+    names = None if engines is None else require_each("engines", engines, str)
     chain = lump(scene.varied({"motion": ()}))  # prescribed joints are free in the exported files
     if file is not None:
-        return _compare_file(scene, chain, given_path("file", file), names, samples, seed, progress)
+        return _compare_file(scene, chain, require_path("file", file), names, samples, seed, progress)
     loaded = [load(name, chain) for name in (DEFAULT if names is None else names)]
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)

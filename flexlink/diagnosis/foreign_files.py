@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol, cast
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.files import read_regular
@@ -55,7 +55,7 @@ def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = Fal
     """
     form = _format(path, n)
     name = engine or READERS[form][0]
-    choice(f"engine for {form.upper()}", name, dict.fromkeys(READERS[form]))
+    require_one_of(f"engine for {form.upper()}", name, dict.fromkeys(READERS[form]))
     file = File(path, form)
     try:
         loaded = cast(FileEngine, load_here(name, file)) if here else IsolatedEngine(name, file)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.chain.arguments import Array
+from flexlink.common.types import Array
 from flexlink.engines.read_back import ACTUATORS, OF_BODIES, OF_JOINTS, OF_LINES, Indices, ReadBack
 
 PARALLEL = 1e-6

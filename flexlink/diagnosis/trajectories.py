@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import all_given, given, positive
+from flexlink.chain.arguments import positive, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, MissingDependencyError
@@ -145,10 +145,10 @@ def compare_trajectories(
     DivergenceError, UnstableStepError
         Of our own run, as in `simulate`.
     """
-    given("scene", scene, Scene)
+    require_type("scene", scene, Scene)
     if duration is not None:
         scene = scene.varied({"run.duration": positive("duration", duration)})
-    named = None if engines is None else all_given("engines", engines, str)
+    named = None if engines is None else require_each("engines", engines, str)
     chain, told = lump(scene), progress or (lambda _: None)
     scene, steps = in_fixed_steps(scene, chain)
     names = [name for name in ENGINES if name != "native"] if named is None else named

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
+from flexlink.chain.arguments import require_each, require_one_of, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import Dynamics
@@ -79,7 +79,7 @@ def forward_dynamics(
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
-    chains = [chain] if isinstance(chain, Chain) else all_given("chain", chain, Chain)
+    chains = [chain] if isinstance(chain, Chain) else require_each("chain", chain, Chain)
     if not chains:
         raise ArgumentError("chain: no chain given; expected one, or one per state")
     for k, other in enumerate(chains):
@@ -141,5 +141,5 @@ def solver_for(chain: Chain, method: str) -> solvers.Solver:
     ArgumentError
         The method is unknown.
     """
-    solver = choice("method", method, SOLVERS)
+    solver = require_one_of("method", method, SOLVERS)
     return solvers.PLANAR if solver is solvers.ARTICULATED and chain.is_planar else solver

@@ -8,7 +8,7 @@ from typing import TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import dimensions, given, real_array, vector, wrench_vector
+from flexlink.chain.arguments import dimensions, real_array, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
 
@@ -100,7 +100,7 @@ def each(
         As of single states; the message says which one.
     """
     found: list[R] = []
-    many = rows(given("chain", chain, Chain).n, state)
+    many = rows(require_type("chain", chain, Chain).n, state)
     b = len(many[0])
     wrenches = wrench_rows(tip_wrench, b)
     for k in range(max(b, 1)):  # the first of none shows the shape

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, given, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each, is_batch
@@ -70,7 +70,7 @@ def inverse_dynamics_derivatives(
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
         return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench)
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = wrench_vector(tip_wrench)
     found = np.empty((3, n, n))
@@ -114,7 +114,7 @@ def forward_dynamics_derivatives(
     """
     if is_batch(q, qd, tau):
         return each(forward_dynamics_derivatives, chain, {"q": q, "qd": qd, "tau": tau}, tip_wrench=tip_wrench)
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = wrench_vector(tip_wrench)

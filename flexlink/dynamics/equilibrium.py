@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import flag, given, positive, vector, wrench_vector
+from flexlink.chain.arguments import positive, require_bool, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.dynamics import rounding
@@ -117,8 +117,8 @@ def solve_static(
     ConvergenceError
         The path from q does not reach the full load; the error holds the posture at the largest part reached.
     """
-    n = given("chain", chain, Chain).n
-    follower, tolerance = flag("follower", follower), positive("tolerance", tolerance)
+    n = require_type("chain", chain, Chain).n
+    follower, tolerance = require_bool("follower", follower), positive("tolerance", tolerance)
     start = chain.rest.copy() if q is None else vector("q", q, n).copy()
     wrench = wrench_vector(tip_wrench)
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)
@@ -196,7 +196,7 @@ def buckling_loads(
     ArgumentError
         An argument has the wrong shape or is not finite, or `locked` names no coordinate.
     """
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q = chain.rest.copy() if q is None else vector("q", q, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)

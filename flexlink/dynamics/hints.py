@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.lumping import lump
 from flexlink.describe.arm import Link
 from flexlink.describe.joint import Joint
@@ -32,7 +32,7 @@ def notes(scene: Scene) -> tuple[str, ...]:
     ArgumentError
         `scene` is no Scene.
     """
-    given("scene", scene, Scene)
+    require_type("scene", scene, Scene)
     found = _stillness, _stiff_static, _idle_drive, _idle_link_keys, _centers_of_nothing
     return tuple(note for each in found for note in each(scene))
 
@@ -51,7 +51,7 @@ def _stillness(scene: Scene) -> Iterator[str]:
     if not sprung and chain.all_axes_parallel_to(g / np.linalg.norm(g)):
         yield (
             f"gravity = {list(scene.gravity)}: is parallel to the axes of all joints and moves none, and nothing else "
-            "moves them; turn gravity, or the first joint by link[0].joint.axis"
+            "moves them; turn gravity, or the first joint by link.1.joint.axis"
         )
 
 
@@ -73,17 +73,18 @@ def _idle_drive(scene: Scene) -> Iterator[str]:
 
 def _centers_of_nothing(scene: Scene) -> Iterator[str]:
     bodies = {"tip": scene.arm.tip}
-    for k, link in enumerate(scene.arm.links):
-        bodies |= {f"link[{k}].hub": link.hub, f"link[{k}].end": link.end}
+    for k, link in enumerate(scene.arm.links, 1):
+        path = scene.arm.path(k)
+        bodies |= {f"{path}.hub": link.hub, f"{path}.end": link.end}
     for key, body in bodies.items():
         if any(body.center) and not body.mass:
             yield f"{key}.center = {body.center!r}: has no effect, the body has no mass"
 
 
 def _idle_link_keys(scene: Scene) -> Iterator[str]:
-    for k, link in enumerate(scene.arm.links):
+    for k, link in enumerate(scene.arm.links, 1):
         for key, value, why in _idle(link):
-            yield f"link[{k}].{key} = {value!r}: has no effect, {why}"
+            yield f"{scene.arm.path(k)}.{key} = {value!r}: has no effect, {why}"
 
 
 def _idle(link: Link) -> Iterator[tuple[str, object, str]]:

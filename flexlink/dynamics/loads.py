@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, given, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
@@ -74,7 +74,7 @@ def internal_loads(
     """
     if is_batch(q, qd, qdd):
         return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = wrench_vector(tip_wrench)
     found = _cut(chain, q, qd, qdd, wrench)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, integer, vector
+from flexlink.chain.arguments import integer, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
@@ -48,7 +48,7 @@ def frames(chain: Chain, q: ArrayLike) -> Frames:
     """
     if is_batch(q):
         return each(frames, chain, {"q": q})
-    arrays = given("chain", chain, Chain).arrays
+    arrays = require_type("chain", chain, Chain).arrays
     placed = forward_kinematics(arrays, vector("q", q, chain.n, many=True))
     return Frames(placed.rotations, placed.points)
 
@@ -75,7 +75,7 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     """
     if not is_batch(q):
         return np.asarray(frames(chain, q).points[-1])
-    (states,) = rows(given("chain", chain, Chain).n, {"q": q})
+    (states,) = rows(require_type("chain", chain, Chain).n, {"q": q})
     tips = np.empty((len(states), 3))
     tip_points(chain.arrays, states, tips)
     return tips
@@ -121,7 +121,7 @@ def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (
     """
     if is_batch(q):
         return each(jacobian, chain, {"q": q}, body=body, point=point)
-    m = len(given("chain", chain, Chain).bodies)
+    m = len(require_type("chain", chain, Chain).bodies)
     number, offset = integer("body", body, -m, m - 1) % m, vector("point", point, 3)
     placed = forward_kinematics(chain.arrays, vector("q", q, chain.n, many=True))
     before = np.arange(chain.n) < chain.bodies["stop"][number]

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, given, integer, vector
+from flexlink.chain.arguments import beyond_float64, integer, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.kernels.bodies.kinematics import forward_kinematics
@@ -107,7 +107,7 @@ def point_motion(
     """
     if is_batch(q, qd, qdd):
         return each(point_motion, chain, {"q": q, "qd": qd, "qdd": qdd}, body=body, point=point)
-    n, m = given("chain", chain, Chain).n, len(chain.bodies)
+    n, m = require_type("chain", chain, Chain).n, len(chain.bodies)
     i, offset = integer("body", body, -m, m - 1), vector("point", point, 3)
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     moving = body_motion(chain, q, qd, qdd)

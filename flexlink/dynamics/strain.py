@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, given, vector
+from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.arm import AXES
@@ -69,7 +69,7 @@ def beam_strain(scene: Scene, q: ArrayLike, *, link: str | int, fibre: ArrayLike
     SceneError, DataFileError
         As of `lump`.
     """
-    chain, arm = lump(given("scene", scene, Scene)), scene.arm
+    chain, arm = lump(require_type("scene", scene, Scene)), scene.arm
     number = arm.number(link)
     bent, (y, z) = arm.links[number - 1], vector("fibre", fibre, 2)
     if not AXES[bent.flex]:

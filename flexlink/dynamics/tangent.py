@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.terms import bias_torque
@@ -67,7 +67,7 @@ def unlocked(chain: Chain, locked: Joints) -> NDArray[np.intp]:
     held = chain.joint_indices("locked", locked)
     free = np.setdiff1d(np.flatnonzero(chain.hinges["prescribed"] == 0), held)
     if not len(free):
-        raise ArgumentError(f"locked = {short(locked)}: nothing is left to move; prescribed joints do not, either")
+        raise ArgumentError(f"locked = {truncated(locked)}: nothing is left to move; prescribed joints do not, either")
     return free
 
 

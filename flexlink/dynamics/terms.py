@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, choice, given, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.batches import each, is_batch
@@ -85,7 +85,7 @@ def inverse_dynamics(
     """
     if is_batch(q, qd, qdd):
         return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = wrench_vector(tip_wrench)
     tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
@@ -123,7 +123,7 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayL
     ArgumentError
         As in `inverse_dynamics`.
     """
-    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench)
+    return inverse_dynamics(chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -146,7 +146,7 @@ def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
     ArgumentError
         `q` has the wrong shape, is not real or not finite.
     """
-    return bias_torque(chain, q, np.zeros(given("chain", chain, Chain).n))
+    return bias_torque(chain, q, np.zeros(require_type("chain", chain, Chain).n))
 
 
 def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -171,7 +171,7 @@ def elastic_torque(chain: Chain, q: ArrayLike) -> Array:
     """
     if is_batch(q):
         return each(elastic_torque, chain, {"q": q})
-    q = vector("q", q, given("chain", chain, Chain).n, many=True)
+    q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     with np.errstate(over="ignore"):
         torque: Array = chain.stiffness * (q - chain.rest)
     if not is_finite(torque):
@@ -204,7 +204,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     """
     if is_batch(qd):
         return each(friction_torque, chain, {"qd": qd})
-    qd = vector("qd", qd, given("chain", chain, Chain).n, many=True)
+    qd = vector("qd", qd, require_type("chain", chain, Chain).n, many=True)
     hinges = chain.hinges
     with np.errstate(over="ignore"):  # far beyond the width tanh is 1
         torque: Array = hinges["damping"] * qd + hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
@@ -240,9 +240,9 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
     """
     if is_batch(q):
         return each(mass_matrix, chain, {"q": q}, method=method)
-    q = vector("q", q, given("chain", chain, Chain).n, many=True)
+    q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     M = np.zeros((chain.n, chain.n))
-    trace = choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    trace = require_one_of("method", method, MASS_METHODS)(chain.arrays, q, M)
     if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
     return M
@@ -270,7 +270,7 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     """
     if is_batch(q, qd):
         return each(energy, chain, {"q": q, "qd": qd})
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
     found = Energy(*energies(chain.arrays, q, qd))
     if not math.isfinite(found.total):

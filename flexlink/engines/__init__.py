@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 from typing import NamedTuple
 
-from flexlink.chain.arguments import choice, given
+from flexlink.chain.arguments import require_one_of, require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine, File
@@ -52,14 +52,14 @@ def load(name: str, chain: Chain) -> Engine:
     EngineError
         The process that the engine takes for itself ended.
     """
-    if choice("engine", name, ENGINES).isolated:
-        return IsolatedEngine(name, given("chain", chain, Chain))
+    if require_one_of("engine", name, ENGINES).isolated:
+        return IsolatedEngine(name, require_type("chain", chain, Chain))
     return load_here(name, chain)
 
 
 def load_here(name: str, source: Chain | File) -> Engine:
     """As `load`, also of a file of somebody else's, in this process, whatever the engine does to it."""
-    adapter = choice("engine", name, ENGINES)
+    adapter = require_one_of("engine", name, ENGINES)
     try:
         module = importlib.import_module(adapter.module)
     except ImportError as error:
@@ -68,5 +68,5 @@ def load_here(name: str, source: Chain | File) -> Engine:
             f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
     kind = getattr(module, adapter.factory)
-    engine: Engine = kind.from_file(source) if isinstance(source, File) else kind(given("chain", source, Chain))
+    engine: Engine = kind.from_file(source) if isinstance(source, File) else kind(require_type("chain", source, Chain))
     return engine

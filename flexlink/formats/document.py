@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain, unique
 
 Array = NDArray[np.float64]
@@ -72,7 +72,7 @@ def valid(name: str) -> str:
 
 def xml_joint_names(chain: Chain) -> list[str]:
     """One name per coordinate, in sequential order; "universe" is Pinocchio's own."""
-    given("chain", chain, Chain)
+    require_type("chain", chain, Chain)
     return unique(["universe", *map(valid, chain.joint_names)])[1:]
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 
@@ -89,7 +89,7 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     ArgumentError
         There is no such format.
     """
-    choice("format", format, dict.fromkeys(ALL))
+    require_one_of("format", format, dict.fromkeys(ALL))
     return {
         name: feature.instead[format]
         for name, feature in FEATURES.items()

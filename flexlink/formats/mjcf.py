@@ -20,7 +20,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import flag, given, sequence, vector
+from flexlink.chain.arguments import require_bool, require_type, sequence, vector
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
@@ -91,7 +91,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     SingularMassError
         A coordinate moves no inertia of its own.
     """
-    if len(given("chain", chain, Chain).bodies) > MAX_BODIES:
+    if len(require_type("chain", chain, Chain).bodies) > MAX_BODIES:
         raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
     root = ET.Element("mujoco", model=valid(chain.name))
     ET.SubElement(root, "compiler", COMPILER)
@@ -101,7 +101,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
     ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER, "coordinate"]))
-    if flag("shapes", shapes):
+    if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
         for name, rgba in colours(chain):
             ET.SubElement(asset, "material", name=name, rgba=rgba)

@@ -15,7 +15,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.arguments import flag, given
+from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.capsules import Capsule, capsule_behind
@@ -62,7 +62,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     ArgumentError
         `chain` is no Chain.
     """
-    given("chain", chain, Chain)
+    require_type("chain", chain, Chain)
     name, *names = sdf_names(chain)
     joints, links, tip = names[: chain.n], names[chain.n : -1], names[-1]
     sdf = ET.Element("sdf", {"version": "1.10", **NAMESPACES})
@@ -72,7 +72,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
         world, "model", {"name": name, "flexlink:name": valid(chain.name), "flexlink:links": links_text(chain)}
     )
     parent = "world"
-    shown = capsule_behind(chain) if flag("shapes", shapes) else {}
+    shown = capsule_behind(chain) if require_bool("shapes", shapes) else {}
     for k, translation, rotation, body in places(chain):
         link = ET.SubElement(model, "link", name=links[k])
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from flexlink.chain.arguments import given, positive
+from flexlink.chain.arguments import positive, require_type
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.formats.document import Array, places
@@ -41,7 +41,7 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     ArgumentError
         `mass` is not a finite number > 0.
     """
-    return _filled(given("chain", chain, Chain), positive("mass", mass), keep=True)
+    return _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=True)
 
 
 def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
@@ -68,7 +68,7 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
     ArgumentError
         `mass` is not a finite number > 0, or `q` not n finite numbers.
     """
-    added = _filled(given("chain", chain, Chain), positive("mass", mass), keep=False)
+    added = _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=False)
     try:
         return float(scipy.linalg.eigh(mass_matrix(added, q), mass_matrix(chain, q), eigvals_only=True)[-1])
     except np.linalg.LinAlgError:

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from flexlink.chain.arguments import flag, given
+from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.formats.capsules import Capsule, capsule_behind, colours
@@ -60,11 +60,11 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     ArgumentError
         `chain` is no Chain.
     """
-    given("chain", chain, Chain)
+    require_type("chain", chain, Chain)
     joints, links = xml_joint_names(chain), xml_link_names(chain)
     robot = ET.Element("robot", name=valid(chain.name))
     ET.SubElement(robot, "flexlink", gravity=decimals(chain.gravity), links=links_text(chain))
-    if flag("shapes", shapes):
+    if require_bool("shapes", shapes):
         for name, rgba in colours(chain):
             ET.SubElement(ET.SubElement(robot, "material", name=name), "color", rgba=rgba)
     ET.SubElement(robot, "link", name=links[0])

@@ -37,9 +37,9 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
     joints = [chain.index(scene.arm.number(motion.link), 0, 0) for motion in scene.motion]
     with np.errstate(all="ignore"):
         pieces = [_pieces(motion) for motion in scene.motion]
-    for k, piece in enumerate(pieces):
+    for motion, piece in zip(scene.motion, pieces, strict=True):
         if not np.isfinite(piece).all():
-            raise SceneError(f"motion[{k}].angle_deg: changes faster from one time to the next than float64 can hold")
+            raise SceneError(f"motion.{motion.link}.angle_deg: changes faster between two times than float64 can hold")
     knots = [np.array(motion.times) for motion in scene.motion]
     return MotionTable(
         np.array(joints, dtype=np.int64),

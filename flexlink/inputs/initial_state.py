@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given
+from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.inputs.tip_wrench import initial_wrench
@@ -47,8 +47,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     ConvergenceError
         passive = "static", and the arm finds no equilibrium.
     """
-    initial = given("scene", scene, Scene).initial
-    given("chain", chain, Chain)
+    initial = require_type("scene", scene, Scene).initial
+    require_type("chain", chain, Chain)
     q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
@@ -70,7 +70,7 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
     if numbers is None:
         return otherwise
     if len(numbers) != len(otherwise):
-        raise SceneError(f"initial.{name} = {short(numbers)}: expected one number per joint, {len(otherwise)}")
+        raise SceneError(f"initial.{name} = {truncated(numbers)}: expected one number per joint, {len(otherwise)}")
     return np.array(numbers)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import all_given, integer
+from flexlink.chain.arguments import integer, require_each
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
@@ -64,7 +64,7 @@ def simulate_many(scenes: Sequence[Scene], *, threads: int = 1) -> list[Trajecto
     InterruptedRunError
         Ctrl-C or SIGTERM; its `runs` holds all runs as far as they went.
     """
-    scenes, threads = all_given("scenes", scenes, Scene), integer("threads", threads, 1)
+    scenes, threads = require_each("scenes", scenes, Scene), integer("threads", threads, 1)
     with deferred() as stop:
         members = list(map(_Preparing(), scenes))
         with ThreadPoolExecutor(threads) as pool:

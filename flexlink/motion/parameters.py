@@ -21,7 +21,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec, default_of, fields_of, short
+from flexlink.describe.spec import Spec, default_of, fields_of, truncated
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.inputs.initial_state import initial_state, spread
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
@@ -79,7 +79,7 @@ def _check_known(scene: Scene) -> None:
     for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment"})):
         for field, value in _said(part):
             if field not in known:
-                raise ArgumentError(f"{name}.{field} = {short(value)}: sensitivities are not known of it")
+                raise ArgumentError(f"{name}.{field} = {truncated(value)}: sensitivities are not known of it")
     if scene.drive.kind not in {"none", "constant", "table", "pd"}:
         raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: sensitivities are not known of it")
 
@@ -115,19 +115,23 @@ def _slope(scene: Scene, chain: Chain, path: str) -> Numbers:
             continue
         except FlexlinkError as error:
             reason = error
-    raise ArgumentError(f"parameters: {short(path)} = {p!r} cannot be varied: {reason}")
+    raise ArgumentError(f"parameters: {truncated(path)} = {p!r} cannot be varied: {reason}")
 
 
 def _value(scene: Scene, path: object) -> float:
     if not isinstance(path, str):
-        raise ArgumentError(f"parameters: {short(path)}: expected a path such as 'tip.mass'")
+        raise ArgumentError(f"parameters: {truncated(path)}: expected a path such as 'tip.mass'")
     if path.split(".")[0] not in VARIED or path == "initial.time":
-        raise ArgumentError(f"parameters: {short(path)}: not a parameter; allowed are numbers of {', '.join(VARIED)}")
+        raise ArgumentError(
+            f"parameters: {truncated(path)}: not a parameter; allowed are numbers of {', '.join(VARIED)}"
+        )
     values = scene.values_at(path)
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise ArgumentError(f"parameters: {short(path)} = {short(values[0])}: not a number that is given in the scene")
+        raise ArgumentError(
+            f"parameters: {truncated(path)} = {truncated(values[0])}: not a number that is given in the scene"
+        )
     if len(set(values)) != 1:
-        raise ArgumentError(f"parameters: {short(path)} = {short(values)}: differ; take them one by one")
+        raise ArgumentError(f"parameters: {truncated(path)} = {truncated(values)}: differ; take them one by one")
     return float(values[0])
 
 

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import callable_or_none, positive
+from flexlink.chain.arguments import positive, require_callable
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import RunSettings, multiples, parts, steps_explicitly, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
@@ -77,7 +77,7 @@ class Control:
             raise LawFailure(f"t = {t:.6g} s: control law {name} raised {type(error).__name__}: {error}") from error
         if given.dtype.kind not in "fiu" or given.shape != (self.joints,) or not np.isfinite(given).all():
             raise LawFailure(
-                f"t = {t:.6g} s: control law {name} gave {short(given.tolist())}; expected one finite number per "
+                f"t = {t:.6g} s: control law {name} gave {truncated(given.tolist())}; expected one finite number per "
                 f"driven joint, shape ({self.joints},)"
             )
         return np.clip(given.astype(np.float64), -self.effort, self.effort)
@@ -158,7 +158,7 @@ def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) 
         It cannot be called, the scene has a drive, too, the rate does not fit the step, or stages are not those that a
         law can be asked at.
     """
-    callable_or_none("control", law)
+    require_callable("control", law)
     if law is None:
         if rate is not None:
             raise ArgumentError(f"rate = {rate!r}: there is no control to be sampled")

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import given, sequence
+from flexlink.chain.arguments import require_type, sequence
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
@@ -85,7 +85,7 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`; a DivergenceError, too, where a derivative leaves the finite numbers.
     """
-    run = given("scene", scene, Scene).run
+    run = require_type("scene", scene, Scene).run
     paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
     if not paths:
         raise ArgumentError("parameters = (): nothing to differentiate by; name at least one path")

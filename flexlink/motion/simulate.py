@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import callable_or_none, given
+from flexlink.chain.arguments import require_callable, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError, SceneError
@@ -106,7 +106,7 @@ def simulate(
     InterruptedRunError
         Ctrl-C or SIGTERM; its `trajectory` holds the samples up to there.
     """
-    callable_or_none("progress", progress)
+    require_callable("progress", progress)
     settings = {
         "method": method, "step": step, "duration": duration, "sample": sample,
         "dynamics": dynamics, "unstable": unstable,
@@ -115,7 +115,7 @@ def simulate(
     }  # fmt: skip
     said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
     said |= starting_from(q0, qd0, t0)
-    scene = given("scene", scene, Scene).varied(said) if said else given("scene", scene, Scene)
+    scene = require_type("scene", scene, Scene).varied(said) if said else require_type("scene", scene, Scene)
     run = SingleRun(scene, prepare(scene, lump(scene), control, rate))
     with deferred() as stop:
         return run.finish(stop, progress, warn=warn)

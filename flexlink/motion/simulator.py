@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, positive, vector
+from flexlink.chain.arguments import positive, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import parts, whole
@@ -64,7 +64,7 @@ class Simulator:
     """
 
     def __init__(self, scene: Scene) -> None:
-        run = given("scene", scene, Scene).run
+        run = require_type("scene", scene, Scene).run
         self._scene = scene if run.duration else scene.varied({"run.duration": run.sample})
         self.chain = lump(scene)
         self._held = held_torques(

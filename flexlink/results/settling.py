@@ -10,9 +10,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, positive, real, vector
+from flexlink.chain.arguments import positive, real, require_type, vector
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -74,7 +74,9 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
     goal = vector("target", target, 3)
     way = float(_distance(tip[:1], goal)[0])
     if way == 0:
-        raise ArgumentError(f"target = {short(goal.tolist())}: is where the tip starts; there is no way to overshoot")
+        raise ArgumentError(
+            f"target = {truncated(goal.tolist())}: is where the tip starts; there is no way to overshoot"
+        )
     return max(0.0, float(((tip - goal) @ (goal - tip[0]) / way).max()))
 
 
@@ -105,11 +107,13 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
 
 def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
     """Times and places of the tip from `after` on."""
-    t = given("run", run, Trajectory).t
+    t = require_type("run", run, Trajectory).t
     kept = t >= real("after", after, "a time [s]")
     if kept.sum() < least:
         span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
-        raise ArgumentError(f"after = {short(after)}: a {span} has {kept.sum()} samples from there on; needs {least}")
+        raise ArgumentError(
+            f"after = {truncated(after)}: a {span} has {kept.sum()} samples from there on; needs {least}"
+        )
     return t[kept], run.tip[kept]
 
 

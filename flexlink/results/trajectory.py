@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.output import write_whole
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.results import tables
 from flexlink.results.columns import Columns
 from flexlink.results.files import Writer, output_format
@@ -50,7 +50,7 @@ class Trajectory(RunSamples):
         OutputError
             It cannot be written.
         """
-        path = given_path("path", path)
+        path = require_path("path", path)
         write_whole(path, self.writer(path))
         return path
 

@@ -7,14 +7,15 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from flexlink.chain.rigid import Array, Pose
+from flexlink.chain.rigid import Pose
 from flexlink.chain.rotation import rpy_from_matrix
 from flexlink.common.errors import DataFileError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3, short, short_list
+from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.flexible import FlexibleLink, Made, bent, payload
 from flexlink.robots.serial import Part, SerialPath
 
@@ -74,7 +75,7 @@ def _made(way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mappi
             try:
                 made = bent(part, made.link, flexible[part.link], beyond)
             except SceneError as error:
-                raise SceneError(f"flexible: link {short(part.link)}: {error}") from None
+                raise SceneError(f"flexible: link {truncated(part.link)}: {error}") from None
         at = _stop(made.link)
         yield made
 
@@ -90,7 +91,7 @@ def _rigid(part: Part, before: Array, armature: float) -> Link:
         hub = payload(part.body)
     except SceneError as error:
         folded = f" with {short_list(part.folded)}" if part.folded else ""
-        raise DataFileError(f"link {short(part.link)}{folded}: {error}") from None
+        raise DataFileError(f"link {truncated(part.link)}{folded}: {error}") from None
     x, y, z = joint.axis.tolist()
     lower, upper = map(math.degrees, joint.limits or (0.0, 0.0))
     return Link(
@@ -132,4 +133,6 @@ def _tip(way: SerialPath, before: Array) -> list[Link]:
 def _check_last(link: Link) -> None:
     moved = link.hub.about(link.joint.direction) + link.joint.armature
     if moved == 0 and link.flex == "rigid":
-        raise DataFileError(f"link {short(link.name)}: nothing that its joint turns has inertia; end the arm before it")
+        raise DataFileError(
+            f"link {truncated(link.name)}: nothing beyond its joint has inertia; choose a tip before it"
+        )

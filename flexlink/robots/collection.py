@@ -11,7 +11,7 @@ import msgspec
 
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.describe.data_files import read_toml
-from flexlink.describe.spec import Spec, decode, meant, short, short_list
+from flexlink.describe.spec import Spec, decode, did_you_mean, short_list, truncated
 from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import ImportResult, import_urdf
 
@@ -86,7 +86,8 @@ def known_arm(name: str) -> KnownArm:
     arms = known_arms()
     if name not in arms:
         raise ArgumentError(
-            f"robot = {short(name)}: neither a file nor one of {short_list(list(arms))}{meant(name, arms)}"
+            f"robot = {truncated(name)}: no such file; known arms are {short_list(list(arms))}"
+            f"{did_you_mean(name, arms)}"
         )
     return arms[name]
 

@@ -15,11 +15,8 @@ Largest mass of a beam: the moments of link and beam are positive semidefinite, 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
-
-Array = NDArray[np.float64]
 
 FLAT = 1e-12
 """Extent of a body in some direction, squared and over that in others, below which it has none: what is left of the

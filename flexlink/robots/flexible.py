@@ -8,12 +8,13 @@ from typing import Annotated, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from flexlink.chain.rigid import Array, Pose, SpatialInertia, body_with
+from flexlink.chain.rigid import Pose, SpatialInertia, body_with
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Damping, Link, Material, Section
 from flexlink.describe.directions import Line, line_of
 from flexlink.describe.rigid_body import ROUNDING, RigidBody
-from flexlink.describe.spec import Positive, Spec, Vector3, short
+from flexlink.describe.spec import Positive, Spec, Vector3, truncated
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.serial import Part
 
@@ -51,7 +52,7 @@ class FlexibleLink(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.section is None and self.frequency_hz is None:
-            raise SceneError("section: missing; a beam needs a section, or frequency_hz")
+            raise SceneError("section: missing; give section or frequency_hz")
 
 
 class Made(NamedTuple):
@@ -109,8 +110,9 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
     mass = _mass(flexible, volume, largest)
     if not 0 < mass < largest * (1 - 1e-6):  # at the very largest, the rest is a point or a needle
         raise ArgumentError(
-            f"flexible: link {short(part.link)}: a beam of {mass:.4g} kg does not fit into its {part.body.mass:.4g} kg "
-            f"and their inertia; at most {rounded_down(largest)} kg do; state mass, a lighter section, or another line"
+            f"flexible: link {truncated(part.link)}: a beam of {mass:.4g} kg does not fit into its mass, "
+            f"{part.body.mass:.4g} kg, and inertia; at most {rounded_down(largest)} kg fit; give mass, a lighter "
+            "section or another line"
         )
     root, end = cut(part.body, _prism(section, mass, line), _pose(line), line.length)
     link = msgspec.structs.replace(
@@ -127,7 +129,7 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    said = f"a beam of {mass:.4g} kg and {line.length:.4g} m, of the link's {part.body.mass:.4g} kg"
+    said = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
     return Made(link, material, section, f"{part.link}: {said}", _warning(part, largest))
 
 
@@ -141,7 +143,7 @@ def _warning(part: Part, largest: float) -> str:
     share = largest / part.body.mass
     if share >= LITTLE:
         return ""
-    return f"{part.link}: only {share:.1%} of its mass fit along this line: does its tube run elsewhere?"
+    return f"{part.link}: only {share:.1%} of its mass fit into a beam along this line; check line"
 
 
 def payload(body: SpatialInertia) -> RigidBody:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Vector3, short, short_list
+from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
@@ -106,7 +106,7 @@ def import_urdf(
     """
     for key, table in {"posture": posture, "locked": locked, "flexible": flexible, "armature": armature}.items():
         if not isinstance(table, Mapping):
-            raise ArgumentError(f"{key} = {short(table)}: expected a dict, got {type(table).__name__}")
+            raise ArgumentError(f"{key} = {truncated(table)}: expected a dict, got {type(table).__name__}")
     robot = path if isinstance(path, Robot) else read_robot(path)
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
@@ -129,12 +129,14 @@ def _check_links(way: SerialPath, flexible: Mapping[str, FlexibleLink]) -> None:
     for link, asked in flexible.items():
         holders = [part.link for part in way.parts if link in part.folded]
         if holders:
-            raise ArgumentError(f"flexible: link {short(link)} is folded into {short(holders[0])}, which can bend")
+            raise ArgumentError(
+                f"flexible: link {truncated(link)} is fixed to {truncated(holders[0])}; make that link flexible"
+            )
         if link not in [part.link for part in way.parts]:
             allowed = short_list([part.link for part in way.parts])
-            raise ArgumentError(f"flexible: link {short(link)} is not on the path; allowed are {allowed}")
+            raise ArgumentError(f"flexible: link {truncated(link)} is not on the path; allowed are {allowed}")
         if not isinstance(asked, FlexibleLink):
-            raise ArgumentError(f"flexible: {short(link)} = {short(asked)}: expected a Flexible")
+            raise ArgumentError(f"flexible: {truncated(link)} = {truncated(asked)}: expected a FlexibleLink")
 
 
 def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
@@ -142,29 +144,29 @@ def _check_joints(way: SerialPath, armature: Mapping[str, float]) -> None:
     for joint, value in armature.items():
         if joint not in free:
             raise ArgumentError(
-                f"armature: joint {short(joint)} is no free one of the path; allowed are {short_list(free)}"
+                f"armature: joint {truncated(joint)} does not move in this arm; allowed are {short_list(free)}"
             )
         if (number := finite(value)) is None or number < 0:
-            raise ArgumentError(f"armature: {short(joint)} = {short(value)}: expected a number of at least 0 [kg m²]")
+            raise ArgumentError(f"armature: {truncated(joint)} = {truncated(value)}: expected a number >= 0 [kg m²]")
 
 
 def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
     """What was done to the robot, a line each."""
     moving = sum(part.body.mass for part in way.parts)
-    notes = [f"{robot.name}: {len(way.parts)} joints from {way.base} to {way.tip}; {moving:.6g} kg move"]
+    notes = [f"{robot.name}: {len(way.parts)} joints from {way.base} to {way.tip}; moving mass {moving:.6g} kg"]
     for part in way.parts:
         if part.folded:
-            notes.append(f"{part.link}: rigid with {short_list(part.folded)}")
+            notes.append(f"{part.link}: includes {short_list(part.folded)}, which do not move relative to it")
         start, limits = way.positions[part.joint.name], part.joint.limits
         if start and part.joint.name not in stated:
-            notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of limits that exclude 0")
+            notes.append(f"{part.joint.name}: starts at {start:.4g} rad, the middle of its limits, which exclude 0")
         if limits is not None and limits[0] == limits[1]:
-            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} leave no room, and are left out")
+            notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal: ignored")
     if way.held:
         said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        notes.append(f"stay where they are [rad, m]: {short_list(said)}")
+        notes.append(f"fixed at [rad, m]: {short_list(said)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
-    notes.append("left out: " + ", ".join(["largest efforts and rates", *left_out]))
+    notes.append("ignored: " + ", ".join(["limits of effort and velocity", *left_out]))
     return notes
 
 
@@ -173,17 +175,17 @@ def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
     free = [part.joint.name for part in way.parts]
     leaders = {name: robot.leader(robot.joints[name]).name for name in way.held}
     moving = {name: leader for name, leader in leaders.items() if leader in free}
-    return [f"{name}: follows {leader}, which moves, and stays all the same" for name, leader in moving.items()]
+    return [f"{name}: mimics {leader}, which moves; here {name} does not" for name, leader in moving.items()]
 
 
 def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
-    """How much of each link can bend."""
+    """The largest beam of each link."""
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
     notes = [
-        f"{part.link}: a thin beam from joint to joint can have at most {rounded_down(largest[part.link])} of its "
-        f"{part.body.mass:.4g} kg"
+        f"{part.link}: at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg can be modelled as a "
+        "bending beam from joint to joint"
         for part in way.parts
         if share.get(part.link, 0.0) >= LEAST
     ]
     others = [part.link for part in way.parts if share.get(part.link, 0.0) < LEAST]
-    return [*notes, f"no beam from joint to joint: {short_list(others)}"] if others else notes
+    return [*notes, f"too compact for a beam from joint to joint: {short_list(others)}"] if others else notes

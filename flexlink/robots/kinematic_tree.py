@@ -9,13 +9,11 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.rigid import Pose, SpatialInertia
 from flexlink.common.errors import DataFileError
-from flexlink.describe.spec import short, short_list
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
+from flexlink.describe.spec import short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
 TURNING = {"revolute", "continuous"}
@@ -105,7 +103,7 @@ class Robot:
         for joint in self.joints.values():
             for link in (joint.parent, joint.child):
                 if link not in self.links:
-                    raise DataFileError(f"joint {short(joint.name)}: link {short(link)} is not there")
+                    raise DataFileError(f"joint {truncated(joint.name)}: link {truncated(link)} does not exist")
         _check_roots(self)
         _check_mimics(self)
 
@@ -116,8 +114,10 @@ class Robot:
         for joint in self.joints.values():
             other = found.setdefault(joint.child, joint)
             if other is not joint:
-                both = f"{short(other.name)} and {short(joint.name)}"
-                raise DataFileError(f"link {short(joint.child)} hangs on two joints, {both}; a robot is a tree")
+                both = f"{truncated(other.name)} and {truncated(joint.name)}"
+                raise DataFileError(
+                    f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not supported"
+                )
         return found
 
     @functools.cached_property
@@ -169,11 +169,11 @@ class Robot:
 def _check_roots(robot: Robot) -> None:
     roots = [link for link in robot.links if link not in robot.above]
     if len(roots) > 1:
-        raise DataFileError(f"{len(roots)} links hang on no joint, {short_list(roots)}; a robot has one root")
+        raise DataFileError(f"{len(roots)} links have no parent joint, {short_list(roots)}; a robot has one root")
     reached = set(robot.outward(roots[0])) if roots else set()
     circle = [link for link in robot.links if link not in reached]
     if circle:
-        raise DataFileError(f"links {short_list(circle)} hang on each other in a loop; a robot is a tree")
+        raise DataFileError(f"links {short_list(circle)} form a loop; closed loops are not supported")
 
 
 def _check_mimics(robot: Robot) -> None:
@@ -183,9 +183,9 @@ def _check_mimics(robot: Robot) -> None:
         while joint.mimic is not None and joint.name not in fine:
             leader = joint.mimic.leader
             if leader not in robot.joints:
-                raise DataFileError(f"joint {short(joint.name)}: mimics {short(leader)}, which is not there")
+                raise DataFileError(f"joint {truncated(joint.name)}: mimics {truncated(leader)}, which does not exist")
             fine.add(joint.name)  # unless this way leads back to it
             joint = robot.joints[leader]
             if leader in way:
-                raise DataFileError(f"joint {short(leader)}: mimics itself, by way of {short_list(list(way))}")
+                raise DataFileError(f"joint {truncated(leader)}: mimics itself, by way of {short_list(list(way))}")
             way[leader] = None

@@ -13,19 +13,17 @@ from typing import cast, get_args
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common import safe_xml
 from flexlink.common.errors import DataFileError, SceneError
 from flexlink.common.files import read_regular
-from flexlink.describe.data_files import given_path
+from flexlink.common.types import Array
+from flexlink.describe.data_files import require_path
 from flexlink.describe.directions import unit
-from flexlink.describe.spec import meant, short
+from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
-
-Array = NDArray[np.float64]
 
 MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 LONGEST = 10_000  # characters of an attribute; no path is longer
@@ -60,7 +58,7 @@ def read_robot(path: str | Path) -> Robot:
     DataFileError
         The message names the file, the link or joint, the value and what is allowed.
     """
-    path = given_path("path", path)
+    path = require_path("path", path)
     data = read_regular(path, largest=safe_xml.LARGEST, error=DataFileError)
     root = safe_xml.parse(data, str(path))
     try:
@@ -72,14 +70,14 @@ def read_robot(path: str | Path) -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     if root.tag != "robot":
-        raise DataFileError(f"<{short(root.tag)[1:-1]}> at the top; a URDF file has <robot>")
+        raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>")
     if root.find(".//flexlink") is not None:
-        raise DataFileError("<flexlink>: a chain that was exported, springs and all; a robot has none: use its scene")
+        raise DataFileError("<flexlink>: this file was exported by flexlink; load its scene instead")
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
-            raise DataFileError(f"<xacro:{short(element.tag.partition('}')[2])[1:-1]}>: a macro")
+            raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
         if any(len(value) > LONGEST for value in element.attrib.values()):
-            raise DataFileError(f"<{short(element.tag)[1:-1]}>: an attribute of more than {LONGEST} characters")
+            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {LONGEST} characters")
     found = root.findall("link")
     if len(found) > MOST_LINKS:
         raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
@@ -100,13 +98,13 @@ def _new_name(element: ET.Element, known: dict[str, SpatialInertia] | dict[str, 
     if not name:
         raise DataFileError(f"{element.tag} {len(known) + 1}: name: missing")
     if name in known:
-        raise DataFileError(f"{_said(element)}: two {element.tag}s have this name")
+        raise DataFileError(f"{_said(element)}: this name is used twice")
     return name
 
 
 def _said(element: ET.Element) -> str:
     """A link or joint in a message."""
-    return f"{element.tag} {short(element.get('name'))}"
+    return f"{element.tag} {truncated(element.get('name'))}"
 
 
 def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
@@ -134,9 +132,9 @@ def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) ->
     values = safe_xml.numbers_of(text)
     if values is None or len(values) != count:
         wanted = "a finite number" if count == 1 else f"{count} finite numbers with blanks between"
-        raise DataFileError(f"{about} = {short(text)}: expected {wanted}")
+        raise DataFileError(f"{about} = {truncated(text)}: expected {wanted}")
     if max(map(abs, values)) > largest:
-        raise DataFileError(f"{about} = {short(text)}: expected a finite number, of a robot at most {largest:g}")
+        raise DataFileError(f"{about} = {truncated(text)}: must be at most {largest:g} (SI units)")
     return values
 
 
@@ -204,7 +202,9 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
 def _kind(element: ET.Element, about: str) -> JointKind:
     given = _text(element, "type", about)
     if given not in KINDS:
-        raise DataFileError(f"{about}: type = {short(given)}: allowed are {', '.join(KINDS)}{meant(given, KINDS)}")
+        raise DataFileError(
+            f"{about}: type = {truncated(given)}: allowed are {', '.join(KINDS)}{did_you_mean(given, KINDS)}"
+        )
     return cast(JointKind, given)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 from flexlink.chain.rigid import HERE, Pose, SpatialInertia
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.spec import meant, plain, short, short_list
+from flexlink.describe.spec import did_you_mean, short_list, to_builtin, truncated
 from flexlink.robots.kinematic_tree import Robot, TreeJoint
 
 
@@ -76,23 +76,27 @@ def serial(
             _check_stated(robot, key, name, value)
     for name in locked:
         if name in posture:
-            raise ArgumentError(f"joint {short(name)}: stands in posture and in locked; say in locked where it stays")
+            raise ArgumentError(f"joint {truncated(name)}: is in posture and in locked; leave it out of posture")
     tip = _only_tip(robot, base, locked) if tip is None else _known("tip", tip, robot.links)
     way = robot.path(base, tip)
     if way is None:
-        raise ArgumentError(f"tip = {short(tip)}: does not lie beyond base = {short(base)} in the tree of links")
+        raise ArgumentError(
+            f"tip = {truncated(tip)}: is not reached from base = {truncated(base)} outward; choose a link beyond it"
+        )
     for name in locked:
         if robot.joints[name] not in way:
-            raise ArgumentError(f"locked: {short(name)} is not between {base!r} and {tip!r}; posture says where it is")
+            raise ArgumentError(
+                f"locked: joint {truncated(name)} is not between {base!r} and {tip!r}; put it into posture"
+            )
     free = [joint for joint in way if _moves(joint) and joint.name not in locked]
     for joint in free:
         if (reason := _unfit(joint)) is not None:
             raise ArgumentError(
-                f"joint {short(joint.name)}, between {base!r} and {tip!r}, {reason}: no arm of hinges; state in locked "
-                "at which position it stays"
+                f"joint {truncated(joint.name)}, between {base!r} and {tip!r}, {reason}; only hinges can move: fix it, "
+                f"as by --locked {joint.name}=0.0"
             )
     if not free:
-        raise ArgumentError(f"no joint between {base!r} and {tip!r} turns; nothing would move")
+        raise ArgumentError(f"no free hinge between {base!r} and {tip!r}; the arm needs one")
     positions = _positions(robot, {**posture, **locked})
     parts, end = _parts(robot, base, way, [joint.name for joint in free], positions)
     return SerialPath(base, tip, parts, end, positions, _held(robot, parts))
@@ -145,7 +149,7 @@ def _moves(joint: TreeJoint) -> bool:
 def _unfit(joint: TreeJoint) -> str | None:
     """Why a joint cannot be a free one of an arm."""
     if joint.mimic is not None:
-        return f"follows {short(joint.mimic.leader)}"
+        return f"mimics {truncated(joint.mimic.leader)}"
     return None if joint.turns else f"is {joint.kind}"
 
 
@@ -161,11 +165,11 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
         chains.setdefault(joints[link], []).append(link)
     longest = max(chains, key=len)
     if not longest:
-        raise ArgumentError(f"tip: missing; beyond {base!r} no joint turns")
+        raise ArgumentError(f"tip: missing; there is no hinge beyond {base!r}")
     others = [found[0] for way, found in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
-        raise ArgumentError(f"tip: missing; beyond {base!r} there are several arms, to {ends}")
+        raise ArgumentError(f"tip: missing; several arms begin at {base!r}; choose one of their ends: {ends}")
     return chains[longest][-1]
 
 
@@ -181,14 +185,14 @@ def _positions(robot: Robot, stated: Mapping[str, float]) -> dict[str, float]:
 
 def _known(key: str, name: object, names: Mapping[str, object]) -> str:
     if not isinstance(name, str) or name not in names:
-        allowed = f"{short_list(list(names))}{meant(name, names)}"
-        raise ArgumentError(f"{key} = {short(name)}: not there; allowed are {allowed}")
+        allowed = f"{short_list(list(names))}{did_you_mean(name, names)}"
+        raise ArgumentError(f"{key} = {truncated(name)}: unknown; allowed are {allowed}")
     return name
 
 
 def finite(value: object) -> float | None:
     """A number, NumPy's or Python's, that is finite; None for anything else."""
-    number = plain(value)
+    number = to_builtin(value)
     if isinstance(number, bool) or not isinstance(number, int | float):
         return None
     return float(number) if math.isfinite(number) else None
@@ -197,16 +201,20 @@ def finite(value: object) -> float | None:
 def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
     joint = robot.joints[_known(key, name, robot.joints)]
     if joint.kind in {"fixed", "floating", "planar"}:
-        raise ArgumentError(f"{key}: joint {short(name)} is {joint.kind}; only hinges and slides have a position")
+        raise ArgumentError(f"{key}: joint {truncated(name)} is {joint.kind}; only hinges and slides have a position")
     if joint.mimic is not None and key == "posture":
-        raise ArgumentError(f"{key}: joint {short(name)} follows {short(joint.mimic.leader)}; state where that is")
+        raise ArgumentError(
+            f"{key}: joint {truncated(name)} mimics {truncated(joint.mimic.leader)}; give the position of that joint"
+        )
     number = finite(value)
     if number is None:
-        raise ArgumentError(f"{key}: {short(name)} = {short(value)}: expected a finite number [rad, or m of a slide]")
+        raise ArgumentError(
+            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; of a slide m]"
+        )
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
         given, low, high = (_said(joint, position) for position in (number, lower, upper))
-        raise ArgumentError(f"{key}: {short(name)} = {given}: its limits are {low} and {high}")
+        raise ArgumentError(f"{key}: {truncated(name)} = {given}: must be between {low} and {high}")
 
 
 def _said(joint: TreeJoint, position: float) -> str:

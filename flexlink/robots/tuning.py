@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 from flexlink.dynamics.vibration.modal import natural_frequencies
 
 CLOSE = 1e-6
@@ -41,9 +41,9 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     name = scene.arm.links[scene.arm.number(link) - 1].material or link
     material, ratio = scene.arm.materials[name], hertz / clamped_frequency(scene, link)
     young = material.young * (ratio * ratio)
-    asked = f"flexible: link {short(link)}: frequency_hz = {hertz!r}"
+    asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
-        raise ArgumentError(f"{asked}: young = {young:g} Pa is beyond the numbers of float64")
+        raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which float64 cannot hold")
     stiff = msgspec.structs.replace(material, young=young)
     found = scene.varied({"material": scene.arm.materials | {name: stiff}})  # no path: the name may hold any character
     reached = clamped_frequency(found, link)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
-from flexlink.chain.arguments import callable_or_none, given
+from flexlink.chain.arguments import require_callable, require_type
 from flexlink.common.errors import ArgumentError, MissingDependencyError
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.pages.verdict import Report
 from flexlink.scene_report.study import FILES, MEASURED, Study
@@ -58,9 +58,9 @@ def report(
     OutputError
         The folder cannot be made, or a file in it not be written.
     """
-    study = Study(given("scene", scene, Scene), None if against is None else _beside(against), command)
-    callable_or_none("progress", progress)
-    found: Report = building().build(study, given_path("folder", folder), progress or (lambda _: None))
+    study = Study(require_type("scene", scene, Scene), None if against is None else _beside(against), command)
+    require_callable("progress", progress)
+    found: Report = building().build(study, require_path("folder", folder), progress or (lambda _: None))
     return found
 
 
@@ -82,7 +82,7 @@ def building() -> ModuleType:
 
 
 def _beside(against: str | Path) -> Path:
-    path = given_path("against", against)
+    path = require_path("against", against)
     if path.suffix.lower() not in (*FILES, MEASURED):
         raise ArgumentError(f"against = {str(path)!r}: expected {', '.join(FILES)}, or {MEASURED} of measurements")
     if not path.is_file():

@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 
 from flexlink.common.versions import __version__
-from flexlink.describe.data_files import is_own
-from flexlink.describe.spec import short
+from flexlink.describe.data_files import is_user_file
+from flexlink.describe.spec import truncated
 from flexlink.sweeps.plan import Sweep
 
 PACKAGES = ("numpy", "scipy", "numba")
@@ -48,7 +48,7 @@ def identity(sweep: Sweep) -> Identity:
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """What differs between two identities, in words; empty if nothing does."""
-    found = [f"{path} was {short(a)} and is {short(b)}" for path, a, b in _different(there, here)]
+    found = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(there, here)]
     more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
     return "; ".join(found[:TOLD]) + more
 
@@ -72,5 +72,5 @@ def _own_files(value: Any) -> Iterator[str]:
     elif isinstance(value, list | tuple):
         for item in value:
             yield from _own_files(item)
-    elif is_own(value) and Path(value).is_file():
+    elif is_user_file(value) and Path(value).is_file():
         yield value

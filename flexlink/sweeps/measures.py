@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
-from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, meant, short, short_list
+from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, short_list, truncated
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.results.deflection import deflections
@@ -61,7 +61,7 @@ class SweepOutput(Spec, frozen=True):
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
                 allowed = ", ".join(sorted(known)) or "nothing else"
-                raise SceneError(f"{name} = {short(value)}: {self.of!r} takes {allowed}")
+                raise SceneError(f"{name} = {truncated(value)}: {self.of!r} takes {allowed}")
         if "tolerance" in known and self.tolerance is None:
             raise SceneError(f"tolerance: missing; {self.of!r} takes one [m]")
 
@@ -107,7 +107,7 @@ def column_of(run: Trajectory, name: str) -> Array:
     if name not in columns:
         known = [*columns, DEFLECTION, *MEASURES]
         raise ArgumentError(
-            f"of = {short(name)}: no such quantity; allowed are {short_list(known)}{meant(name, known)}"
+            f"of = {truncated(name)}: no such quantity; allowed are {short_list(known)}{did_you_mean(name, known)}"
         )
     return columns[name]
 

@@ -11,10 +11,10 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import DataFileError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.scene import FIELDS, Scene, load_scene
-from flexlink.describe.spec import Spec, check_keys, decode, fields_of, meant, short
-from flexlink.describe.vary import changed
+from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, fields_of, truncated
+from flexlink.describe.vary import apply_changes
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
 from flexlink.sweeps.ranges import MOST, Axis, RandomDesign, grid_axis, sample_axis, together_axis
@@ -92,8 +92,8 @@ class Plan:
         changes = {**self.sweep.set, **self.values(number)}
         engine = changes.pop(ENGINE, "native")
         if engine not in ENGINES:
-            allowed = ", ".join(ENGINES) + meant(engine, ENGINES)
-            raise SceneError(f"engine = {short(engine)}: unknown; allowed are {allowed}")
+            allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
+            raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}")
         return (self.sweep.scene.varied(changes) if changes else self.sweep.scene), engine
 
     @property
@@ -114,7 +114,7 @@ class Plan:
         """
         changes = {**self.sweep.set, **self.values(0)}
         changes.pop(ENGINE, None)
-        changed(self.sweep.scene.document(), FIELDS, changes)
+        apply_changes(self.sweep.scene.document(), FIELDS, changes)
 
     def _check(self) -> None:
         keys, wanted = self.sweep.keys, tuple(self.sweep.quantity)
@@ -130,7 +130,7 @@ class Plan:
                     f"{name}: would name two columns of the rows, which small letters and capitals are not"
                 )
             if not name or not name.isprintable():
-                raise SceneError(f"{short(name)}: cannot be the name of a column")
+                raise SceneError(f"{truncated(name)}: cannot be the name of a column")
         if self.members > MOST:
             raise SceneError(f"{self.members} members: a sweep has at most {MOST}")
 
@@ -158,13 +158,13 @@ def load_sweep(path: str | Path) -> Sweep:
     DataFileError
         The file of a rule or method that the scene names is not valid.
     """
-    path = catalogue.given_path("path", path)
-    raw = catalogue.read_toml(path)
+    path = data_files.require_path("path", path)
+    raw = data_files.read_toml(path)
     try:
         fields = {field.encode_name: field for field in fields_of(Sweep)}
         check_keys(raw, fields, required=("scene", "quantity"))
         if not isinstance(raw["scene"], str):
-            raise SceneError(f"scene = {short(raw['scene'])}: expected the path of a scene file")
+            raise SceneError(f"scene = {truncated(raw['scene'])}: expected the path of a scene file")
         folder = path.parent
         for table, leaf in (("set", ()), ("grid", ("between",)), ("together", ("between",))):
             if isinstance(raw.get(table), dict):
@@ -200,7 +200,7 @@ def _beside(folder: Path, values: dict[str, Any]) -> dict[str, Any]:
 def _absolute(value: Any, folder: Path) -> Any:
     if isinstance(value, list):
         return [_absolute(item, folder) for item in value]
-    return catalogue.absolute(value, folder) if isinstance(value, str) else value
+    return data_files.absolute(value, folder) if isinstance(value, str) else value
 
 
 def _is_slow(axis: Axis) -> bool:

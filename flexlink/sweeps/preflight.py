@@ -6,7 +6,7 @@ import contextlib
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
-from flexlink.describe.spec import meant, short
+from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.engines import load
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import initial_state
@@ -38,8 +38,8 @@ def require_possible(plan: Plan) -> None:
         for name, quantity in plan.sweep.quantity.items():
             if quantity.of not in known:
                 raise SceneError(
-                    f"quantity.{name}.of = {short(quantity.of)}: no such quantity; allowed are {', '.join(known)}"
-                    f"{meant(quantity.of, known)}"
+                    f"quantity.{name}.of = {truncated(quantity.of)}: no such quantity; allowed are {', '.join(known)}"
+                    f"{did_you_mean(quantity.of, known)}"
                 )
     chain = lump(plan.sweep.scene)
     for engine in plan.engines:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-from flexlink.describe.spec import Positive, Spec, decode, short
+from flexlink.describe.spec import Positive, Spec, decode, truncated
 
 Array = NDArray[np.float64]
 Spacing = Literal["linear", "log"]
@@ -173,7 +173,7 @@ def together_axis(said: Mapping[str, Any]) -> Axis:
     lists = {key: _listed(f"together.{key}", value) for key, value in said.items()}
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
-        raise SceneError(f"together: keys go together number by number, but there are {short(counts)} values")
+        raise SceneError(f"together: keys go together number by number, but there are {truncated(counts)} values")
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
@@ -195,7 +195,7 @@ def _listed(path: str, said: Any) -> list[Any]:
     if isinstance(said, dict):
         return cast("list[Any]", decode(said, Range, path).values)
     if not isinstance(said, list | tuple):
-        raise SceneError(f"{path} = {short(said)}: expected a list of values, or {{ between = [a, b], count = n }}")
+        raise SceneError(f"{path} = {truncated(said)}: expected a list of values, or {{ between = [a, b], count = n }}")
     if not said:
         raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key")
     return list(said)

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from pathlib import Path
 
-from flexlink.chain.arguments import callable_or_none, flag, integer
+from flexlink.chain.arguments import integer, require_bool, require_callable
 from flexlink.common.interruption import Stop, deferred, word
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.sweeps.execution import Execution
 from flexlink.sweeps.fingerprint import identity
 from flexlink.sweeps.plan import Plan, Sweep, load_sweep
@@ -80,12 +80,12 @@ def sweep(
     InterruptedSweepError
         Ctrl-C or SIGTERM; rows are kept.
     """
-    callable_or_none("progress", progress)
+    require_callable("progress", progress)
     count = integer("workers", workers, 1, MOST)
     plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
-    place = None if out is None else given_path("out", out)
+    place = None if out is None else require_path("out", out)
     require_possible(plan)
-    with Store(place, plan, identity(plan.sweep), fresh=flag("fresh", fresh)) as store:
+    with Store(place, plan, identity(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
         fill(store, executor, count, dask, progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))

@@ -14,7 +14,7 @@ from threading import Thread
 from typing import ParamSpec, TypeVar
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
-from flexlink.describe.spec import short
+from flexlink.describe.spec import truncated
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -97,7 +97,7 @@ def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, da
     elif callable(executor):
         yield from _own(Pool(executor, AHEAD * (os.cpu_count() or 1), again=True))
     elif executor is not None:
-        raise ArgumentError(f"executor = {short(executor)}: expected a concurrent.futures.Executor, or a function")
+        raise ArgumentError(f"executor = {truncated(executor)}: expected a concurrent.futures.Executor, or a function")
     elif dask is not None:
         yield from _on_cluster(dask)
     elif workers > 1:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.describe.arm import Link
@@ -63,7 +63,7 @@ def beam_scene(name: str) -> Scene:
     ArgumentError
         There is no such scene.
     """
-    change = choice("scene", name, SCENES)
+    change = require_one_of("scene", name, SCENES)
     path = BENCHMARKS / f"{name}.toml"
     scene = load_scene(path if path.is_file() else MODELS / f"{name}.toml").varied(change)
     return INPUTS.get(name, INPUTS["none"])(scene)

@@ -13,7 +13,7 @@ import numpy as np
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.describe.vary import parsed
+from flexlink.describe.vary import to_document
 from flexlink.dynamics.vibration.extremes import fastest_frequency
 from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.trade import Varied, varied_scene
@@ -135,12 +135,12 @@ def _times(value: float, weight: Any) -> Any:
 
 def _said(scene: Scene, path: str) -> float:
     """The number at a path of tables of the arm."""
-    return float(functools.reduce(lambda table, key: table[key], path.split("."), parsed(scene.arm)))
+    return float(functools.reduce(lambda table, key: table[key], path.split("."), to_document(scene.arm)))
 
 
 def _with_links(scene: Scene, number: int) -> dict[str, Any]:
     """The last link so many times, each at the angle and the rate of the last."""
-    *before, last = parsed(scene.arm)["link"]
+    *before, last = to_document(scene.arm)["link"]
     links = [*before, *({**last, "name": f"{last['name']}{k + 1}"} for k in range(number))]
     state = {key: value for key in ("joint_deg", "rate_deg") if (value := getattr(scene.initial, key))}
     return {"link": links} | {f"initial.{key}": x[: len(before)] + x[-1:] * number for key, x in state.items()}

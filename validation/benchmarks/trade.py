@@ -15,9 +15,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
-from flexlink.describe import data_files as catalogue
+from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position
@@ -46,7 +46,7 @@ class Varied(Spec, frozen=True):
 @functools.cache
 def scenes() -> dict[str, Varied]:
     """What the file says, by name."""
-    return {name: decode(raw, Varied, name) for name, raw in catalogue.read_toml(FILE).items()}
+    return {name: decode(raw, Varied, name) for name, raw in data_files.read_toml(FILE).items()}
 
 
 @functools.cache
@@ -60,7 +60,7 @@ def trade_scene(name: str) -> Scene:
     SceneError
         What its file says is no scene.
     """
-    scene = varied_scene(choice("scene", name, scenes()), name)
+    scene = varied_scene(require_one_of("scene", name, scenes()), name)
     every = scene.run.duration / OUTPUTS
     return scene.varied({"run.step": every, "run.sample": every})
 

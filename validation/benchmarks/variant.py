@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.schemes.lumping_rules import lumping_rule
@@ -55,7 +55,7 @@ class Variant(Spec, frozen=True):
             `scene` is none of the case's.
         """
         paths = {path.stem: path for path in case.scene_files}
-        path = choice(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)
+        path = require_one_of(f"{case.path}: variant.scene", self.scene or case.scenes[0], paths)
         scene = load_scene(path).varied(self.change)
         if all(link.flex == "rigid" for link in scene.arm.links):
             return scene

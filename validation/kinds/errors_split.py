@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from validation.benchmarks.error_parts import Fine, Setup, Split, Splitter, Type
@@ -49,7 +49,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Errors and their parts, how well they are known, and a series a scene."""
     scenes = {scene.name: scene for scene in case.load_scenes()}
     for name, errors in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(errors.change)
+        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(errors.change)
         splitter = Splitter(scene, errors.true, errors.fine, errors.in_time)
         splits = {label: splitter.split(setup) for label, setup in errors.run.items()}
         for label, split in splits.items():

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
@@ -78,7 +78,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     """The scene with its input and a step that divides the time between samples."""
-    with_input = choice(f"{case.path}: settings.input", settings.input, INPUTS)
+    with_input = require_one_of(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
     chain = fl.lump(scene)
     stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)

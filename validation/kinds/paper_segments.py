@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 import flexlink as fl
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.inputs.initial_state import initial_state
@@ -57,7 +57,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     scenes = {scene.name: scene for scene in case.load_scenes()}
     found: list[Price] = []
     for name, arm in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(arm.change)
+        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(arm.change)
         limit = arm.fine.limit(scene, arm.flex)
         for segments in arm.segments:
             setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")

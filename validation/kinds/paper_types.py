@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
 from validation.benchmarks.error_parts import Fine, Path, Type, apart
@@ -38,7 +38,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     scenes = {scene.name: scene for scene in case.load_scenes()}
     found: dict[str, float] = {}
     for name, motion in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(motion.change)
+        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(motion.change)
         limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(scene, flex) for t, flex in TYPES.items()}
         errors = {t: apart(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
         for t, error in errors.items():

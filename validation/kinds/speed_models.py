@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
@@ -105,7 +105,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """How well the truth is known; for each error the cheapest run; and all runs to draw."""
     scenes = {scene.name: scene for scene in case.load_scenes()}
     for name, grid in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
+        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
         truth = grid.fine.limit(scene, grid.true)
         motion = motion_of(truth.tip)
         yield Measured("own error / smallest error", truth.own / (motion * min(settings.errors)), scene.name)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
-from flexlink.chain.arguments import choice
+from flexlink.chain.arguments import require_one_of
 from flexlink.engines import Engine
 from validation.benchmarks.published import Pair, published
 from validation.benchmarks.sweep import Point, Sweep, report
@@ -38,7 +38,7 @@ class Settings(Sweep, frozen=True, kw_only=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
-    all_loads = choice(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
+    all_loads = require_one_of(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
     loads = [load for load in all_loads() if not settings.only or load.size in settings.only]
     points = []
     for at in grid(settings.rules):

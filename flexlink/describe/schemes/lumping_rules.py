@@ -12,13 +12,12 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe import data_files as catalogue
-from flexlink.describe.spec import NonNegative, Positive, Spec, short
+from flexlink.common.types import Array
+from flexlink.describe import data_files
+from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
-Array = NDArray[np.float64]
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 
 MOST_JACOBI = 1000
@@ -47,13 +46,13 @@ class Element(Spec, frozen=True):
         super().__post_init__()
         if not self.nodes or len(self.nodes) != len(self.weights):
             raise SceneError(
-                f"weights = {short(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one"
+                f"weights = {truncated(self.weights)}: must be as many as nodes, {len(self.nodes)}, and at least one"
             )
         if self.nodes[-1] > 1 or np.any(np.diff(self.nodes) <= 0):
-            raise SceneError(f"nodes = {short(self.nodes)}: must increase within [0, 1]")
+            raise SceneError(f"nodes = {truncated(self.nodes)}: must increase within [0, 1]")
         if abs(sum(self.weights) - 1) > 1e-12:  # the rounding of weights written with 13 digits or more
             raise SceneError(
-                f"weights = {short(self.weights)}: must sum to 1; together they stand for the whole element"
+                f"weights = {truncated(self.weights)}: must sum to 1; together they stand for the whole element"
             )
 
 
@@ -182,4 +181,4 @@ def lumping_rule(name: str) -> LumpingRule:
     DataFileError
         A file that is not a valid rule.
     """
-    return catalogue.load("lumping", "lumping", name, LumpingRule)
+    return data_files.load("lumping", "lumping", name, LumpingRule)

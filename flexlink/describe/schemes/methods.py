@@ -10,15 +10,12 @@ from typing import Annotated, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, SceneError
-from flexlink.describe import data_files as catalogue
+from flexlink.common.types import Array, Complex
+from flexlink.describe import data_files
 from flexlink.describe.schemes import collocation
-from flexlink.describe.spec import Spec, short
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from flexlink.describe.spec import Spec, truncated
 
 COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
 """Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
@@ -177,10 +174,10 @@ class Method(Spec, frozen=True):
             raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
-            raise SceneError(f"b = {short(self.b)}: must sum to 1")
+            raise SceneError(f"b = {truncated(self.b)}: must sum to 1")
         for i, row in enumerate(A):
             if abs(sum(row, Fraction(0)) - c[i]) > CLOSE:
-                raise SceneError(f"A[{i}] = {short(self.A[i])}: must sum to c[{i}] = {short(self.c[i])}")
+                raise SceneError(f"A[{i}] = {truncated(self.A[i])}: must sum to c[{i}] = {truncated(self.c[i])}")
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:
@@ -194,7 +191,7 @@ class Method(Spec, frozen=True):
             for x in row:
                 _check_number(f"error[{i}]", x)
             if abs(sum(map(Fraction, row), Fraction(0))) > CLOSE:
-                raise SceneError(f"error[{i}] = {short(row)}: must sum to 0")
+                raise SceneError(f"error[{i}] = {truncated(row)}: must sum to 0")
 
 
 def method(name: str) -> Method:
@@ -207,12 +204,12 @@ def method(name: str) -> Method:
     DataFileError
         A file that is not a valid method.
     """
-    return catalogue.load("methods", "method", name, Method)
+    return data_files.load("methods", "method", name, Method)
 
 
 def _check_number(where: str, x: str) -> None:
     if not COEFFICIENT.fullmatch(x):
-        raise SceneError(f"{where}: {short(x)}: a coefficient is a decimal or a fraction such as '1/6'")
+        raise SceneError(f"{where}: {truncated(x)}: a coefficient is a decimal or a fraction such as '1/6'")
 
 
 @functools.lru_cache(maxsize=64)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import choice, flag, given, sequence, vector, wrench_vector
+from flexlink.chain.arguments import require_bool, require_one_of, require_type, sequence, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -136,12 +136,12 @@ def linearize(
     SingularMassError
         A joint moves no inertia of its own here.
     """
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     q = vector("q", q, n)
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
-    wanted = [choice("outputs", name, OUTPUTS) for name in _names(outputs)]
+    wanted = [require_one_of("outputs", name, OUTPUTS) for name in _names(outputs)]
     wrench = given_wrench = wrench_vector(tip_wrench)
-    if flag("follower", follower):
+    if require_bool("follower", follower):
         wrench = turned_with_tip(chain.arrays, given_wrench, q)
     slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
     dq = slopes.dq

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.chain.arguments import require_bool, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.describe.spec import short_list
@@ -121,7 +121,7 @@ def modes(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    n, follower = given("chain", chain, Chain).n, flag("follower", follower)
+    n, follower = require_type("chain", chain, Chain).n, require_bool("follower", follower)
     q = chain.rest.copy() if q is None else vector("q", q, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, vector, wrench_vector
+from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.tangent import load_torque
@@ -47,7 +47,7 @@ def pd_poles(
     SingularMassError
         A joint moves no inertia of its own here.
     """
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     driven = chain.active
     q, wrench = vector("q", q, n), wrench_vector(tip_wrench)
     balance = load_torque(chain, q, np.zeros(n), wrench) + elastic_torque(chain, q)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.chain.arguments import require_bool, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -166,12 +166,12 @@ def _state(
     follower: bool,
     gains: Gains | None,
 ) -> _State:
-    n = given("chain", chain, Chain).n
+    n = require_type("chain", chain, Chain).n
     zero = np.zeros(n)
     rates = zero if qd is None else vector("qd", qd, n)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     gains = Gains(zero, zero) if gains is None else gains
-    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), flag("follower", follower), gains, free)
+    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), require_bool("follower", follower), gains, free)
 
 
 def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
@@ -272,7 +272,7 @@ def stable_step(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    q = np.zeros(given("chain", chain, Chain).n) if q is None else q
+    q = np.zeros(require_type("chain", chain, Chain).n) if q is None else q
     λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, follower=follower, gains=gains)
     return stable_step_of(λ, method)
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.arguments import callable_or_none, choice, integer, positive
+from flexlink.chain.arguments import integer, positive, require_callable, require_one_of
 from flexlink.common.errors import ArgumentError, MissingDependencyError
 from flexlink.common.interruption import deferred, word
 from flexlink.common.output import write_or_keep
-from flexlink.describe.data_files import given_path
+from flexlink.describe.data_files import require_path
 from flexlink.results.pictures.colouring import Colour
 from flexlink.results.pictures.film import Film, film_of
 from flexlink.results.pictures.page import page
@@ -52,18 +52,18 @@ class Shot(NamedTuple):
 
 def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: float, width: int) -> Shot:
     """The arguments, checked; errors as of `Trajectory.animate`."""
-    path = given_path("path", path)
+    path = require_path("path", path)
     require_film(path)
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
     if path.suffix == ".gif":
         fps = GIF_CLOCK / max(round(GIF_CLOCK / fps), 2)
     magnify, speed = positive("magnify", magnify), positive("speed", speed)
-    return Shot(path, magnify, choice("colour", colour, COLOURS), fps, speed, width + width % 2)  # videos: even
+    return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width + width % 2)  # videos: even
 
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> Path:
     """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
-    callable_or_none("progress", progress)
+    require_callable("progress", progress)
     told, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
     told(0.0)
