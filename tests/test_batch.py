@@ -34,7 +34,7 @@ def test_many_states_have_the_accelerations_of_single_ones(
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
         fl.forward_dynamics(chain, q, q, q[:2])
 
 
@@ -168,7 +168,7 @@ def test_neighbours_with_one_reference_follow_it_each_from_its_own_start() -> No
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
     calm = driven().varied({"run.unstable": "allow"})
     wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
-    with pytest.raises(fl.DivergenceError) as caught:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
         fl.simulate_many([calm, wild, calm])
     first, _, last = caught.value.runs
     for run in (first, last):
@@ -179,7 +179,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
     runs = fl.RunSettings(duration=0.05), fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
     good, wild = (paper.varied({"run": run}) for run in runs)
-    with pytest.raises(fl.DivergenceError, match="try a smaller step than") as caught:
+    with pytest.raises(fl.errors.DivergenceError, match="try a smaller step than") as caught:
         fl.simulate_many([good, wild, good])
     runs = caught.value.runs
     assert [len(run.t) for run in runs] == [11, len(caught.value.trajectory.t), 11]
@@ -200,7 +200,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr(batch, "pieces", interrupted)
     monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(scenes)
     assert len(caught.value.runs) == len(scenes)
     for scene, run in zip(scenes[:8], caught.value.runs, strict=False):
@@ -214,7 +214,7 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
-    with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
+    with pytest.raises(fl.errors.DivergenceError, match="the energy does not balance"):
         fl.simulate_many([scene, scene])
 
 
@@ -229,7 +229,7 @@ def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     fl.simulate_many([start.varied({"run": fl.RunSettings(duration=0.01)}) for start in starts])  # compiles
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(starts)
     assert caught.value.signal == number
     runs = caught.value.runs

@@ -9,7 +9,6 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene, nasty_scene
 
 from flexlink import (
-    ArgumentError,
     Arm,
     Chain,
     InitialState,
@@ -20,7 +19,6 @@ from flexlink import (
     PrescribedMotion,
     RigidBody,
     RunSettings,
-    SceneError,
     Section,
     initial_state,
     load_scene,
@@ -33,6 +31,7 @@ from flexlink import (
 from flexlink.describe.arm import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
+from flexlink.errors import ArgumentError, SceneError
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))

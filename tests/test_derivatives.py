@@ -9,8 +9,9 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink import ArgumentError, Chain, Joint, Link, Mount, PrescribedMotion, RigidBody, SingularMassError
+from flexlink import Chain, Joint, Link, Mount, PrescribedMotion, RigidBody
 from flexlink.describe.spec import Vector3
+from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
 from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly

@@ -79,7 +79,7 @@ def test_a_public_function_says_what_it_takes_returns_and_raises(function: Calla
 def test_engines_speak_the_same_grammar(engine: str) -> None:
     try:
         kind = type(load(engine, fl.lump(fl.load_scene(MODELS[0]))))
-    except fl.MissingDependencyError as missing:
+    except fl.errors.MissingDependencyError as missing:
         pytest.skip(str(missing))
     for name in ("mass_matrix", "bias_torque", "gravity_torque", "elastic_torque", "friction_torque"):
         function = getattr(kind, name)

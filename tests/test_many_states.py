@@ -92,17 +92,19 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
     }
     for wanted, value in wrong.items():
         others = [good[0]] * (len(names) - 1)
-        with pytest.raises(fl.ArgumentError, match=f"^{wanted}"):
+        with pytest.raises(fl.errors.ArgumentError, match=f"^{wanted}"):
             function(NASTY, *others, value, **options)
     if len(names) > 1:
-        with pytest.raises(fl.ArgumentError, match=rf"^{last} has shape \(3, {n}\); expected .* as many as {names[0]}"):
+        with pytest.raises(
+            fl.errors.ArgumentError, match=rf"^{last} has shape \(3, {n}\); expected .* as many as {names[0]}"
+        ):
             function(NASTY, *[good] * (len(names) - 1), np.zeros((3, n)), **options)
 
 
 def test_an_error_of_one_state_of_many_says_of_which() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
-    with pytest.raises(fl.ArgumentError, match=r"^state 1: the torque of joint 'waist' is beyond"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the torque of joint 'waist' is beyond"):
         fl.bias_torque(NASTY, np.zeros(NASTY.n), rates)
-    with pytest.raises(fl.ArgumentError, match=r"^state 1: the kinetic energy is beyond"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the kinetic energy is beyond"):
         fl.energy(NASTY, np.zeros(NASTY.n), rates)

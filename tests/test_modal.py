@@ -15,7 +15,6 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink import (
-    ArgumentError,
     Arm,
     Joint,
     Link,
@@ -33,6 +32,7 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.modal import first_order_matrix
+from flexlink.errors import ArgumentError
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import bending_chain, hencky

@@ -147,7 +147,7 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
 def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:
     fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),
               "acceleration_deg": (0.0, 0.0)}  # fmt: skip
-    with pytest.raises(fl.SceneError, match=wanted):
+    with pytest.raises(fl.errors.SceneError, match=wanted):
         make_scene(
             fl.Link(name="a", length=1.0),
             tip=fl.RigidBody(mass=1.0),
@@ -156,12 +156,14 @@ def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: s
 
 
 def test_a_motion_checks_its_table() -> None:
-    with pytest.raises(fl.SceneError, match=r"times\[0\] = 1.0: must be 0"):
+    with pytest.raises(fl.errors.SceneError, match=r"times\[0\] = 1.0: must be 0"):
         fl.PrescribedMotion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     rows = {"angle_deg": (0.0,) * 4, "rate_deg": (0.0,) * 4, "acceleration_deg": (0.0,) * 4}
-    with pytest.raises(fl.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"):
+    with pytest.raises(
+        fl.errors.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"
+    ):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 0.5, 2.0), **rows)
-    with pytest.raises(fl.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 1.5, 2.0), **rows | {"rate_deg": (0.0, 0.0, 0.0, np.nan)})
-    with pytest.raises(fl.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
         fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))

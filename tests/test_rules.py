@@ -8,22 +8,13 @@ from beams import cantilever, thin_arm, thin_link, torsion_bar
 from conftest import flexible, make_scene
 from scipy import special
 
-from flexlink import (
-    Joint,
-    SceneError,
-    bias_torque,
-    elastic_torque,
-    energy,
-    forward_dynamics,
-    friction_torque,
-    lump,
-    mass_matrix,
-)
+from flexlink import Joint, bias_torque, elastic_torque, energy, forward_dynamics, friction_torque, lump, mass_matrix
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.lumping_rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
+from flexlink.errors import SceneError
 from validation.benchmarks.sweep import order
 
 TIP_FREE = {"clamped", "hencky"}

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
-from flexlink import Arm, Joint, Link, RunSettings, SceneError, Section, load_scene, lump, simulate
+from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, simulate
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.conditions import whole
+from flexlink.errors import SceneError
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 

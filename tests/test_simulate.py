@@ -113,7 +113,7 @@ def test_constant_torque_and_wrench_act_together() -> None:
 
 
 def test_a_run_that_diverges_stops_and_keeps_its_samples(paper: fl.Scene) -> None:
-    with pytest.raises(fl.DivergenceError) as caught:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
         fl.simulate(paper, step=1e-3, sample=1e-3, unstable="allow")
     message, kept = str(caught.value), caught.value.trajectory
     for part in ("paper_fig5: ", "t = ", "try a smaller step than 0.001 s", f"{len(kept.t)} samples kept"):
@@ -169,13 +169,13 @@ def test_saved_files_read_back_exactly(paper: fl.Scene, tmp_path) -> None:
         np.testing.assert_array_equal(archive[name], getattr(run, name))
     table = np.genfromtxt(run.save(tmp_path / "run.csv"), delimiter=",", skip_header=1)
     np.testing.assert_array_equal(table, np.column_stack(list(run.columns.values())))
-    with pytest.raises(fl.ArgumentError, match=r"saved as .npz or .csv"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"saved as .npz or .csv"):
         run.save(tmp_path / "run.xlsx")
 
 
 def test_a_failed_save_leaves_the_old_file_and_says_why(paper: fl.Scene, tmp_path) -> None:
     run = fl.simulate(paper, duration=0.01)
-    with pytest.raises(fl.OutputError, match="cannot be written"):
+    with pytest.raises(fl.errors.OutputError, match="cannot be written"):
         run.save(tmp_path / "no" / "run.npz")
     assert list(tmp_path.iterdir()) == []
 

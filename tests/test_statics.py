@@ -11,9 +11,7 @@ from conftest import chain_of, flexible, make_scene, nasty_scene
 from scipy import optimize
 
 from flexlink import (
-    ArgumentError,
     Arm,
-    ConvergenceError,
     Joint,
     Link,
     Material,
@@ -29,6 +27,7 @@ from flexlink import (
 )
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import LARGEST_ARC
+from flexlink.errors import ArgumentError, ConvergenceError
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import hencky

@@ -98,9 +98,11 @@ def test_accelerations_and_loads_of_a_run_are_those_under_the_wrench_of_each_sam
 def test_one_wrench_a_state_is_asked_for_in_as_many_rows() -> None:
     chain = fl.lump(arm(IN_TIME["constant"]))
     still = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"):
+    with pytest.raises(
+        fl.errors.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"
+    ):
         fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
-    with pytest.raises(fl.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
         fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
 
 
@@ -246,7 +248,7 @@ def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module:
     engine = load(name, fl.lump(scene))
     if scene.wrench.hold:
         with pytest.raises(
-            fl.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
+            fl.errors.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
         ):
             engine.integrate(scene)
         return
@@ -318,17 +320,19 @@ def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
     ],
 )
 def test_a_wrench_that_cannot_be_is_refused_by_its_row(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(fl.SceneError, match=told):
+    with pytest.raises(fl.errors.SceneError, match=told):
         fl.Wrench(**fields)
 
 
 def test_what_a_scene_cannot_do_with_a_wrench_is_refused_by_its_key() -> None:
     steep = {"times": (0.0, 5e-324), "forces": ((0.0, 0.0, 0.0), (1e300, 0.0, 0.0))}
-    with pytest.raises(fl.SceneError, match=r"wrench\.forces: change faster .* than float64 can hold"):
+    with pytest.raises(fl.errors.SceneError, match=r"wrench\.forces: change faster .* than float64 can hold"):
         fl.simulate(arm(steep))
-    with pytest.raises(fl.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"):
+    with pytest.raises(
+        fl.errors.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"
+    ):
         arm(IN_TIME["hold"], **{"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.04})
-    with pytest.raises(fl.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
+    with pytest.raises(fl.errors.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
         _ = arm(WRENCHES["constant, tip"]).tip_wrench
 
 
