@@ -58,8 +58,8 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "gravity_torque": (fl.gravity_torque, {"chain": chain, "q": ZERO}),
     "elastic_torque": (fl.elastic_torque, {"chain": chain, "q": ZERO}),
     "friction_torque": (fl.friction_torque, {"chain": chain, "qd": ZERO}),
-    "mass_matrix": (fl.mass_matrix, {"chain": chain, "q": ZERO, "method": "lower"}),
-    "forward_dynamics": (fl.forward_dynamics, {"chain": chain, "q": ZERO, "qd": ZERO, "tau": ZERO, "method": "lu"}),
+    "mass_matrix": (fl.mass_matrix, {"chain": chain, "q": ZERO, "algorithm": "lower"}),
+    "forward_dynamics": (fl.forward_dynamics, {"chain": chain, "q": ZERO, "qd": ZERO, "tau": ZERO, "solver": "lu"}),
     "energy": (fl.energy, {"chain": chain, "q": ZERO, "qd": ZERO}),
     "frames": (fl.frames, {"chain": chain, "q": ZERO}),
     "tip_position": (fl.tip_position, {"chain": chain, "q": ZERO}),
@@ -127,13 +127,13 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are 1 … 2, or waist, upper"),
         (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
-            lambda: fl.mass_matrix(chain(), ZERO[: chain().n], method="uper"),
+            lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"),
             "unknown; allowed are .*; did you mean 'upper'",
         ),
     ],
 )
 def test_the_argument_its_value_and_what_is_allowed_are_named(call: Callable[[], object], wanted: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=f"^({wanted}|method = 'uper': {wanted})"):
+    with pytest.raises(fl.errors.ArgumentError, match=f"^({wanted}|algorithm = 'uper': {wanted})"):
         call()
 
 

@@ -27,9 +27,9 @@ def test_many_states_have_the_accelerations_of_single_ones(
 ) -> None:
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
     tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
-    many = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
+    many = fl.forward_dynamics(chain, q, qd, tau, solver=method, tip_wrench=wrench)
     for row, state in zip(many, zip(q, qd, tau, strict=True), strict=True):
-        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method=method, tip_wrench=wrench))
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, solver=method, tip_wrench=wrench))
 
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
@@ -84,7 +84,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
 def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
-    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, dynamics="lu")}))
+    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, solver="lu")}))
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 

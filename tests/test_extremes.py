@@ -78,7 +78,7 @@ def test_of_joints_whose_inertia_is_less_than_rounding_one_is_named() -> None:
         q, zero = np.zeros((2, chain.n))
         assert fl.mass_matrix(chain, q).diagonal().min() < rounding.of_mass_matrix(chain, q), "what is asked here"
         with pytest.raises(fl.errors.SingularMassError, match="moves no inertia of its own"):
-            fl.forward_dynamics(chain, q, zero, zero, method="cholesky")
+            fl.forward_dynamics(chain, q, zero, zero, solver="cholesky")
 
 
 def test_of_joints_that_rounding_leaves_nothing_the_swing_is_faster_than_anything() -> None:

@@ -94,7 +94,7 @@ def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
     M = fl.mass_matrix(chain, q)
     rest = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - friction
     for method in ("articulated", "lu", "cholesky"):
-        qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
+        qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
         residual = np.abs(M @ qdd - rest).max()
         assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
 

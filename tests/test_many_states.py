@@ -17,7 +17,7 @@ CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
     "gravity_torque": (fl.gravity_torque, ["q"], {}),
     "elastic_torque": (fl.elastic_torque, ["q"], {}),
     "friction_torque": (fl.friction_torque, ["qd"], {}),
-    "mass_matrix": (fl.mass_matrix, ["q"], {"method": "upper"}),
+    "mass_matrix": (fl.mass_matrix, ["q"], {"algorithm": "upper"}),
     "energy": (fl.energy, ["q", "qd"], {}),
     "frames": (fl.frames, ["q"], {}),
     "tip_position": (fl.tip_position, ["q"], {}),

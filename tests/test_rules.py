@@ -161,7 +161,7 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
         torque = tau - bias_torque(chain, q, qd) - elastic_torque(chain, q) - friction_torque(chain, qd)
         expected = np.linalg.solve(M, torque)
         for method in SOLVERS:
-            solved = forward_dynamics(chain, q, qd, tau, method=method)
+            solved = forward_dynamics(chain, q, qd, tau, solver=method)
             assert rounding.acceleration_error(chain, q, qd, tau, solutions=(solved, expected)).max() <= 1
 
 
@@ -200,5 +200,5 @@ def test_other_engines_load_the_chains_of_every_rule(name, engine):
     for _ in range(5):
         q, qd, tau = rng.uniform(-0.5, 0.5, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
         assert np.abs(other.mass_matrix(q) - mass_matrix(chain, q)).max() <= rounding.of_mass_matrix(chain, q)
-        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, method="lu")
+        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, solver="lu")
         assert rounding.acceleration_error(chain, q, qd, tau, solutions=solutions).max() <= 1

@@ -46,7 +46,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link[1].lumping", "did you mean 'paper'?"]),
     "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link[1].lumping", "did you mean 'paper'?"]),
     "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
-    "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
+    "solver misspelt": ('"RK4"', '"RK4"\nsolver = "articulate"', ["run.solver", "did you mean 'articulated'?"]),
     "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
                       "acceleration_deg = [0]\n[initial]", ["motion[0].link", "'uper'", "did you mean 'upper'?"]),
     "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',

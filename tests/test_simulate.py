@@ -48,7 +48,7 @@ def test_an_independent_integrator_finds_the_same_motion(paper: fl.Scene) -> Non
 @pytest.mark.parametrize("name", ["t2_spatial", "t3_spatial"])
 def test_solvers_give_the_same_motion(models, name: str) -> None:
     scene = fl.load_scene(models / f"{name}.toml")
-    lu, cholesky = (fl.simulate(scene, duration=0.1, dynamics=solver) for solver in ("lu", "cholesky"))
+    lu, cholesky = (fl.simulate(scene, duration=0.1, solver=solver) for solver in ("lu", "cholesky"))
     assert np.abs(lu.q - cholesky.q).max() < 1e-11
 
 
@@ -142,7 +142,7 @@ def test_the_largest_stable_step_is_where_runs_start_to_diverge(paper: fl.Scene)
         ({"step": -1.0}, "step = -1.0"),
         ({"step": float("nan")}, "step = nan"),
         ({"method": "RK7"}, "method = 'RK7': unknown; allowed are DOP853, DOPRI5, Gauss4"),
-        ({"dynamics": "magic"}, "dynamics = 'magic'"),
+        ({"solver": "magic"}, "solver = 'magic'"),
         ({"duration": 1e300}, r"more than 2\*\*53"),
     ],
 )

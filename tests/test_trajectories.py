@@ -87,7 +87,7 @@ def test_a_run_that_diverges_elsewhere_disagrees_by_what_there_is_of_it(monkeypa
 
 def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypatch) -> None:
     scene = fl.load_scene(SPATIAL)
-    ours, other = (fl.simulate(scene, duration=0.01, dynamics=name) for name in ("articulated", "lu"))
+    ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))
     apart = np.abs(other.q - ours.q).max()
     assert 0 < apart < AGREE
     monkeypatch.setattr(native.NativeEngine, "integrate", lambda *_: (other.t, other.q, other.qd))

@@ -33,7 +33,7 @@ def finite(run: fl.Trajectory) -> bool:
 # -- the power balance -------------------------------------------------------------------------------------------------
 
 
-def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
+def everything(flex: str, solver: str = "articulated") -> fl.Scene:
     """Drive, friction, damping, wrench with a moment, a prescribed joint with a rotor, gravity in no plane."""
     links = (
         flexible("a", flex, 3, joint=fl.Joint(viscous=0.4, coulomb=0.5, coulomb_width=0.1, armature=0.3)),
@@ -46,15 +46,15 @@ def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
         *links, gravity=(1.0, 7.0, 3.0), motion=(motion,), initial=fl.InitialState(joint_deg=(10.0, -30.0)),
         drive=fl.Drive(kind="pd", kp=(0.0, 30.0), kd=(0.0, 2.0), target_deg=(0.0, 10.0)),
         wrench=fl.Wrench(force=(3.0, -2.0, 1.0), moment=(0.4, 0.3, -0.5)),
-        run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.1, dynamics=dynamics),
+        run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.1, solver=solver),
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, dynamics: str) -> None:
+def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, solver: str) -> None:
     """To the order of the method: half the step leaves a sixteenth."""
-    scene = everything(flex, dynamics)
+    scene = everything(flex, solver)
     coarse, fine = (fl.simulate(scene, step=h) for h in (2e-5, 1e-5))
     parts = np.abs(np.diff(coarse.work)).sum()
     assert parts > 1.0  # J: there is something to balance

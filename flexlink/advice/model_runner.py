@@ -113,7 +113,7 @@ class ModelRunner:
         step = run.step if stepping.step is None else stepping.step
         return replace(
             run, method=stepping.method, step=step, tolerance=stepping.tolerance, relative_tolerance=None,
-            accuracy="tip", dynamics="articulated", unstable="refuse",
+            accuracy="tip", solver="articulated", unstable="refuse",
         )  # fmt: skip
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:

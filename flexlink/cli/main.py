@@ -208,7 +208,7 @@ def _of_simulate(run: argparse.ArgumentParser) -> None:
     run.add_argument("--max-evaluations", type=float, help=f"evaluations that a tolerance may take; default: {own}")
     run.add_argument("--duration", type=float, help=f"simulated time [s]; default: {own}")
     run.add_argument("--sample", type=float, help=f"time between samples [s], a multiple of the step; default: {own}")
-    run.add_argument("--dynamics", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
+    run.add_argument("--solver", help=f"forward dynamics: {', '.join(SOLVERS)}; default: {own}")
     run.add_argument(
         "--insist", action="store_const", const="allow", dest="unstable",
         help="run in spite of a step beyond the largest stable one, or an energy that does not balance",

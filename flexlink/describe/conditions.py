@@ -17,7 +17,7 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, rising,
 
 Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
-Dynamics = Literal["articulated", "lu", "cholesky"]
+ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
 """What becomes of a run that is not stable."""
@@ -190,7 +190,7 @@ class RunSettings(Spec, frozen=True):
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
-    dynamics: Dynamics = "articulated"
+    solver: ForwardSolver = "articulated"
     unstable: Unstable = "refuse"
     tolerance: Positive | None = None  # m
     relative_tolerance: Positive | None = None

@@ -198,9 +198,9 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
 
 def _twin(scene: Scene, ours: Trajectory) -> float:
     """How far apart two of our own algorithms run [rad]; 0 where the other one does not come to the end."""
-    other = "articulated" if scene.run.dynamics == "lu" else "lu"
+    other = "articulated" if scene.run.solver == "lu" else "lu"
     try:
-        return float(np.abs(simulate(scene, dynamics=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
+        return float(np.abs(simulate(scene, solver=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
     except FlexlinkError:
         return 0.0
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import Dynamics
+from flexlink.describe.conditions import ForwardSolver
 from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
 from flexlink.kernels.forward import solvers
@@ -20,7 +20,7 @@ from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
 Array = NDArray[np.float64]
-SOLVERS: dict[Dynamics, solvers.Solver] = {
+SOLVERS: dict[ForwardSolver, solvers.Solver] = {
     "articulated": solvers.ARTICULATED,
     "lu": solvers.LU,
     "cholesky": solvers.CHOLESKY,
@@ -34,7 +34,7 @@ def forward_dynamics(
     tau: ArrayLike,
     *,
     tip_wrench: ArrayLike | None = None,
-    method: str = "articulated",
+    solver: str = "articulated",
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
@@ -49,7 +49,7 @@ def forward_dynamics(
         (n,) being the same in all: "articulated" then takes eight states side by side.
     tip_wrench
         Force and moment on the tip, frame 0, shape (6,) [N, N m], or one row per state, (b, 6).
-    method
+    solver
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
 
@@ -61,21 +61,20 @@ def forward_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has a wrong shape, is not real or finite, unknown method, chains of different layout, q̈ overflows.
+        An argument has a wrong shape, is not real or finite, unknown solver, chains of different layout, q̈ overflows.
     SingularMassError
         A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
     """
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
-        solver = solver_for(chains[0], method)
-        return _forward_dynamics_of_many(chains, solver, tip_wrench, q, qd, tau)
-    n, solver = chain.n, solver_for(chain, method)
+        return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, q, qd, tau)
+    n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
     wrench = wrench_vector(tip_wrench)
-    qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
+    qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
-    raise no_acceleration(chain, solver, wrench, q, qd, tau)
+    raise no_acceleration(chain, kernel, wrench, q, qd, tau)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -126,20 +125,20 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
     if solver.lanes_workspace is None:
-        raise ArgumentError("method: only 'articulated' takes chains side by side")
+        raise ArgumentError("solver: only 'articulated' takes chains side by side")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     return solver.lanes_workspace(
         np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
     )
 
 
-def solver_for(chain: Chain, method: str) -> solvers.Solver:
-    """The solver that `method` means for this chain.
+def solver_for(chain: Chain, solver: str) -> solvers.Solver:
+    """The compiled solver of this name for this chain.
 
     Raises
     ------
     ArgumentError
-        The method is unknown.
+        The solver is unknown.
     """
-    solver = choice("method", method, SOLVERS)
-    return solvers.PLANAR if solver is solvers.ARTICULATED and chain.is_planar else solver
+    kernel = choice("solver", solver, SOLVERS)
+    return solvers.PLANAR if kernel is solvers.ARTICULATED and chain.is_planar else kernel

@@ -26,7 +26,7 @@ from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 
-MASS_METHODS = {
+MASS_ALGORITHMS = {
     "columns": mass.mass_columns,
     "lower": mass.mass_lower,
     "upper": mass.mass_upper,
@@ -213,7 +213,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     return torque
 
 
-def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Array:
+def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> Array:
     """Joint-space inertia M(q), symmetric positive definite.
 
     Parameters
@@ -222,7 +222,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
         The chain.
     q
         Angles [rad], shape (n,), or (b, n) for b states.
-    method
+    algorithm
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
         Every element is right to eps of the largest; relative to √(M_jj M_kk), of a twist j that moves next to no
@@ -236,13 +236,13 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite, the method is unknown, or M is beyond float64.
+        `q` has the wrong shape, is not real or not finite, the algorithm is unknown, or M is beyond float64.
     """
     if is_batch(q):
-        return each(mass_matrix, chain, {"q": q}, method=method)
+        return each(mass_matrix, chain, {"q": q}, algorithm=algorithm)
     q = vector("q", q, given("chain", chain, Chain).n, many=True)
     M = np.zeros((chain.n, chain.n))
-    trace = choice("method", method, MASS_METHODS)(chain.arrays, q, M)
+    trace = choice("algorithm", algorithm, MASS_ALGORITHMS)(chain.arrays, q, M)
     if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
     return M

@@ -63,7 +63,7 @@ def evaluation_time(scene: Scene, chain: Chain) -> float:
     """CPU time [s] of one stage of an explicit method in its compiled loop, measured here and now, in about 30 ms."""
     q, qd = initial_state(scene, chain)
     state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
-    work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+    work = solver_for(chain, scene.run.solver).workspace(chain.arrays)
     rule = method("RK2")
     steps_of_no_length = work, rule.arrays, input_arrays(scene, chain), 0.0
 

@@ -188,7 +188,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     SingularMassError
         It does not, or M is beyond float64.
     """
-    whole = mass_matrix(chain, q, method="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
+    whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
     M = np.ascontiguousarray(whole[np.ix_(free, free)])
     L, stopped = linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):
