@@ -9,6 +9,7 @@ import pytest
 from conftest import nasty_scene, random_state
 
 import flexlink as fl
+from flexlink.dynamics.result import Result
 
 WRENCH = [1.0, -2.0, 3.0, 0.5, -0.4, 0.3]
 CALLS: dict[str, tuple[Callable, list[str], dict[str, object]]] = {
@@ -34,6 +35,8 @@ def batch(chain: fl.Chain, rng: np.random.Generator, b: int) -> dict[str, np.nda
 
 
 def fields(found: object) -> tuple:
+    if isinstance(found, Result):
+        return tuple(vars(found).values())
     return found if isinstance(found, tuple) else (found,)
 
 

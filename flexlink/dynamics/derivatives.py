@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,7 @@ from flexlink.chain.arguments import beyond_float64, given, vector, wrench_vecto
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.result import Result
 from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_slopes
 from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
@@ -18,7 +19,8 @@ from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
 Array = NDArray[np.float64]
 
 
-class InverseDerivatives(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class InverseDerivatives(Result):
     """Slopes of τ = M q̈ + T_GC: row i belongs to τ_i, column j to the coordinate that changes."""
 
     dq: Array  # ∂τ/∂q, (…, n, n) [N m/rad]
@@ -29,7 +31,8 @@ class InverseDerivatives(NamedTuple):
         return f"<InverseDerivatives: {' × '.join(map(str, self.dq.shape))}>"
 
 
-class ForwardDerivatives(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ForwardDerivatives(Result):
     """Slopes of q̈: row i belongs to q̈_i, column j to the coordinate or torque that changes."""
 
     dq: Array  # ∂q̈/∂q, (…, n, n) [1/s²]
@@ -76,6 +79,7 @@ def inverse_dynamics_derivatives(
     found = np.empty((3, n, n))
     if not all_inverse_slopes(*chain.arrays, wrench, q, qd, qdd, found):
         raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    found.setflags(write=False)
     return InverseDerivatives(found[0], found[1], found[2])
 
 
@@ -124,6 +128,7 @@ def forward_dynamics_derivatives(
             chain, q, qd, tau, tip_wrench=tip_wrench
         )  # raises where a number is not finite, or there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
+    found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
 
 

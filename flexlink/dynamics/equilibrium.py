@@ -24,6 +24,7 @@ from flexlink.chain.arguments import flag, given, positive, vector, wrench_vecto
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.dynamics import rounding
+from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.terms import elastic_torque
 
@@ -35,8 +36,8 @@ CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; 
 STEPS = 500
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Equilibrium:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(Result):
     """A posture in which all torques balance.
 
     Attributes

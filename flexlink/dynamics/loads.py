@@ -11,7 +11,7 @@ The loads of a section have the opposite sign: they act on the face that looks o
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +21,14 @@ from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
+from flexlink.dynamics.result import Result
 from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 
 
-class InternalLoads(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class InternalLoads(Result):
     """Force and moment of what lies beyond a cut on what lies before it, at the hinge point of every body.
 
     In axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension, force[1],
@@ -78,7 +80,7 @@ def internal_loads(
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = wrench_vector(tip_wrench)
     found = _cut(chain, q, qd, qdd, wrench)
-    if not all(is_finite(part.reshape(-1)) for part in found):
+    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
         raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import given, integer, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch, rows
+from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
 
 Array = NDArray[np.float64]
 
 
-class Frames(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Frames(Result):
     """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
 
     rotations: Array  # (…, bodies, 3, 3), R: v_0 = R v_body
@@ -81,7 +83,8 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     return tips
 
 
-class Jacobian(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Jacobian(Result):
     """Velocity of a point and angular velocity of its body, frame 0, for each unit rate."""
 
     linear: Array  # (…, 3, n), v = linear @ qd [m/rad]

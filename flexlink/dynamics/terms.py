@@ -9,8 +9,8 @@ results then have a leading b, and a part of the state of shape (n,) belongs to 
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from flexlink.chain.arguments import beyond_float64, choice, given, vector, wren
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
@@ -34,7 +35,8 @@ MASS_ALGORITHMS = {
 }
 
 
-class Energy(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Energy(Result):
     """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
 
     kinetic: Array | float
@@ -46,9 +48,14 @@ class Energy(NamedTuple):
         """Kinetic + gravity + elastic."""
         return self.kinetic + self.gravity + self.elastic
 
+    @property
+    def parts(self) -> Array:
+        """Kinetic, gravity and elastic one below the other, shape (3, …)."""
+        return np.array([self.kinetic, self.gravity, self.elastic])
+
     def __repr__(self) -> str:
-        told = [f"{name} {_span(np.asarray(value))} J" for name, value in self._asdict().items()]
-        return f"<Energy: {', '.join(told)}>"
+        parts = [f"{name} {_span(np.asarray(value))} J" for name, value in vars(self).items()]
+        return f"<Energy: {', '.join(parts)}>"
 
 
 def _span(values: Array) -> str:
@@ -274,6 +281,6 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
     found = Energy(*energies(chain.arrays, q, qd))
     if not math.isfinite(found.total):
-        name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
+        name = next((name for name, value in vars(found).items() if not math.isfinite(value)), "total")
         raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
     return found

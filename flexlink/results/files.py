@@ -23,7 +23,7 @@ class Writer:
         """Write the file."""
         run = self.trajectory
         if self.format == ".npz":
-            kinetic, gravity, elastic = run.energy
+            kinetic, gravity, elastic = run.energy.parts
             joints = np.array(run.chain.joint_names)
             with path.open("wb") as file:
                 arrays = {

@@ -129,7 +129,8 @@ def _hinge_moments(chain: Chain, s: State) -> float:
 def _equilibrium(chain: Chain, s: State) -> float:
     """Each segment about its centre of mass, in its own axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
-    f, n, _ = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    cut = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    f, n = cut.force, cut.moment
     R, p, _, _, *turning = body_motion(chain, s.q, s.qd, qdd)
     worst = 0.0
     for i, body in enumerate(chain.bodies[:-1]):

@@ -23,6 +23,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
+from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
 
@@ -32,7 +33,7 @@ Output = tuple[tuple[str, ...], Array, Array, Array]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class LinearModel:
+class LinearModel(Result):
     """δẋ = A δx + B δu, δy = C δx + D δu about a state, at which ẋ = `rate` and y = `y`.
 
     What SciPy's and python-control's functions take: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.
@@ -62,10 +63,6 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        for array in (self.A, self.B, self.C, self.D, self.x, self.u, self.y, self.rate):
-            array.flags.writeable = False
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -193,7 +190,8 @@ def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
 
     ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j
     """
-    J, e = jacobian(chain, q)
+    tip = jacobian(chain, q)
+    J, e = tip.linear, tip.angular
     turning, moving = e * qd, J * qd
     before = np.cumsum(turning, axis=1) - turning
     beyond = np.cumsum(moving[:, ::-1], axis=1)[:, ::-1]

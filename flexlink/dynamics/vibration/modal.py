@@ -19,6 +19,7 @@ from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
+from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
@@ -27,8 +28,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Modes:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Modes(Result):
     """Modes of small motion about a posture, slowest first.
 
     Attributes
