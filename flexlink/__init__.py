@@ -48,6 +48,7 @@ from flexlink.motion.batch import simulate_many
 from flexlink.motion.sensitivity import sensitivities
 from flexlink.motion.simulate import simulate
 from flexlink.motion.simulator import Simulator
+from flexlink.results.loading import load_trajectory
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
@@ -106,6 +107,7 @@ __all__ = [
     "linearize",
     "load_scene",
     "load_sweep",
+    "load_trajectory",
     "lump",
     "mass_matrix",
     "modes",

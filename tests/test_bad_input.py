@@ -368,7 +368,7 @@ def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
 
 def test_methods_that_are_no_text_are_refused(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(fl.errors.ArgumentError, match="method = \\[\\]: unknown"):
+    with pytest.raises(fl.errors.ArgumentError, match="algorithm = \\[\\]: unknown"):
         fl.mass_matrix(chain, np.zeros(10), algorithm=[])  # type: ignore[arg-type]
     with pytest.raises(fl.errors.ArgumentError, match="method = 5: unknown"):
         fl.stable_step(chain, method=5)  # type: ignore[arg-type]

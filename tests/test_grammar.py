@@ -31,7 +31,8 @@ OF_OTHERS = {
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
     fl.sensitivities: ["scene", "parameters"],
     fl.beam_strain: ["scene", "q"], fl.settling_time: ["run"], fl.overshoot: ["run"], fl.residual_vibration: ["run"],
-    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.sweep: ["what"], load: ["name", "chain"],
+    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.load_trajectory: ["path"],
+    fl.sweep: ["what"], load: ["name", "chain"],
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.output import write_text
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.arm import Arm, Link
 from flexlink.describe.conditions import (
@@ -256,6 +257,20 @@ class Scene(Spec, frozen=True):
         document: dict[str, Any] = said(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         return toml_of({key: document[key] for key in ORDER if key in document})
+
+    def save(self, path: str | Path) -> Path:
+        """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            `path` is no path.
+        OutputError
+            It cannot be written.
+        """
+        path = catalogue.given_path("path", path)
+        write_text(path, self.to_toml())
+        return path
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""

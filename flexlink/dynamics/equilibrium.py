@@ -24,7 +24,7 @@ from flexlink.chain.arguments import flag, given, positive, vector, wrench_vecto
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
 from flexlink.dynamics import rounding
-from flexlink.dynamics.result import Result
+from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.terms import elastic_torque
 
@@ -37,7 +37,7 @@ STEPS = 500
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Equilibrium(Result):
+class Equilibrium(SavedResult):
     """A posture in which all torques balance.
 
     Attributes

@@ -39,9 +39,10 @@ class Trajectory(RunSamples):
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
+        """Write an .npz archive, which `load_trajectory` reads back equal to the bit, or a .csv table of `columns`.
 
-        Numbers are written so that they read back exactly. The file appears whole or not at all.
+        The archive holds t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints, warnings,
+        steps, scene (TOML) and chain_… . Numbers of the table read back exactly. A file appears whole or not at all.
 
         Raises
         ------

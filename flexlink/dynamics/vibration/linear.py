@@ -23,7 +23,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
-from flexlink.dynamics.result import Result
+from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
 
@@ -33,7 +33,7 @@ Output = tuple[tuple[str, ...], Array, Array, Array]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class LinearModel(Result):
+class LinearModel(SavedResult):
     """δẋ = A δx + B δu, δy = C δx + D δu about a state, at which ẋ = `rate` and y = `y`.
 
     What SciPy's and python-control's functions take: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.

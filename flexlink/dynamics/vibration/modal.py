@@ -19,7 +19,7 @@ from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
-from flexlink.dynamics.result import Result
+from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
@@ -29,7 +29,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Modes(Result):
+class Modes(SavedResult):
     """Modes of small motion about a posture, slowest first.
 
     Attributes
