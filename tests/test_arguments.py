@@ -63,9 +63,9 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "energy": (fl.energy, {"chain": chain, "q": ZERO, "qd": ZERO}),
     "frames": (fl.frames, {"chain": chain, "q": ZERO}),
     "tip_position": (fl.tip_position, {"chain": chain, "q": ZERO}),
-    "modes": (fl.modes, {"chain": chain, "follower": False}),
-    "natural_frequencies": (fl.natural_frequencies, {"chain": chain, "follower": False}),
-    "solve_static": (fl.solve_static, {"chain": chain, "follower": False, "tolerance": 1e-9}),
+    "modes": (fl.modes, {"chain": chain, "frame": "world"}),
+    "natural_frequencies": (fl.natural_frequencies, {"chain": chain, "frame": "world"}),
+    "solve_static": (fl.solve_static, {"chain": chain, "frame": "world", "tolerance": 1e-9}),
     "buckling_loads": (fl.buckling_loads, {"chain": chain}),
     "stable_step": (fl.stable_step, {"chain": chain, "method": "RK4"}),
     "lump": (fl.lump, {"scene": scene()}),
@@ -123,7 +123,7 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.load_scene(5), "path = 5: expected a str or a Path, got int"),
         (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
-        (lambda: fl.modes(chain(), follower="no"), "follower = 'no': must be True or False"),
+        (lambda: fl.modes(chain(), frame="no"), "frame = 'no': unknown; allowed are world, tip"),
         (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are 1 … 2, or waist, upper"),
         (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
@@ -231,7 +231,7 @@ def test_numpy_numbers_are_arguments_and_run_settings() -> None:
     assert fl.simulate_many([scene()], threads=np.int64(1))[0].q.shape == run.q.shape
     assert chain().joint_name(np.int64(0)) == chain().joint_name(np.array(0)) == "waist"
     assert chain().index(np.int64(2), np.int32(1), np.int8(3)) == chain().index(2, 1, 3)
-    assert len(fl.modes(chain(), follower=np.bool_(False)).eigenvalues) == chain().n
+    assert len(fl.modes(chain(), frame="world").eigenvalues) == chain().n
 
 
 BIG = 1e160

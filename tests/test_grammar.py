@@ -58,7 +58,7 @@ def test_what_a_function_is_about_comes_first_and_everything_else_is_given_by_na
 
 
 def test_options_of_one_name_stand_in_one_order() -> None:
-    order = ["tip_wrench", "follower", "gains", "locked", "solver", "algorithm", "method", "tolerance"]
+    order = ["tip_wrench", "frame", "gains", "locked", "solver", "algorithm", "method", "tolerance"]
     for function in OF_A_STATE:
         options = [name for name in by_name(function) if name in order]
         assert options == sorted(options, key=order.index), function

@@ -312,7 +312,7 @@ def test_becks_column_flutters_at_the_published_load(rule, hinges):
     chain = cantilever(rule, hinges)
 
     def at(load):
-        return modes(chain, tip_wrench=[-load, 0, 0, 0, 0, 0], follower=True)
+        return modes(chain, tip_wrench=[-load, 0, 0, 0, 0, 0], frame="tip")
 
     low, high = 10.0, 30.0
     for _ in range(40):
@@ -482,7 +482,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
     """Nothing depends on its angle, but K has no potential: its double λ = 0 is found as such."""
     chain = fl.lump(make_scene(flexible("a", "yz", damping=damping)))
     for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
-        found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, follower=True)
+        found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, frame="tip")
         assert found.stable
         assert found.frequencies[0] == found.damping_ratios[0] == 0
         assert np.isfinite(found.frequencies).all()

@@ -42,7 +42,7 @@ def test_modes_of_a_spinning_arm_are_those_of_its_linearised_equation_of_motion(
 def test_slow_flutter_is_not_stable() -> None:
     """Beck's column below and above the load at which two frequencies meet, 20.05 EI/L²; of 12 hinges 3 % less."""
     chain = cantilever("legendre", 12)
-    below, above = (fl.modes(chain, tip_wrench=[-20.05 * part, 0, 0, 0, 0, 0], follower=True) for part in (0.93, 0.98))
+    below, above = (fl.modes(chain, tip_wrench=[-20.05 * part, 0, 0, 0, 0, 0], frame="tip") for part in (0.93, 0.98))
     assert below.stable
     assert not above.stable
     assert above.damping_ratios.min() > -0.1

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene
+from conftest import flexible, make_scene, nasty_scene
 from scipy.integrate import quad
 
 import flexlink as fl
@@ -266,9 +266,9 @@ def test_a_follower_force_counts_in_the_eigenvalues_as_in_the_modes() -> None:
     still = np.zeros(chain.n)
     for part, flutters in ((18.0, False), (21.0, True)):
         wrench = [-part * EI / 1.25**2, 0, 0, 0, 0, 0]
-        λ = eigenvalues(chain, still, tip_wrench=wrench, follower=True)
+        λ = eigenvalues(chain, still, tip_wrench=wrench, frame="tip")
         assert (λ.real.max() > 1e-6 * np.abs(λ).max()) == flutters
-        assert fl.modes(chain, tip_wrench=wrench, follower=True).stable != flutters
+        assert fl.modes(chain, tip_wrench=wrench, frame="tip").stable != flutters
 
 
 @each_room
@@ -286,7 +286,7 @@ def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
         R = fl.frames(chain, angles).rotations[-1]
         return fl.forward_dynamics(chain, angles, qd, tau, tip_wrench=(wrench.reshape(2, 3) @ R.T).ravel())
 
-    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, follower=True)
+    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, frame="tip")
     np.testing.assert_allclose(model.rate[n:], qdd(q), rtol=1e-9)
     h = 1e-5 * np.eye(n)
     slopes = np.array([(qdd(q + step) - qdd(q - step)) / 2e-5 for step in h]).T
@@ -341,3 +341,53 @@ def test_a_scene_with_a_table_reads_back_and_a_file_that_cannot_hold_it_says_so(
     path = tmp_path / "a.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == scene
+
+
+def test_a_wrench_in_axes_of_the_tip_is_the_turned_one_in_all_of_dynamics(rng) -> None:
+    chain = fl.lump(nasty_scene())
+    q, qd, qdd, tau = (rng.uniform(-0.5, 0.5, (3, chain.n)) for _ in range(4))
+    given = rng.normal(size=(3, 6))
+    R = fl.frames(chain, q).rotations[:, -1]
+    turned = np.concatenate([(R @ given[:, :3, None])[..., 0], (R @ given[:, 3:, None])[..., 0]], axis=1)
+    for function, third in (
+        (fl.bias_torque, ()),
+        (fl.inverse_dynamics, (qdd,)),
+        (fl.forward_dynamics, (tau,)),
+        (fl.internal_loads, (qdd,)),
+    ):
+        world, tip = (
+            function(chain, q, qd, *third, tip_wrench=wrench, frame=frame)
+            for wrench, frame in ((turned, "world"), (given, "tip"))
+        )
+        world, tip = (found.moment if function is fl.internal_loads else found for found in (world, tip))
+        np.testing.assert_allclose(tip, world, rtol=1e-12, atol=1e-12 * np.abs(world).max())
+        one = function(chain, q[1], qd[1], *(part[1] for part in third), tip_wrench=given[1], frame="tip")
+        np.testing.assert_allclose(one.moment if function is fl.internal_loads else one, tip[1], rtol=1e-13)
+        with pytest.raises(fl.errors.ArgumentError, match="frame = 'base': unknown; allowed are world, tip"):
+            function(chain, q, qd, *third, tip_wrench=given, frame="base")
+
+
+@pytest.mark.parametrize(
+    ("slopes", "function"),
+    [
+        (fl.inverse_dynamics_derivatives, fl.inverse_dynamics),
+        (fl.forward_dynamics_derivatives, fl.forward_dynamics),
+    ],
+)
+def test_derivatives_know_that_a_wrench_turns_with_the_tip(slopes, function, rng) -> None:
+    chain = fl.lump(nasty_scene())
+    q, qd, third = (rng.uniform(-0.5, 0.5, chain.n) for _ in range(3))
+    acting = {"tip_wrench": 100 * rng.normal(size=6), "frame": "tip"}
+    found, h = slopes(chain, q, qd, third, **acting), 1e-5
+
+    def along(step: np.ndarray) -> np.ndarray:
+        ahead, behind = (function(chain, q + sign * step, qd, third, **acting) for sign in (1, -1))
+        return (ahead - behind) / (2 * h)
+
+    wanted = np.column_stack([along(h * e) for e in np.eye(chain.n)])
+    np.testing.assert_allclose(found.dq, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+    fixed = slopes(chain, q, qd, third, tip_wrench=acting["tip_wrench"])
+    assert np.abs(found.dq - fixed.dq).max() > 1e-5 * np.abs(wanted).max()
+    assert not found.dq.flags.writeable
+    many = slopes(chain, np.tile(q, (2, 1)), qd, third, **acting)
+    np.testing.assert_array_equal(many.dq[1], found.dq)

@@ -17,6 +17,8 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, rising,
 
 Array = NDArray[np.float64]
 AUTO = "auto"  # in place of a method's name
+Frame = Literal["world", "tip"]
+"""Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""
 ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
@@ -138,7 +140,7 @@ class Wrench(Spec, frozen=True):
 
     force: Vector3 = (0.0, 0.0, 0.0)
     moment: Vector3 = (0.0, 0.0, 0.0)
-    frame: Literal["world", "tip"] = "world"
+    frame: Frame = "world"
     times: tuple[float, ...] | None = None  # s
     forces: tuple[Vector3, ...] | None = None
     moments: tuple[Vector3, ...] | None = None

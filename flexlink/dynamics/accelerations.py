@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import all_given, choice, vector, wrench_vector
+from flexlink.chain.arguments import all_given, choice, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import ForwardSolver
+from flexlink.describe.conditions import ForwardSolver, Frame
 from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
+from flexlink.dynamics.wrench import turns_with_tip, world_wrench
 from flexlink.kernels.forward import solvers
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
@@ -34,6 +35,7 @@ def forward_dynamics(
     tau: ArrayLike,
     *,
     tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
     solver: str = "articulated",
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
@@ -47,8 +49,9 @@ def forward_dynamics(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states, a part of shape
         (n,) being the same in all: "articulated" then takes eight states side by side.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m], or one row per state, (b, 6).
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world", or
+        of the "tip" frame.
     solver
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
@@ -67,10 +70,10 @@ def forward_dynamics(
     """
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
-        return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, q, qd, tau)
+        return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, frame, q, qd, tau)
     n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
@@ -88,7 +91,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 
 
 def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, *state: ArrayLike
+    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, frame: Frame, *state: ArrayLike
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
@@ -100,6 +103,9 @@ def _forward_dynamics_of_many(
     if b == 0:
         return np.zeros((b, n))
     wrenches = wrench_rows(tip_wrench, b)
+    if turns_with_tip(frame):
+        given = zip(itertools.cycle(chains), states[0], wrenches, strict=False)
+        wrenches = np.array([world_wrench(chain, q, wrench, frame) for chain, q, wrench in given])
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))

@@ -4,7 +4,7 @@
 
 All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
 results then have a leading b, and a part of the state of shape (n,) belongs to all of them. The tip wrench
-(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of `frame`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, choice, given, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, choice, given, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.result import Result
+from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
@@ -65,7 +67,13 @@ def _span(values: Array) -> str:
 
 
 def inverse_dynamics(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
 ) -> Array:
     """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
 
@@ -77,8 +85,8 @@ def inverse_dynamics(
         The chain.
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
     Returns
     -------
@@ -91,10 +99,10 @@ def inverse_dynamics(
         An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
     if is_batch(q, qd, qdd):
-        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
+        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
     n = given("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
     if not is_finite(tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
@@ -106,7 +114,9 @@ def _at(what: str, chain: Chain, values: Array) -> str:
     return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
-def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> Array:
+def bias_torque(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
+) -> Array:
     """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
 
     Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
@@ -117,8 +127,8 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayL
         The chain.
     q, qd
         Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
     Returns
     -------
@@ -130,7 +140,7 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayL
     ArgumentError
         As in `inverse_dynamics`.
     """
-    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench)
+    return inverse_dynamics(chain, q, qd, np.zeros(given("chain", chain, Chain).n), tip_wrench=tip_wrench, frame=frame)
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:

@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import flag, given, vector, wrench_vector
+from flexlink.chain.arguments import given, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
+from flexlink.dynamics.wrench import turns_with_tip
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -86,7 +88,7 @@ def modes(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     locked: Joints = (),
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
@@ -102,10 +104,9 @@ def modes(
     qd
         Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
         rate): centrifugal stiffness and gyroscopic coupling.
-    tip_wrench
-        Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
-    follower
-        The wrench is given in axes of the tip frame and turns with it.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
+        with which they turn.
     locked
         Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
         or a boolean mask, shape (n,). Prescribed joints never do.
@@ -122,7 +123,7 @@ def modes(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    n, follower = given("chain", chain, Chain).n, flag("follower", follower)
+    n, follower = given("chain", chain, Chain).n, turns_with_tip(frame)
     q = chain.rest.copy() if q is None else vector("q", q, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
@@ -143,7 +144,7 @@ def natural_frequencies(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     locked: Joints = (),
 ) -> Array:
     """Natural angular frequencies, slowest first, nan for a motion that just falls.
@@ -156,7 +157,7 @@ def natural_frequencies(
         The chain.
     q, qd
         Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
-    tip_wrench, follower, locked
+    tip_wrench, frame, locked
         Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
 
     Returns
@@ -169,7 +170,7 @@ def natural_frequencies(
     ArgumentError, SingularMassError
         As in `modes`.
     """
-    return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
+    return modes(chain, q, qd, tip_wrench=tip_wrench, frame=frame, locked=locked).frequencies
 
 
 def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
