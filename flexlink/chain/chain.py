@@ -16,10 +16,11 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import given, integer, number_of
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import drawing_module, html_table
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short
 from flexlink.kernels.layout import ChainArrays
@@ -80,6 +81,28 @@ class Chain:
     def __repr__(self) -> str:
         kilograms = self.bodies["mass"].sum()
         return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {kilograms:.6g} kg>"
+
+    def _repr_html_(self) -> str:
+        hinges = self.hinges
+        heads = ("k", "joint", "driven", "stiffness [N m/rad]", "damping [N m s/rad]", "rest [rad]")
+        columns = (hinges[name].tolist() for name in ("stiffness", "damping", "rest"))
+        driven = ["yes" if c.axis == 0 else "" for c in self.coordinates]
+        rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
+        return html_table(repr(self), heads, rows)
+
+    def plot(self, q: ArrayLike | None = None) -> Any:
+        """Draw the arm at angles q [rad], shape (n,), from the side and, if it is not in a plane, from above.
+
+        Without q joints are at zero and springs slack. Returns a matplotlib Figure, which a notebook shows once.
+
+        Raises
+        ------
+        ArgumentError
+            `q` has the wrong shape, is not real or not finite.
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:

@@ -9,6 +9,7 @@ slope of T_FR at rest.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +18,7 @@ from scipy import linalg
 from flexlink.chain.arguments import given, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.common.notebook import drawing_module, html_table
 from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
@@ -58,6 +60,23 @@ class Modes(SavedResult):
     def __repr__(self) -> str:
         told = short_list([f"{f:.4g}" for f in self.hertz])
         return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
+
+    def _repr_html_(self) -> str:
+        columns = (self.hertz, self.damping_ratios, self.eigenvalues.real, self.eigenvalues.imag)
+        rows = list(zip(range(1, len(self.eigenvalues) + 1), *(c.tolist() for c in columns), strict=True))
+        return html_table(repr(self), ("mode", "frequency [Hz]", "damping ratio", "Re λ [1/s]", "Im λ [1/s]"), rows)
+
+    def plot(self, *, name: str = "arm", count: int = 8) -> Any:
+        """Draw the first `count` modes as displaced arms, a panel each, under a title with the `name`.
+
+        Returns a matplotlib Figure, which a notebook shows once.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        return drawing_module("results.plotting").plot_modes(self, name, count)
 
     @property
     def frequencies(self) -> Array:
