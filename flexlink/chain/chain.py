@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import given, integer, number_of
+from flexlink.chain.arguments import given, integer, number_of, vector
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import short
+from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 
 Array = NDArray[np.float64]
@@ -79,8 +80,7 @@ class Chain:
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __repr__(self) -> str:
-        kilograms = self.bodies["mass"].sum()
-        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {kilograms:.6g} kg>"
+        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {self.mass:.6g} kg>"
 
     def _repr_html_(self) -> str:
         hinges = self.hinges
@@ -113,6 +113,25 @@ class Chain:
     def n(self) -> int:
         """Number of degrees of freedom."""
         return len(self.hinges)
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies [kg]."""
+        return float(self.bodies["mass"].sum())
+
+    def com(self, q: ArrayLike) -> Array:
+        """Centre of mass of all bodies at angles q [rad], shape (n,), in frame 0, shape (3,) [m].
+
+        Raises
+        ------
+        ArgumentError
+            `q` has the wrong shape, is not real or not finite, or the chain has no mass.
+        """
+        if self.mass == 0:
+            raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass")
+        placed = forward_kinematics(self.arrays, vector("q", q, self.n))
+        centers = placed.points + np.einsum("ijk,ik->ij", placed.rotations, self.bodies["center"])
+        return np.asarray(self.bodies["mass"] @ centers / self.mass)
 
     @property
     def stiffness(self) -> Array:

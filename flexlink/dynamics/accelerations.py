@@ -40,7 +40,8 @@ def forward_dynamics(
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
-    A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
+    Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint whose motion is prescribed keeps its rate here, q̈ = 0,
+    whatever `tau` says.
 
     Parameters
     ----------

@@ -31,6 +31,8 @@ class Frames(Result):
 def frames(chain: Chain, q: ArrayLike) -> Frames:
     """Rotation and origin of every body frame in frame 0.
 
+    Forward kinematics: Pinocchio's `forwardKinematics` and `oMi`, MuJoCo's `xmat` and `xpos`.
+
     Parameters
     ----------
     chain
@@ -98,8 +100,9 @@ class Jacobian(Result):
 def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (0.0, 0.0, 0.0)) -> Jacobian:
     """∂(place and turning of a body)/∂q: v = J_v q̇ of a point of it, ω = J_ω q̇, in axes of frame 0.
 
-    Column k is e_k × (p − p_k) and e_k, for axis and point of the hinges before the body, 0 for those beyond it. By
-    virtual work a force f and a moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
+    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Column k is e_k × (p − p_k) and
+    e_k, for axis and point of the hinges before the body, 0 for those beyond it. By virtual work a force f and a
+    moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
     ----------

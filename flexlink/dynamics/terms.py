@@ -77,7 +77,7 @@ def inverse_dynamics(
 ) -> Array:
     """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
 
-    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3).
+    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3): Pinocchio's `rnea`, MuJoCo's `mj_rne`.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
 
 
 def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> Array:
-    """Joint-space inertia M(q), symmetric positive definite.
+    """Joint-space inertia M(q), symmetric positive definite: Pinocchio's `crba`, MuJoCo's `mj_fullM`.
 
     Parameters
     ----------
