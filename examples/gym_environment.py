@@ -32,7 +32,7 @@ class ArmEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         try:
             self.arm.step(EFFORT * np.clip(action, -1.0, 1.0), duration=PERIOD)
             lost = False
-        except fl.DivergenceError:
+        except fl.errors.DivergenceError:
             lost = True  # the arm stays where it was
         seen = self.observe()
         return seen, -float(np.linalg.norm(seen[-6:-3] - seen[-3:])), lost, self.arm.time > EPISODE - PERIOD / 2, {}

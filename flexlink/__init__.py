@@ -7,23 +7,11 @@ import flexlink.common.entry  # noqa: F401  first of all
 
 # isort: split
 
+from flexlink import errors
 from flexlink.advice.advise import advise
-from flexlink.advice.verdict import Advice
-from flexlink.chain.chain import Chain, Coordinate
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import (
-    AdviceError,
-    ArgumentError,
-    ConvergenceError,
-    DataFileError,
-    EngineError,
-    FlexlinkError,
-    MissingDependencyError,
-    OutputError,
-    SceneError,
-    SingularMassError,
-    UnstableStepError,
-)
+from flexlink.common.errors import FlexlinkError
 from flexlink.common.versions import __version__ as __version__
 from flexlink.describe.arm import Arm, Damping, Friction, Link, Material, Section
 from flexlink.describe.conditions import Drive, InitialState, PrescribedMotion, RunSettings, Wrench
@@ -35,19 +23,13 @@ from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.shaping import InputShaper
 from flexlink.dynamics.accelerations import forward_dynamics
-from flexlink.dynamics.derivatives import (
-    ForwardDerivatives,
-    InverseDerivatives,
-    forward_dynamics_derivatives,
-    inverse_dynamics_derivatives,
-)
-from flexlink.dynamics.equilibrium import Equilibrium, buckling_loads, solve_static
-from flexlink.dynamics.loads import InternalLoads, internal_loads
-from flexlink.dynamics.placement import Frames, Jacobian, frames, jacobian, tip_position
-from flexlink.dynamics.point_motion import PointMotion, point_motion
-from flexlink.dynamics.strain import BeamStrain, beam_strain
+from flexlink.dynamics.derivatives import forward_dynamics_derivatives, inverse_dynamics_derivatives
+from flexlink.dynamics.equilibrium import buckling_loads, solve_static
+from flexlink.dynamics.loads import internal_loads
+from flexlink.dynamics.placement import frames, jacobian, tip_position
+from flexlink.dynamics.point_motion import point_motion
+from flexlink.dynamics.strain import beam_strain
 from flexlink.dynamics.terms import (
-    Energy,
     bias_torque,
     elastic_torque,
     energy,
@@ -56,97 +38,51 @@ from flexlink.dynamics.terms import (
     inverse_dynamics,
     mass_matrix,
 )
-from flexlink.dynamics.vibration.linear import LinearModel, linearize
-from flexlink.dynamics.vibration.modal import Modes, modes, natural_frequencies
+from flexlink.dynamics.vibration.linear import linearize
+from flexlink.dynamics.vibration.modal import modes, natural_frequencies
 from flexlink.dynamics.vibration.poles import pd_poles
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats import to_mjcf, to_sdf, to_urdf
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.batch import simulate_many
-from flexlink.motion.sensitivity import Sensitivities, sensitivities
+from flexlink.motion.sensitivity import sensitivities
 from flexlink.motion.simulate import simulate
 from flexlink.motion.simulator import Simulator
-from flexlink.results.samples import State
+from flexlink.results.loading import load_trajectory
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
-from flexlink.results.stop_reasons import ControlError, DivergenceError, EvaluationLimitError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 from flexlink.robots.flexible import FlexibleLink
-from flexlink.robots.importing import ImportResult, import_urdf
+from flexlink.robots.importing import import_urdf
 
 if TYPE_CHECKING:
-    from flexlink.diagnosis.comparison import Comparison, compare
-    from flexlink.diagnosis.trajectories import TrajectoryComparison, compare_trajectories
-    from flexlink.pages.verdict import Report
-    from flexlink.scene_report.report import report
-    from flexlink.sweeps.measures import SweepOutput
-    from flexlink.sweeps.plan import Sweep, load_sweep
-    from flexlink.sweeps.ranges import RandomDesign
-    from flexlink.sweeps.run import InterruptedSweepError, sweep
-    from flexlink.sweeps.table import SweepRows
+    from flexlink.on_demand import Sweep, compare, compare_trajectories, load_sweep, report, sweep
 
 
 __all__ = [
-    "Advice",
-    "AdviceError",
-    "ArgumentError",
     "Arm",
-    "BeamStrain",
     "Chain",
-    "Comparison",
-    "ControlError",
-    "ConvergenceError",
-    "Coordinate",
     "Damping",
-    "DataFileError",
     "DenavitHartenberg",
-    "DivergenceError",
     "Drive",
-    "Energy",
-    "EngineError",
-    "Equilibrium",
-    "EvaluationLimitError",
     "FlexibleLink",
     "FlexlinkError",
-    "ForwardDerivatives",
-    "Frames",
     "Friction",
-    "ImportResult",
     "InitialState",
     "InputShaper",
-    "InternalLoads",
-    "InterruptedRunError",
-    "InterruptedSweepError",
-    "InverseDerivatives",
-    "Jacobian",
     "Joint",
-    "LinearModel",
     "Link",
     "Material",
-    "MissingDependencyError",
-    "Modes",
     "Mount",
-    "OutputError",
-    "PointMotion",
     "PrescribedMotion",
-    "RandomDesign",
     "Reference",
     "ReferenceTrajectory",
-    "Report",
     "RigidBody",
     "RunSettings",
     "Scene",
-    "SceneError",
     "Section",
-    "Sensitivities",
     "Simulator",
-    "SingularMassError",
-    "State",
     "Sweep",
-    "SweepOutput",
-    "SweepRows",
     "Trajectory",
-    "TrajectoryComparison",
-    "UnstableStepError",
     "Wrench",
     "advise",
     "beam_strain",
@@ -156,6 +92,7 @@ __all__ = [
     "compare_trajectories",
     "elastic_torque",
     "energy",
+    "errors",
     "forward_dynamics",
     "forward_dynamics_derivatives",
     "frames",
@@ -170,6 +107,7 @@ __all__ = [
     "linearize",
     "load_scene",
     "load_sweep",
+    "load_trajectory",
     "lump",
     "mass_matrix",
     "modes",
@@ -194,27 +132,10 @@ __all__ = [
 ]
 
 
-LATER = {
-    "Comparison": "diagnosis.comparison",
-    "compare": "diagnosis.comparison",
-    "InterruptedSweepError": "sweeps.run",
-    "SweepOutput": "sweeps.measures",
-    "Report": "pages.verdict",
-    "RandomDesign": "sweeps.ranges",
-    "Sweep": "sweeps.plan",
-    "SweepRows": "sweeps.table",
-    "TrajectoryComparison": "diagnosis.trajectories",
-    "compare_trajectories": "diagnosis.trajectories",
-    "load_sweep": "sweeps.plan",
-    "report": "scene_report.report",
-    "sweep": "sweeps.run",
-}
-"""What only those load who ask for it: comparison and sweeps, with the adapters of other engines."""
-
-
 def __getattr__(name: str) -> object:
-    if name in LATER:
-        return getattr(importlib.import_module(f"flexlink.{LATER[name]}"), name)
+    """What is public but not loaded yet."""
+    if name in __all__:
+        return getattr(importlib.import_module("flexlink.on_demand"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -43,9 +43,14 @@ def digest(*values: Any) -> str:
     return sha.hexdigest()[:16]
 
 
+def of_parts(result: object) -> str:
+    """Of all fields of a result."""
+    return digest(*vars(result).values())
+
+
 def of_run(run: fl.Trajectory) -> str:
     """Of all that a run says, its cost in evaluations included."""
-    return digest(run.t, run.q, run.qd, run.tau, run.tip, np.asarray(run.energy), run.imbalance, repr(run.steps))
+    return digest(run.t, run.q, run.qd, run.tau, run.tip, run.energy.parts, run.imbalance, repr(run.steps))
 
 
 def scenes() -> Iterator[tuple[str, fl.Scene]]:
@@ -102,15 +107,21 @@ def terms(chain: fl.Chain) -> Iterator[tuple[str, str]]:
         q, qd = random_state(chain, rng)
         tau, force = rng.normal(size=chain.n), rng.normal(size=6)
         qdd = fl.forward_dynamics(chain, q, qd, tau, tip_wrench=force)
-        yield f"M {k}", digest(*(fl.mass_matrix(chain, q, method=m) for m in ("composite", "columns")))
+        yield f"M {k}", digest(*(fl.mass_matrix(chain, q, algorithm=m) for m in ("composite", "columns")))
         yield (
             f"torques {k}",
             digest(fl.bias_torque(chain, q, qd), fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)),
         )
         yield f"accelerations {k}", digest(qdd, fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=force))
-        yield f"slopes {k}", digest(*fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=force))
-        yield f"inverse slopes {k}", digest(*fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=force))
-        yield f"energy {k}", digest(*fl.energy(chain, q, qd))
+        yield (
+            f"slopes {k}",
+            of_parts(fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=force)),
+        )
+        yield (
+            f"inverse slopes {k}",
+            of_parts(fl.inverse_dynamics_derivatives(chain, q, qd, qdd, tip_wrench=force)),
+        )
+        yield f"energy {k}", of_parts(fl.energy(chain, q, qd))
 
 
 def digests() -> dict[str, str]:

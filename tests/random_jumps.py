@@ -122,7 +122,7 @@ def errors(run: fl.Trajectory, truth: fl.Trajectory, tolerance: float) -> tuple[
 
 def done(run: fl.Trajectory) -> Array:
     """Work W of all that has no potential [J]."""
-    energy = np.asarray(run.energy)
+    energy = run.energy.parts
     return np.asarray((energy - energy[:, :1]).sum(axis=0) - run.imbalance)
 
 

@@ -92,7 +92,7 @@ def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
         prepare(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)}), fl.lump(scene))
-    except fl.UnstableStepError as error:
+    except fl.errors.UnstableStepError as error:
         return error.largest
     return float("inf")
 
@@ -103,11 +103,11 @@ def verdict(seed: int) -> tuple[str, float]:
     scene = with_random_step(dice, random_scene(dice))
     try:
         run = fl.simulate(scene)
-    except (fl.UnstableStepError, fl.DivergenceError, fl.SingularMassError) as error:
+    except (fl.errors.UnstableStepError, fl.errors.DivergenceError, fl.errors.SingularMassError) as error:
         return type(error).__name__, np.nan
     try:
         fine = fl.simulate(scene, step=scene.run.step / 4, unstable="allow")
-    except fl.DivergenceError:
+    except fl.errors.DivergenceError:
         return "warned" if run.warnings else "WRONG", np.inf
     error = np.abs(run.tip - fine.tip).max()
     motion = np.linalg.norm(np.ptp(fine.tip, axis=0))

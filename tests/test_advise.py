@@ -15,6 +15,7 @@ from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.model import Bend, capped, most_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.rigid import swung
+from flexlink.advice.verdict import Advice
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
 from flexlink.motion.cost import evaluation_time
@@ -50,7 +51,7 @@ def truth(scene: fl.Scene, *, flex: str = "xyz", hinges: tuple[int, int] = (8, 1
     return np.asarray(fine + (fine - coarse) / ((hinges[1] / hinges[0]) ** 2 - 1))
 
 
-def true_error(scene: fl.Scene, advice: fl.Advice) -> float:
+def true_error(scene: fl.Scene, advice: Advice) -> float:
     """Of the scene that advice hands over [m]."""
     return float(np.linalg.norm(fl.simulate(advice.scene).tip - truth(scene), axis=1).max())
 
@@ -125,9 +126,11 @@ def test_where_no_joint_can_move_some_link_bends(passive: str) -> None:
     scene = arm(0.006, locked=True, **pushed, **{"material.steel.loss_time": 1e-3})  # few modes: the truth is one
     if passive == "static":  # at rest in its equilibrium: nothing moves, and a part of nothing is nothing
         assert not fl.advise(scene, "1 mm").error > 1e-3
-        with pytest.raises(fl.AdviceError, match=r"the tip does not move, but for .*; give the error as a length"):
+        with pytest.raises(
+            fl.errors.AdviceError, match=r"the tip does not move, but for .*; give the error as a length"
+        ):
             fl.advise(scene, 1e-3)
-        with pytest.raises(fl.AdviceError, match=r"the tip does not move, but for .*1e-03 of that"):
+        with pytest.raises(fl.errors.AdviceError, match=r"the tip does not move, but for .*1e-03 of that"):
             fl.advise(replace(scene, gravity=(0.0, 0.0, 0.0), wrench=fl.Wrench()), 1e-3)
         return
     advice = fl.advise(scene, 1e-2)
@@ -200,7 +203,7 @@ def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_m
     ],
 )
 def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         fl.advise(arm(**change))
 
 
@@ -216,7 +219,7 @@ def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], 
     ],
 )
 def test_arguments_out_of_range_are_refused_by_name(options: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.ArgumentError, match=message):
+    with pytest.raises(fl.errors.ArgumentError, match=message):
         fl.advise(arm(), **options)
 
 
@@ -260,7 +263,9 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
 
 @pytest.mark.slow
 def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
-    with pytest.raises(fl.AdviceError, match=r"bars: no two models can be run: bars: \d+% of a run took the budget"):
+    with pytest.raises(
+        fl.errors.AdviceError, match=r"bars: no two models can be run: bars: \d+% of a run took the budget"
+    ):
         fl.advise(arm(0.004, motion=led("bar0")), budget=1e-7)
 
 

@@ -225,7 +225,7 @@ def test_a_disc_may_be_turned_anyhow(axis, angle) -> None:
     ],
 )  # fmt: skip
 def test_what_no_arm_can_have_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.SceneError, match=wanted):
+    with pytest.raises(fl.errors.SceneError, match=wanted):
         build()
 
 

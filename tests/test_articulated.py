@@ -53,8 +53,8 @@ def assert_as_lu(chain: Chain, rng: np.random.Generator, states: int = 5) -> Non
     for _ in range(states):
         q, qd = random_state(chain, rng)
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
-        lu = forward_dynamics(chain, q, qd, tau, method="lu", tip_wrench=wrench)
-        chosen = forward_dynamics(chain, q, qd, tau, method="articulated", tip_wrench=wrench)
+        lu = forward_dynamics(chain, q, qd, tau, solver="lu", tip_wrench=wrench)
+        chosen = forward_dynamics(chain, q, qd, tau, solver="articulated", tip_wrench=wrench)
         for solution in (chosen, spatial(chain, q, qd, tau, wrench)):
             assert (
                 rounding.acceleration_error(chain, q, qd, tau, solutions=(solution, lu), tip_wrench=wrench).max() <= 1
@@ -299,7 +299,7 @@ def test_tips_with_and_without_inertia_of_their_own_go_side_by_side(rng: np.rand
     q, qd, tau = rng.uniform(-1, 1, (3, 2, light.n))
     for pair in ((light, heavy), (heavy, light)):
         for chain, row, *state in zip(pair, forward_dynamics(pair, q, qd, tau), q, qd, tau, strict=True):
-            lu = forward_dynamics(chain, *state, method="lu")
+            lu = forward_dynamics(chain, *state, solver="lu")
             assert rounding.acceleration_error(chain, *state, solutions=(row, lu)).max() <= 1
 
 
@@ -422,7 +422,7 @@ def test_long_chain_solves_its_equation_of_motion(flex: str, rng: np.random.Gene
 @compiled
 def test_simulation_by_articulated_bodies_is_the_one_by_lu() -> None:
     scene = nasty_scene()
-    runs = [simulate(scene, duration=0.05, sample=0.05, dynamics=method) for method in ("articulated", "lu")]
+    runs = [simulate(scene, duration=0.05, sample=0.05, solver=method) for method in ("articulated", "lu")]
     np.testing.assert_allclose(runs[0].q, runs[1].q, rtol=0, atol=1e-9)
 
 

@@ -44,7 +44,7 @@ def accelerations(name: str) -> np.ndarray:
     """q̈ of a state by every solver, and by two chains side by side."""
     chain = CHAINS[name]
     state = states(chain)
-    singles = [fl.forward_dynamics(chain, *state, method=method) for method in SOLVERS]
+    singles = [fl.forward_dynamics(chain, *state, solver=method) for method in SOLVERS]
     return np.array([*singles, *fl.forward_dynamics(chain, *(np.stack([part, part]) for part in state))])
 
 

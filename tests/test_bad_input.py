@@ -150,7 +150,7 @@ def test_whatever_stands_at_a_key_is_taken_as_a_whole_or_refused_in_one_line(odd
             scene = scene_from(raw)
             fl.lump(scene)
             assert scene_from(tomllib.loads(scene.to_toml())) == scene
-        except (fl.SceneError, fl.DataFileError) as error:
+        except (fl.errors.SceneError, fl.errors.DataFileError) as error:
             refused += 1
             assert "\n" not in str(error)
             assert len(str(error)) < 400
@@ -331,7 +331,7 @@ def test_python_descriptions_take_lists_dicts_and_numpy_arrays() -> None:
     scene = make_scene(link, gravity=np.array([0.0, 0.0, 9.81]), initial=fl.InitialState(joint_deg=[1]))
     assert scene.gravity == (0.0, 0.0, 9.81)
     assert scene.initial.joint_deg == (1.0,)
-    with pytest.raises(fl.SceneError, match=r"^joint\.viscous = -1: expected float >= 0\.0"):
+    with pytest.raises(fl.errors.SceneError, match=r"^joint\.viscous = -1: expected float >= 0\.0"):
         fl.Link(name="a", joint={"viscous": -1})
 
 
@@ -346,11 +346,11 @@ def test_copies_of_a_chain_stay_read_only(clone: Callable[[fl.Chain], fl.Chain],
 
 def test_errors_go_through_process_pools_with_what_they_hold(models) -> None:
     run = fl.simulate(fl.load_scene(models / "paper_fig5.toml"), duration=0.01)
-    for error in (fl.DivergenceError("lost", run), fl.InterruptedRunError(run)):
+    for error in (fl.errors.DivergenceError("lost", run), fl.errors.InterruptedRunError(run)):
         twin = pickle.loads(pickle.dumps(error))
         assert str(twin) == str(error)
         np.testing.assert_array_equal(twin.trajectory.q, run.q)
-    twin = pickle.loads(pickle.dumps(fl.ConvergenceError("lost", np.ones(2), 0.5)))
+    twin = pickle.loads(pickle.dumps(fl.errors.ConvergenceError("lost", np.ones(2), 0.5)))
     assert (str(twin), twin.q.tolist(), twin.load) == ("lost", [1.0, 1.0], 0.5)
 
 
@@ -362,15 +362,15 @@ def test_a_wrong_batch_is_named(wrong: object, place: int, models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
     states: list = [np.zeros((2, 10))] * 3
     states[place] = wrong
-    with pytest.raises(fl.ArgumentError, match=r"q|qd|tau"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"q|qd|tau"):
         fl.forward_dynamics(chain, *states)
 
 
 def test_methods_that_are_no_text_are_refused(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(fl.ArgumentError, match="method = \\[\\]: unknown"):
-        fl.mass_matrix(chain, np.zeros(10), method=[])  # type: ignore[arg-type]
-    with pytest.raises(fl.ArgumentError, match="method = 5: unknown"):
+    with pytest.raises(fl.errors.ArgumentError, match="algorithm = \\[\\]: unknown"):
+        fl.mass_matrix(chain, np.zeros(10), algorithm=[])  # type: ignore[arg-type]
+    with pytest.raises(fl.errors.ArgumentError, match="method = 5: unknown"):
         fl.stable_step(chain, method=5)  # type: ignore[arg-type]
 
 

@@ -27,14 +27,14 @@ def test_many_states_have_the_accelerations_of_single_ones(
 ) -> None:
     q, qd = (np.array(x) for x in zip(*(random_state(chain, rng) for _ in range(states)), strict=True))
     tau, wrench = rng.normal(size=q.shape), rng.normal(size=6)
-    many = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
+    many = fl.forward_dynamics(chain, q, qd, tau, solver=method, tip_wrench=wrench)
     for row, state in zip(many, zip(q, qd, tau, strict=True), strict=True):
-        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, method=method, tip_wrench=wrench))
+        np.testing.assert_array_equal(row, fl.forward_dynamics(chain, *state, solver=method, tip_wrench=wrench))
 
 
 def test_states_of_unequal_shape_are_refused(chain: fl.Chain) -> None:
     q = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=rf"tau has shape \(2, {chain.n}\); expected .*\(3, {chain.n}\)"):
         fl.forward_dynamics(chain, q, q, q[:2])
 
 
@@ -84,7 +84,7 @@ def test_many_scenes_give_the_trajectories_of_single_runs(flex: str, threads: in
 def test_unlike_scenes_run_one_by_one() -> None:
     settings = fl.RunSettings(step=1e-5, sample=1e-4, duration=1e-3)
     scenes = [s.varied({"run": settings}) for s in (*members("z", 2), nasty_scene(), *members("xyz", 3))]
-    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, dynamics="lu")}))
+    scenes.append(scenes[0].varied({"run": msgspec.structs.replace(settings, solver="lu")}))
     for scene, many in zip(scenes, fl.simulate_many(scenes), strict=True):
         np.testing.assert_allclose(many.q, fl.simulate(scene).q, rtol=1e-12, atol=1e-12)
 
@@ -168,7 +168,7 @@ def test_neighbours_with_one_reference_follow_it_each_from_its_own_start() -> No
 def test_one_of_eight_that_diverges_leaves_the_others_whole() -> None:
     calm = driven().varied({"run.unstable": "allow"})
     wild = calm.varied({"initial": fl.InitialState(joint_deg=(0.0, 30.0), rate_deg=(1e120, 0.0))})
-    with pytest.raises(fl.DivergenceError) as caught:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
         fl.simulate_many([calm, wild, calm])
     first, _, last = caught.value.runs
     for run in (first, last):
@@ -179,7 +179,7 @@ def test_a_member_that_diverges_loses_none_of_the_others(models) -> None:
     paper = fl.load_scene(models / "paper_fig5.toml")
     runs = fl.RunSettings(duration=0.05), fl.RunSettings(step=1e-3, duration=0.05, sample=1e-3, unstable="allow")
     good, wild = (paper.varied({"run": run}) for run in runs)
-    with pytest.raises(fl.DivergenceError, match="try a smaller step than") as caught:
+    with pytest.raises(fl.errors.DivergenceError, match="try a smaller step than") as caught:
         fl.simulate_many([good, wild, good])
     runs = caught.value.runs
     assert [len(run.t) for run in runs] == [11, len(caught.value.trajectory.t), 11]
@@ -200,7 +200,7 @@ def test_many_runs_that_are_stopped_keep_their_samples(monkeypatch) -> None:
     monkeypatch.setattr(sys.modules["flexlink.motion.chunk_size"], "BREATH", 0.0)  # a piece a step
     monkeypatch.setattr(batch, "pieces", interrupted)
     monkeypatch.setattr(batch, "deferred", lambda: contextlib.nullcontext(stop))
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(scenes)
     assert len(caught.value.runs) == len(scenes)
     for scene, run in zip(scenes[:8], caught.value.runs, strict=False):
@@ -214,7 +214,7 @@ def test_many_runs_whose_energy_is_garbage_are_errors_although_finite() -> None:
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     coarse = fl.RunSettings(step=0.35, sample=0.35, duration=35.0)
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)), run=coarse)
-    with pytest.raises(fl.DivergenceError, match="the energy does not balance"):
+    with pytest.raises(fl.errors.DivergenceError, match="the energy does not balance"):
         fl.simulate_many([scene, scene])
 
 
@@ -229,7 +229,7 @@ def test_a_signal_keeps_what_every_member_has_done(models, number: int) -> None:
     fl.simulate_many([start.varied({"run": fl.RunSettings(duration=0.01)}) for start in starts])  # compiles
     timer = threading.Timer(0.5, signal.raise_signal, [number])
     timer.start()
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate_many(starts)
     assert caught.value.signal == number
     runs = caught.value.runs

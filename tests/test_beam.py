@@ -72,7 +72,7 @@ def test_gauss_converges_on_a_tapered_link_faster_than_midpoint() -> None:
 
 
 def test_a_taper_between_two_shapes_is_refused() -> None:
-    with pytest.raises(fl.SceneError, match=r"link\.\w+.section_tip = 'flat': is a rectangle, not a circle"):
+    with pytest.raises(fl.errors.SceneError, match=r"link\.\w+.section_tip = 'flat': is a rectangle, not a circle"):
         fl.Arm(
             links=(flexible("a", section="thick", section_tip="flat"),),
             materials={"aluminium": ALUMINIUM},
@@ -135,7 +135,7 @@ def test_a_hinge_with_a_negative_rotor_passes_little_of_what_turns_behind_it(tmp
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.55]\nweights = [0.5, 0.5]\n'
     )
-    with pytest.raises(fl.SceneError, match="at hinge 1 outweighs"):
+    with pytest.raises(fl.errors.SceneError, match="at hinge 1 outweighs"):
         cone_bar(1.0, 2, str(rule))
 
 
@@ -144,7 +144,9 @@ def test_matched_rotors_that_outweigh_what_turns_are_refused_by_name(tmp_path: P
     rule.write_text(
         'about = ""\nsource = ""\nmatched_twist = true\n[element]\nnodes = [0.2, 0.5]\nweights = [0.9, 0.1]\n'
     )
-    with pytest.raises(fl.SceneError, match=r"link 'bar': lumping = .*heavy.toml'.* at hinge 2 outweighs .*'gauss'"):
+    with pytest.raises(
+        fl.errors.SceneError, match=r"link 'bar': lumping = .*heavy.toml'.* at hinge 2 outweighs .*'gauss'"
+    ):
         cone_bar(1.0, 2, str(rule))
     link = flexible("a", "yz", 3, lumping=str(rule))  # which has no twist
     assert fl.lump(fl.Scene(

@@ -65,9 +65,11 @@ def test_what_hangs_is_told_after_two_looks_and_steps_of_next_to_nothing_end_a_r
 @compiled
 def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_ones_each_time() -> None:
     scene = swinging(**{"run.max_evaluations": 2000})
-    with pytest.raises(fl.EvaluationLimitError, match=r"max_evaluations = 2000.* try .*raise max_evaluations") as first:
+    with pytest.raises(
+        fl.errors.EvaluationLimitError, match=r"max_evaluations = 2000.* try .*raise max_evaluations"
+    ) as first:
         fl.simulate(scene)
-    with pytest.raises(fl.EvaluationLimitError) as second:
+    with pytest.raises(fl.errors.EvaluationLimitError) as second:
         fl.simulate(scene)
     kept = first.value.trajectory
     assert 1 < len(kept.t) < scene.run.samples
@@ -77,8 +79,8 @@ def test_a_run_that_takes_more_than_it_may_stops_with_its_samples_and_the_same_o
     np.testing.assert_array_equal(kept.q, whole.q[: len(kept.t)])
     np.testing.assert_array_equal(kept.q, second.value.trajectory.q)
     again = pickle.loads(pickle.dumps(first.value))
-    assert type(again) is fl.EvaluationLimitError
-    assert isinstance(again, fl.DivergenceError)
+    assert type(again) is fl.errors.EvaluationLimitError
+    assert isinstance(again, fl.errors.DivergenceError)
 
 
 @compiled
@@ -100,7 +102,9 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
         assert without == pytest.approx(1.0, abs=1e-3)
         assert (growth > 1.0 + 1e-3) is unstable
     scene = held_too_seldom(**{"run.max_evaluations": 4000, "run.duration": 20.0})
-    with pytest.raises(fl.EvaluationLimitError, match=r"drive.rate = 20 Hz is unstable by itself.*a higher rate"):
+    with pytest.raises(
+        fl.errors.EvaluationLimitError, match=r"drive.rate = 20 Hz is unstable by itself.*a higher rate"
+    ):
         fl.simulate(scene)
 
 
@@ -118,12 +122,12 @@ def test_the_growth_of_a_sampled_loop_is_that_of_a_wheel_by_hand() -> None:
 @compiled
 def test_members_of_a_batch_and_rows_of_a_sweep_say_why_they_stopped() -> None:
     good, bad = swinging(**{"run.tolerance": 1e-3}), swinging(**{"run.max_evaluations": 1000})
-    with pytest.raises(fl.EvaluationLimitError) as error:
+    with pytest.raises(fl.errors.EvaluationLimitError) as error:
         fl.simulate_many([good, bad])
     assert len(error.value.runs[0].t) == good.run.samples
     assert 1 < len(error.value.runs[1].t) < bad.run.samples
     ended = outcomes([bad, good], Stop())
-    assert isinstance(ended[0], fl.EvaluationLimitError)
+    assert isinstance(ended[0], fl.errors.EvaluationLimitError)
     assert isinstance(ended[1], fl.Trajectory)
 
 
@@ -133,7 +137,7 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
     for _ in range(3):
         arm.step(duration=0.01)
     before = arm.state
-    with pytest.raises(fl.EvaluationLimitError, match="max_evaluations = 1000"):
+    with pytest.raises(fl.errors.EvaluationLimitError, match="max_evaluations = 1000"):
         arm.step(duration=0.3)
     np.testing.assert_array_equal(arm.state.q, before.q)
     assert arm.step(duration=0.01).t == pytest.approx(0.04)
@@ -143,7 +147,7 @@ def test_a_simulator_stays_where_it_was_and_every_call_may_take_as_much() -> Non
 def test_where_it_hangs_is_told_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexlink.motion.budget.FEWEST", 1)
     scene = swinging(**{"run.max_evaluations": 2500})
-    with warnings.catch_warnings(record=True) as told, pytest.raises(fl.EvaluationLimitError):
+    with warnings.catch_warnings(record=True) as told, pytest.raises(fl.errors.EvaluationLimitError):
         warnings.simplefilter("always")
         fl.simulate(scene)
     assert len(told) == 1

@@ -74,7 +74,7 @@ def test_shapes_can_be_left_out_and_change_nothing_else(write) -> None:
     tags = {element.tag for element in with_shapes.iter()} - {element.tag for element in bare.iter()}
     assert tags & {"visual", "geom"}
     assert not tags & {"link", "joint", "inertial", "collision"}
-    with pytest.raises(fl.ArgumentError, match="shapes = 'no': must be True or False"):
+    with pytest.raises(fl.errors.ArgumentError, match="shapes = 'no': must be True or False"):
         write(chain, shapes="no")
 
 
@@ -127,7 +127,7 @@ def test_a_keyframe_that_is_no_state_is_refused_by_name() -> None:
         (tuple(q), tuple(q + np.nan)): r"initial\[1\]\[0\] = nan is not finite",
         "ab": "initial = 'ab': expected a sequence",
     }.items():
-        with pytest.raises(fl.ArgumentError, match=message):
+        with pytest.raises(fl.errors.ArgumentError, match=message):
             fl.to_mjcf(chain, initial=initial)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 
 import numpy as np
@@ -9,7 +10,6 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, chain_of, flexible, make_scene, nasty_scene
 
 from flexlink import (
-    ArgumentError,
     Arm,
     Chain,
     InitialState,
@@ -20,8 +20,8 @@ from flexlink import (
     PrescribedMotion,
     RigidBody,
     RunSettings,
-    SceneError,
     Section,
+    energy,
     initial_state,
     load_scene,
     lump,
@@ -33,6 +33,7 @@ from flexlink import (
 from flexlink.describe.arm import AXES
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.sections import SHAPES, SectionProperties, rectangle
+from flexlink.errors import ArgumentError, SceneError
 
 
 @pytest.mark.parametrize(("n", "nseg", "flex"), list(itertools.product([2, 3, 5], [2, 5, 8], ["z", "yz", "xyz"])))
@@ -290,3 +291,23 @@ def test_inertias_are_symmetric_to_the_bit() -> None:
     ]
     for inertia in lump(make_scene(*links)).bodies["inertia"]:
         assert inertia.tolist() == inertia.T.tolist()
+
+
+def test_mass_and_centre_of_mass_are_those_of_gravity(rng) -> None:
+    """The slope of the gravity energy −m g·p along g."""
+    chain = lump(nasty_scene())
+    q = rng.uniform(-1, 1, chain.n)
+    assert chain.mass == chain.bodies["mass"].sum()
+    wanted = -chain.mass * chain.gravity @ chain.com(q)
+    assert energy(chain, q, 0 * q).gravity == pytest.approx(wanted, rel=1e-13)
+    with pytest.raises(ArgumentError, match="q has shape"):
+        chain.com([0.0])
+    empty = dataclasses.replace(chain, bodies=_massless(chain))
+    with pytest.raises(ArgumentError, match="has no mass"):
+        empty.com(q)
+
+
+def _massless(chain: Chain) -> np.ndarray:
+    bodies = chain.bodies.copy()
+    bodies["mass"] = 0.0
+    return bodies

@@ -68,7 +68,7 @@ def test_a_continued_run_is_the_uninterrupted_one_to_the_bit(method: str, given:
 def test_a_prescribed_motion_that_the_start_does_not_follow_is_refused() -> None:
     scene = arm("linear", motion=(MOTION,))
     t, q, qd = fl.simulate(scene).state(-4)
-    with pytest.raises(fl.SceneError, match=r"initial\.q\[0\] = .*'upper' follows its motion, .* at t = 0.05 s"):
+    with pytest.raises(fl.errors.SceneError, match=r"initial\.q\[0\] = .*'upper' follows its motion, .* at t = 0.05 s"):
         fl.simulate(scene, q0=q + 0.01, qd0=qd, t0=t, duration=0.03)
 
 
@@ -104,12 +104,12 @@ def test_torque_that_is_held_jumps_between_two_steps() -> None:
     ],
 )  # fmt: skip
 def test_a_state_that_does_not_fit_is_refused(changes: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         fl.simulate(arm("none").varied(changes))
 
 
 def test_a_sample_that_is_not_there_has_no_state() -> None:
-    with pytest.raises(fl.ArgumentError, match=r"k = 9: must be -9 … 8"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"k = 9: must be -9 … 8"):
         fl.simulate(arm("none")).state(9)
 
 
@@ -136,5 +136,5 @@ def test_a_whole_state_needs_no_angles_of_the_joints(tmp_path: Path) -> None:
     path = tmp_path / "whole.toml"
     path.write_text(whole.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == whole
-    with pytest.raises(fl.SceneError, match="joint_deg: missing; this key is required where q is not given"):
+    with pytest.raises(fl.errors.SceneError, match="joint_deg: missing; this key is required where q is not given"):
         fl.InitialState(rate_deg=(1.0,))

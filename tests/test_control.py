@@ -122,7 +122,7 @@ BROKEN = {
 def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(broken: str, way: str) -> None:
     law, message = BROKEN[broken]
     for rate in [100.0, None] if way == "RK4" else [100.0]:
-        with pytest.raises(fl.ControlError, match=rf"t = 0\.0\d* s: control law .*lambda.*{message}") as caught:
+        with pytest.raises(fl.errors.ControlError, match=rf"t = 0\.0\d* s: control law .*lambda.*{message}") as caught:
             fl.simulate(arm("none"), control=law, rate=rate, **WAYS[way])
         kept = caught.value.trajectory
         assert kept.t.tolist() == pytest.approx([0.0, 0.01, 0.02])
@@ -143,12 +143,12 @@ def test_a_law_that_fails_is_named_with_its_time_and_what_was_computed_is_kept(b
     ],
 )  # fmt: skip
 def test_a_law_that_cannot_be_asked_is_refused(given: dict[str, object], message: str) -> None:
-    with pytest.raises(fl.ArgumentError, match=message):
+    with pytest.raises(fl.errors.ArgumentError, match=message):
         fl.simulate(arm("none"), **given)
 
 
 def test_a_law_beside_a_drive_is_refused() -> None:
-    with pytest.raises(fl.ArgumentError, match="the scene has a drive, 'pd', too"):
+    with pytest.raises(fl.errors.ArgumentError, match="the scene has a drive, 'pd', too"):
         fl.simulate(arm("pd"), control=pd)
 
 
@@ -164,7 +164,7 @@ def test_a_simulator_without_torques_is_driven_by_its_scene() -> None:
 
 def test_a_simulator_whose_energy_does_not_balance_stays_where_it_was() -> None:
     simulator = fl.Simulator(arm("none", **{"run.step": 0.01, "run.unstable": "allow"}))
-    with pytest.raises(fl.DivergenceError, match="does not balance") as caught:
+    with pytest.raises(fl.errors.DivergenceError, match="does not balance") as caught:
         while True:
             before, energies = simulator.state, vars(simulator._balance).copy()
             simulator.step([0.0, 0.0])
@@ -181,7 +181,7 @@ def test_a_call_that_is_refused_leaves_no_trace(way: str, monkeypatch: pytest.Mo
     for k in range(20):
         if k % 5 == 3:
             before, judged = disturbed.state, vars(disturbed._balance).copy()
-            with pytest.raises(fl.DivergenceError, match=r"after t = 0\.0"):
+            with pytest.raises(fl.errors.DivergenceError, match=r"after t = 0\.0"):
                 disturbed.step([1e200, -1e200], duration=0.01)
             assert disturbed.time == before.t
             assert vars(disturbed._balance) == judged
@@ -209,7 +209,7 @@ def test_ctrl_c_keeps_the_samples_of_a_run_under_a_law(way: str, answer: Callabl
             answer()
         return [0.0, 0.0]
 
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate(arm("none"), control=law, rate=1000.0, **{**WAYS[way], "duration": 50.0})
     kept = caught.value.trajectory
     assert 3 <= len(kept.t) < 4000
@@ -234,5 +234,7 @@ def test_what_a_simulator_cannot_do_is_refused(call, message: str) -> None:
 
 
 def test_a_simulator_refuses_a_step_that_would_blow_up() -> None:
-    with pytest.raises(fl.UnstableStepError, match=r"run\.step = 0\.01 s: more than .* the largest stable step of RK4"):
+    with pytest.raises(
+        fl.errors.UnstableStepError, match=r"run\.step = 0\.01 s: more than .* the largest stable step of RK4"
+    ):
         fl.Simulator(arm("none", **{"run.step": 0.01}))

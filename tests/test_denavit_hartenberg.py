@@ -126,5 +126,5 @@ def test_a_mount_in_radians_is_one_in_degrees(rng) -> None:
     ],
 )  # fmt: skip
 def test_what_no_table_says_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.SceneError, match=wanted):
+    with pytest.raises(fl.errors.SceneError, match=wanted):
         build()

@@ -14,7 +14,7 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
-from flexlink.dynamics.terms import MASS_METHODS
+from flexlink.dynamics.terms import MASS_ALGORITHMS
 from flexlink.inputs.actuation import input_arrays
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.motion.monitor import RunMonitor
@@ -26,9 +26,9 @@ def test_four_mass_methods_agree_and_m_is_symmetric_positive_definite(chain: fl.
     for _ in range(10):
         q, _ = random_state(chain, rng)
         M = fl.mass_matrix(chain, q)
-        for method in MASS_METHODS:
+        for method in MASS_ALGORITHMS:
             np.testing.assert_allclose(
-                fl.mass_matrix(chain, q, method=method), M, atol=of_mass_matrix(chain, q), rtol=0
+                fl.mass_matrix(chain, q, algorithm=method), M, atol=of_mass_matrix(chain, q), rtol=0
             )
         assert np.array_equal(M, M.T)
         assert np.linalg.eigvalsh(M).min() > 0
@@ -50,8 +50,8 @@ def test_inertia_without_mass_counts_in_every_mass_method(rng) -> None:
         for hub in hubs
     ]
     q, _ = random_state(chains[0], rng)
-    for method in MASS_METHODS:
-        bare, loaded = (fl.mass_matrix(chain, q, method=method) for chain in chains)
+    for method in MASS_ALGORITHMS:
+        bare, loaded = (fl.mass_matrix(chain, q, algorithm=method) for chain in chains)
         np.testing.assert_allclose((loaded - bare)[1:, 1:], [[0.3, 0.0], [0.0, 0.0]], atol=1e-14)
         axis = np.linalg.inv(fl.frames(chains[0], q).rotations[1])[:, 2]  # of the first joint, in axes of the wheel
         assert (loaded - bare)[0, 0] == pytest.approx(axis @ np.diag(hubs[1].inertia) @ axis, abs=1e-14)
@@ -67,12 +67,12 @@ def test_products_of_inertia_count_in_every_method_and_solver(rng) -> None:
     full = dataclasses.replace(chain, bodies=bodies)
     q, qd = random_state(full, rng)
     M, tau = fl.mass_matrix(full, q), rng.normal(size=full.n)
-    for method in MASS_METHODS:
-        np.testing.assert_allclose(fl.mass_matrix(full, q, method=method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
+    for method in MASS_ALGORITHMS:
+        np.testing.assert_allclose(fl.mass_matrix(full, q, algorithm=method), M, atol=1e-13 * np.abs(M).max(), rtol=0)
     assert fl.energy(full, q, qd).kinetic == pytest.approx(0.5 * qd @ M @ qd, rel=1e-13, abs=0)
     torque = fl.bias_torque(full, q, qd) + fl.elastic_torque(full, q) + fl.friction_torque(full, qd)
     for method in SOLVERS:
-        qdd = fl.forward_dynamics(full, q, qd, tau, method=method)
+        qdd = fl.forward_dynamics(full, q, qd, tau, solver=method)
         scale = np.abs(M) @ np.abs(qdd) + np.abs(torque)
         assert np.abs(M @ qdd + torque - tau).max() <= 100 * EPS * scale.max()
 
@@ -86,7 +86,7 @@ def test_kinetic_energy_is_half_qd_m_qd(chain: fl.Chain, rng) -> None:
 def test_inverse_dynamics_undoes_forward_dynamics(chain: fl.Chain, rng, method: str) -> None:
     q, qd = random_state(chain, rng)
     tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
-    qdd = fl.forward_dynamics(chain, q, qd, tau, method=method, tip_wrench=wrench)
+    qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method, tip_wrench=wrench)
     springs = fl.elastic_torque(chain, q) + fl.friction_torque(chain, qd)
     back = fl.inverse_dynamics(chain, q, qd, qdd, tip_wrench=wrench) + springs
     assert np.abs(back - tau).max() <= of_residual(chain, q, qd, qdd, tau, tip_wrench=wrench)
@@ -194,11 +194,11 @@ def test_a_singular_mass_matrix_names_joint_and_posture(method: str) -> None:
     wanted = (
         r"^mass matrix of 'test' is singular: joint 'b' moves no inertia of its own at b = 30°; give it an armature"
     )
-    with pytest.raises(fl.SingularMassError, match=wanted):
-        fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], method=method)
+    with pytest.raises(fl.errors.SingularMassError, match=wanted):
+        fl.forward_dynamics(coaxial, [0.0, np.pi / 6], [0.0, 0.0], [0.0, 1.0], solver=method)
     states = np.array([[0.0, np.pi / 6]] * 3)
-    with pytest.raises(fl.SingularMassError, match="state 0: mass matrix of 'test' is singular: joint 'b'"):
-        fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, method=method)
+    with pytest.raises(fl.errors.SingularMassError, match="state 0: mass matrix of 'test' is singular: joint 'b'"):
+        fl.forward_dynamics(coaxial, states, 0 * states, 0 * states, solver=method)
 
 
 @pytest.mark.parametrize("method", ["lu", "cholesky"])
@@ -209,9 +209,9 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[5] = np.pi / 2 - distance
     with pytest.raises(
-        fl.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
+        fl.errors.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
     ) as e:
-        fl.forward_dynamics(chain, q, qd, tau, method=method)
+        fl.forward_dynamics(chain, q, qd, tau, solver=method)
     assert len(str(e.value)) < 250
     assert not np.isfinite(SOLVERS[method].accelerations(chain.arrays, np.zeros(6), q, qd, tau)).any()
     assert np.isfinite(fl.forward_dynamics(chain, q, qd, tau)).all()
@@ -235,15 +235,15 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
         for k, turn in enumerate(turns)
     ]
     links = fl.Link(name="a"), *locked, fl.Link(name="b", length=1.0, mount=fl.Mount(rpy_deg=(0.0, 0.0, -56.0)))
-    run = fl.RunSettings(step=1e-3, sample=5e-3, duration=0.01, dynamics=method)
+    run = fl.RunSettings(step=1e-3, sample=5e-3, duration=0.01, solver=method)
     scene = make_scene(*links, tip=fl.RigidBody(mass=1.0, inertia=(0.1, 0.2, 0.3)), gravity=(0.0, 9.81, 0.0), run=run)
     M = fl.mass_matrix(fl.lump(scene), [0.0, 0.0])
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
-    with pytest.raises(fl.SingularMassError):  # told before the run, or where the run gets there, by nan
+    with pytest.raises(fl.errors.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
     chain = fl.lump(scene)
     record = Record(scene, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
-    with pytest.raises(fl.DivergenceError, match="no longer finite"):
+    with pytest.raises(fl.errors.DivergenceError, match="no longer finite"):
         SingleRun(scene, RunMonitor(run, record)).finish(Stop())
 
 
@@ -253,15 +253,15 @@ def test_heavy_payloads_are_not_singular(rng) -> None:
     q, qd, tau = rng.uniform(-0.01, 0.01, (3, chain.n))
     right = fl.forward_dynamics(chain, q, qd, tau)
     for method in ("lu", "cholesky"):
-        qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
+        qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
         assert np.abs(qdd - right).max() <= 10 * EPS * np.linalg.cond(fl.mass_matrix(chain, q)) * np.abs(right).max()
 
 
 @pytest.mark.parametrize("method", SOLVERS)
 def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, method: str) -> None:
     chain = fl.lump(fl.load_scene(models / "t3_spatial.toml"))
-    with pytest.raises(fl.ArgumentError, match=r"q̈ of .* leaves float64: qd up to 1e\+200 rad/s"):
-        fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), method=method)
+    with pytest.raises(fl.errors.ArgumentError, match=r"q̈ of .* leaves float64: qd up to 1e\+200 rad/s"):
+        fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), solver=method)
 
 
 def test_coulomb_friction_is_dry_beyond_three_widths() -> None:
@@ -292,10 +292,12 @@ def test_bad_arrays_are_named_with_shape_got_and_expected(models, bad, wanted: s
 
 def test_unknown_methods_are_listed(models) -> None:
     chain = fl.lump(fl.load_scene(models / "paper_fig5.toml"))
-    with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are columns, lower, upper, composite"):
-        fl.mass_matrix(chain, np.zeros(10), method="qr")
-    with pytest.raises(fl.ArgumentError, match="method = 'qr': unknown; allowed are"):
-        fl.forward_dynamics(chain, *np.zeros((3, 10)), method="qr")
+    with pytest.raises(
+        fl.errors.ArgumentError, match="algorithm = 'qr': unknown; allowed are columns, lower, upper, composite"
+    ):
+        fl.mass_matrix(chain, np.zeros(10), algorithm="qr")
+    with pytest.raises(fl.errors.ArgumentError, match="solver = 'qr': unknown; allowed are"):
+        fl.forward_dynamics(chain, *np.zeros((3, 10)), solver="qr")
 
 
 @settings(max_examples=50)

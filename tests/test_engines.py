@@ -13,15 +13,12 @@ from conftest import MODELS, ROOT, flexible, make_scene, nasty_scene, random_sta
 from numpy.testing import assert_allclose, assert_array_equal
 
 from flexlink import (
-    ArgumentError,
     Chain,
-    DivergenceError,
     Drive,
     FlexlinkError,
     InitialState,
     Joint,
     Link,
-    MissingDependencyError,
     Mount,
     PrescribedMotion,
     Scene,
@@ -36,6 +33,7 @@ from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import mixed_states
 from flexlink.dynamics import rounding
 from flexlink.engines import ENGINES, load, load_here
+from flexlink.errors import ArgumentError, DivergenceError, MissingDependencyError
 
 STATES = 20
 

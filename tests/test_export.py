@@ -12,7 +12,6 @@ from conftest import ALUMINIUM, MODELS, ROOT, chain_of, flexible, make_scene, na
 from numpy.testing import assert_allclose, assert_array_equal
 
 from flexlink import (
-    ArgumentError,
     Arm,
     Chain,
     Damping,
@@ -20,19 +19,19 @@ from flexlink import (
     Mount,
     RigidBody,
     Section,
-    SingularMassError,
     lump,
     modes,
     stable_step,
     tip_position,
     to_mjcf,
-)  # fmt: skip
+)
 from flexlink.chain.rotation import matrix_from_rpy_deg, rpy_from_matrix
 from flexlink.cli.main import main
 from flexlink.engines import load
 from flexlink.engines import mujoco as mujoco_engine
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.errors import ArgumentError, SingularMassError
 from flexlink.formats import FORMATS
 from flexlink.formats.document import decimals, unique
 from flexlink.kernels.bodies.kinematics import forward_kinematics

@@ -59,7 +59,7 @@ def test_a_whole_state_is_an_initial_state_and_zeros_take_its_place(key: str) ->
 
 
 def test_an_unknown_format_is_refused() -> None:
-    with pytest.raises(fl.ArgumentError, match="format = 'dae': unknown; allowed are urdf, mjcf, sdf"):
+    with pytest.raises(fl.errors.ArgumentError, match="format = 'dae': unknown; allowed are urdf, mjcf, sdf"):
         not_held(BARE, fl.lump(BARE), format="dae")
 
 

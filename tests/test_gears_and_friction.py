@@ -94,7 +94,7 @@ def test_every_solver_knows_gears_and_friction_in_hinges(scene, rng) -> None:
     M = fl.mass_matrix(chain, q)
     rest = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - friction
     for method in ("articulated", "lu", "cholesky"):
-        qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
+        qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
         residual = np.abs(M @ qdd - rest).max()
         assert residual <= 100 * EPS * (np.abs(M).max() * np.abs(qdd).sum() + np.abs(rest).max()), method
 
@@ -198,7 +198,7 @@ def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(build, wanted) -> None:
-    with pytest.raises(fl.SceneError, match=wanted):
+    with pytest.raises(fl.errors.SceneError, match=wanted):
         build()
 
 
@@ -206,7 +206,7 @@ def test_a_hinge_on_an_elastic_gear_needs_inertia_between(tmp_path) -> None:
     rule = tmp_path / "nodal.toml"
     rule.write_text('about = "a"\nsource = "b"\n[grid]\nfirst = 0.0\nlast = 0.5\n', encoding="utf-8")
     for joint in (GEAR, fl.Joint(gear_stiffness=K, locked=True)):
-        with pytest.raises(fl.SceneError, match=r"^link\.a.lumping = .*with no inertia between the two"):
+        with pytest.raises(fl.errors.SceneError, match=r"^link\.a.lumping = .*with no inertia between the two"):
             fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint)))
         chain = fl.lump(make_scene(flexible("a", lumping=str(rule), joint=joint, hub=WHEEL)))
         assert np.linalg.eigvalsh(fl.mass_matrix(chain, np.zeros(chain.n))).min() > 0

@@ -31,7 +31,8 @@ OF_OTHERS = {
     fl.initial_state: ["scene", "chain"], fl.to_urdf: ["chain"], fl.to_mjcf: ["chain"], fl.to_sdf: ["chain"],
     fl.sensitivities: ["scene", "parameters"],
     fl.beam_strain: ["scene", "q"], fl.settling_time: ["run"], fl.overshoot: ["run"], fl.residual_vibration: ["run"],
-    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.sweep: ["what"], load: ["name", "chain"],
+    fl.load_scene: ["path"], fl.load_sweep: ["path"], fl.load_trajectory: ["path"],
+    fl.sweep: ["what"], load: ["name", "chain"],
 }  # fmt: skip
 
 
@@ -57,7 +58,7 @@ def test_what_a_function_is_about_comes_first_and_everything_else_is_given_by_na
 
 
 def test_options_of_one_name_stand_in_one_order() -> None:
-    order = ["tip_wrench", "follower", "gains", "locked", "method", "tolerance"]
+    order = ["tip_wrench", "frame", "gains", "locked", "solver", "algorithm", "method", "tolerance"]
     for function in OF_A_STATE:
         options = [name for name in by_name(function) if name in order]
         assert options == sorted(options, key=order.index), function
@@ -79,7 +80,7 @@ def test_a_public_function_says_what_it_takes_returns_and_raises(function: Calla
 def test_engines_speak_the_same_grammar(engine: str) -> None:
     try:
         kind = type(load(engine, fl.lump(fl.load_scene(MODELS[0]))))
-    except fl.MissingDependencyError as missing:
+    except fl.errors.MissingDependencyError as missing:
         pytest.skip(str(missing))
     for name in ("mass_matrix", "bias_torque", "gravity_torque", "elastic_torque", "friction_torque"):
         function = getattr(kind, name)

@@ -163,7 +163,7 @@ def test_a_point_that_rounding_has_made_impossible_is_a_point() -> None:
         payload(SpatialInertia(0.526, center, np.diag([-5.42e-20, -5.42e-20, 0.0]))).matrix.tolist()
         == np.zeros((3, 3)).tolist()
     )
-    with pytest.raises(fl.SceneError, match="no body can have it"):
+    with pytest.raises(fl.errors.SceneError, match="no body can have it"):
         payload(SpatialInertia(0.526, center, np.diag([-5.42e-17, -5.42e-17, 0.0])))
 
 
@@ -280,7 +280,7 @@ def test_what_does_not_fit_the_robot_is_refused_by_name(name: str, tmp_path: Pat
 
 
 def test_a_flexible_link_needs_to_know_its_stiffness() -> None:
-    with pytest.raises(fl.SceneError, match="section: missing; give section or frequency_hz"):
+    with pytest.raises(fl.errors.SceneError, match="section: missing; give section or frequency_hz"):
         FlexibleLink(mass=1.0)
 
 

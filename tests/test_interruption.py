@@ -38,12 +38,12 @@ def usual_answers():
 
 @BOTH
 def test_a_signal_waits_for_the_block_and_is_answered_by_whoever_holds_results(number: int) -> None:
-    with pytest.raises(fl.ArgumentError, match="results"), deferred() as outer:
+    with pytest.raises(fl.errors.ArgumentError, match="results"), deferred() as outer:
         with deferred() as inner:
             signal.raise_signal(number)
         assert inner is outer
         assert (outer.asked, outer.signal) == (True, number)
-        raise fl.ArgumentError("results")
+        raise fl.errors.ArgumentError("results")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
@@ -66,11 +66,11 @@ def test_the_second_signal_still_waits_and_says_that_the_third_does_not(number: 
 
 
 def test_of_two_signals_the_first_is_answered() -> None:
-    with pytest.raises(fl.ArgumentError, match="results"), deferred() as stop:
+    with pytest.raises(fl.errors.ArgumentError, match="results"), deferred() as stop:
         signal.raise_signal(signal.SIGINT)
         signal.raise_signal(signal.SIGTERM)
         assert stop.signal == signal.SIGINT
-        raise fl.ArgumentError("results")
+        raise fl.errors.ArgumentError("results")
 
 
 @pytest.mark.parametrize("own", [signal.SIG_IGN, lambda *_: None])
@@ -110,7 +110,7 @@ def test_one_long_sample_does_not_keep_a_signal_waiting(number: int, models) -> 
         if fraction > 0:
             signal.raise_signal(number)
 
-    with pytest.raises(fl.InterruptedRunError) as caught:
+    with pytest.raises(fl.errors.InterruptedRunError) as caught:
         fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_soon, duration=20.0, sample=20.0)
     assert seen[-1] < 0.1
     assert caught.value.signal == number
@@ -199,7 +199,7 @@ def test_a_finished_run_is_not_lost_to_a_signal_at_its_end(models) -> None:
         if fraction == 1.0:
             signal.raise_signal(signal.SIGTERM)
 
-    with pytest.raises(fl.InterruptedRunError, match=r"terminated at t = 0.02 s; 5 samples kept") as caught:
+    with pytest.raises(fl.errors.InterruptedRunError, match=r"terminated at t = 0.02 s; 5 samples kept") as caught:
         fl.simulate(fl.load_scene(models / "paper_fig5.toml"), progress=stop_at_the_end, duration=0.02)
     assert len(caught.value.trajectory.t) == 5
 
@@ -275,7 +275,7 @@ def test_a_command_that_keeps_no_samples_says_of_none_that_they_are_kept(
     run = fl.simulate(fl.load_scene(PAPER), duration=0.01)
 
     def stopped(*_: object, **__: object) -> None:
-        raise fl.InterruptedRunError(run, number)
+        raise fl.errors.InterruptedRunError(run, number)
 
     name = {"advise": "advise.advise", "show": "show.simulate"}[command]
     monkeypatch.setattr(f"flexlink.cli.{name}", stopped)

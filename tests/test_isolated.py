@@ -18,9 +18,10 @@ import pytest
 from conftest import flexible, make_scene, random_state
 from numpy.testing import assert_array_equal
 
-from flexlink import ArgumentError, DivergenceError, Drive, EngineError, MissingDependencyError, Scene, lump
+from flexlink import Drive, Scene, lump
 from flexlink.engines import isolated, load
 from flexlink.engines.isolated import IsolatedEngine
+from flexlink.errors import ArgumentError, DivergenceError, EngineError, MissingDependencyError
 
 pytestmark = pytest.mark.slow  # every test starts a process
 

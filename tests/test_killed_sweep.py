@@ -99,7 +99,10 @@ def test_rows_of_a_cluster_that_lost_a_worker_are_those_of_one_process(
 def test_a_cluster_that_is_not_there_is_told(sweep: Path, tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("distributed")
     monkeypatch.setattr(workers, "PATIENCE", 1)
-    with pytest.raises(fl.EngineError, match=r"tcp://127\.0\.0\.1:9: no Dask scheduler answers"):
+    with pytest.raises(fl.errors.EngineError, match=r"tcp://127\.0\.0\.1:9: no Dask scheduler answers"):
         fl.sweep(sweep, dask="tcp://127.0.0.1:9")
-    with cluster(tmp_path, 0) as (address, _), pytest.raises(fl.EngineError, match="the scheduler has no workers"):
+    with (
+        cluster(tmp_path, 0) as (address, _),
+        pytest.raises(fl.errors.EngineError, match="the scheduler has no workers"),
+    ):
         fl.sweep(sweep, dask=address)

@@ -321,7 +321,7 @@ def test_the_twin_is_the_arm_without_what_bends() -> None:
     )
     for name in ("armature", "coulomb", "damping"):
         np.testing.assert_array_equal(model.hinges[name], chain.hinges[name][chain.active])
-    with pytest.raises(fl.ArgumentError, match="scene = 3: expected a Scene, got int"):
+    with pytest.raises(fl.errors.ArgumentError, match="scene = 3: expected a Scene, got int"):
         fl.rigidified(3)
 
 
@@ -373,18 +373,18 @@ def test_no_file_says_a_law_and_it_is_told() -> None:
     ],
 )  # fmt: skip
 def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         arm({**PD, **drive}, **changes)
 
 
 def test_what_no_law_has_cannot_be_sampled() -> None:
-    with pytest.raises(fl.SceneError, match=r"rate = 100\.0: drive kind 'none' has no law"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate = 100\.0: drive kind 'none' has no law"):
         arm({"kind": "none", "rate": 100.0})
 
 
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
 def test_engines_that_show_no_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
-    with pytest.raises(fl.ArgumentError, match=rf"drive\.rate = 1000\.0: {engine} cannot follow it"):
+    with pytest.raises(fl.errors.ArgumentError, match=rf"drive\.rate = 1000\.0: {engine} cannot follow it"):
         base.refuse_held(engine, arm({**PD, "rate": 1000.0}))
 
 
@@ -396,7 +396,7 @@ def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> N
         each.step(duration=0.003)
     drive = simulator._driven.drive
     before = [array.copy() for array in drives.remembered(drive)]
-    with pytest.raises(fl.DivergenceError):
+    with pytest.raises(fl.errors.DivergenceError):
         simulator.step([np.finfo(float).max] * 3, duration=0.02)
     simulator._steps.go(simulator._driven, simulator.time, simulator.time)
     for array, kept in zip(drives.remembered(drive), before, strict=True):

@@ -9,14 +9,16 @@ from scipy import linalg
 from scipy.linalg import solve_continuous_are
 
 import flexlink as fl
-from flexlink import ArgumentError, Chain, Damping, Joint, PrescribedMotion
-from flexlink.dynamics.vibration.linear import graded
+from flexlink import Chain, Damping, Joint, PrescribedMotion
+from flexlink.dynamics.equilibrium import Equilibrium
+from flexlink.dynamics.vibration.linear import LinearModel, graded
+from flexlink.errors import ArgumentError
 
 EPS = np.finfo(float).eps
 PAPER = next(path for path in MODELS if path.stem == "paper_fig5")
 
 
-def hanging(chain: Chain) -> fl.Equilibrium:
+def hanging(chain: Chain) -> Equilibrium:
     """The sagging arm, joints held."""
     return fl.solve_static(chain, chain.rest, locked=chain.active.tolist())
 
@@ -70,7 +72,7 @@ def test_next_to_a_moving_state_it_predicts_rates_and_outputs(rng: np.random.Gen
     model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, outputs=outputs)
     δx, δu = rng.normal(size=2 * n), rng.normal(size=len(chain.active))
 
-    def at(h: float) -> fl.LinearModel:
+    def at(h: float) -> LinearModel:
         moved = tau.copy()
         moved[chain.active] += h * δu
         state = q + h * δx[:n], qd + h * δx[n:]

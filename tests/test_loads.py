@@ -9,6 +9,7 @@ import pytest
 from conftest import ALUMINIUM, SQUARE, flexible, make_scene, nasty_scene, random_state
 
 import flexlink as fl
+from flexlink.chain.chain import Coordinate
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE
@@ -37,7 +38,7 @@ def clamped_in_the_cut(chain: fl.Chain, i: int, offset: np.ndarray) -> tuple[fl.
     bodies = np.array([*chain.bodies[:i], root, body, *after], dtype=BODY)
     extra = np.array([(axis, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -np.inf, np.inf, 0) for axis in range(3)], dtype=HINGE)
     hinges = np.array([*chain.hinges[:k], *extra, *chain.hinges[k:]], dtype=HINGE)
-    coordinates = (*chain.coordinates[:k], *[fl.Coordinate(1, 90, axis) for axis in (1, 2, 3)], *chain.coordinates[k:])
+    coordinates = (*chain.coordinates[:k], *[Coordinate(1, 90, axis) for axis in (1, 2, 3)], *chain.coordinates[k:])
     return dataclasses.replace(chain, bodies=bodies, hinges=hinges, coordinates=coordinates), slice(k, k + 3)
 
 
@@ -213,21 +214,21 @@ def test_along_a_run_loads_follow_from_its_own_accelerations() -> None:
 
 def test_loads_that_cannot_be_are_refused() -> None:
     q = np.zeros(NASTY.n)
-    with pytest.raises(fl.ArgumentError, match=r"qdd has shape \(1,\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"qdd has shape \(1,\)"):
         fl.internal_loads(NASTY, q, q, [0.0])
-    with pytest.raises(fl.ArgumentError, match="an internal load is beyond the numbers of float64"):
+    with pytest.raises(fl.errors.ArgumentError, match="an internal load is beyond the numbers of float64"):
         fl.internal_loads(NASTY, q, np.full(NASTY.n, 1e200), q)
-    with pytest.raises(fl.ArgumentError, match="state 1: the motion of the point is beyond"):
+    with pytest.raises(fl.errors.ArgumentError, match="state 1: the motion of the point is beyond"):
         fl.point_motion(NASTY, q, np.outer([0, 1e200], np.ones(NASTY.n)), q)
-    with pytest.raises(fl.ArgumentError, match="body = 99: must be"):
+    with pytest.raises(fl.errors.ArgumentError, match="body = 99: must be"):
         fl.point_motion(NASTY, q, q, q, body=99)
-    with pytest.raises(fl.ArgumentError, match="no joint of this chain"):
+    with pytest.raises(fl.errors.ArgumentError, match="no joint of this chain"):
         NASTY.body("elbow")
-    with pytest.raises(fl.ArgumentError, match="link = 'rigid': is rigid; expected one that bends"):
+    with pytest.raises(fl.errors.ArgumentError, match="link = 'rigid': is rigid; expected one that bends"):
         fl.beam_strain(nasty_scene(), q, link="rigid", fibre=(0, 0))
-    with pytest.raises(fl.ArgumentError, match=r"fibre has shape \(3,\); expected \(2,\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"fibre has shape \(3,\); expected \(2,\)"):
         fl.beam_strain(nasty_scene(), q, link="upper", fibre=(0, 0, 0))
-    with pytest.raises(fl.ArgumentError, match=r"q has shape \(2, 3\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"q has shape \(2, 3\)"):
         fl.beam_strain(nasty_scene(), np.zeros((2, 3)), link="upper", fibre=(0, 0))
-    with pytest.raises(fl.ArgumentError, match="a strain is beyond the numbers of float64"):
+    with pytest.raises(fl.errors.ArgumentError, match="a strain is beyond the numbers of float64"):
         fl.beam_strain(nasty_scene(), np.full((2, NASTY.n), 1e308), link="upper", fibre=(0, 0))

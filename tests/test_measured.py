@@ -68,7 +68,7 @@ class TestReading:
         ],
     )
     def test_what_cannot_be_read_is_refused_with_its_place(self, tmp_path: Path, text: str, reason: str) -> None:
-        with pytest.raises(fl.DataFileError, match=reason):
+        with pytest.raises(fl.errors.DataFileError, match=reason):
             self.read(tmp_path, text)
 
 

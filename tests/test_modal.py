@@ -15,7 +15,6 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink import (
-    ArgumentError,
     Arm,
     Joint,
     Link,
@@ -33,6 +32,7 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.modal import first_order_matrix
+from flexlink.errors import ArgumentError
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import bending_chain, hencky
@@ -312,7 +312,7 @@ def test_becks_column_flutters_at_the_published_load(rule, hinges):
     chain = cantilever(rule, hinges)
 
     def at(load):
-        return modes(chain, tip_wrench=[-load, 0, 0, 0, 0, 0], follower=True)
+        return modes(chain, tip_wrench=[-load, 0, 0, 0, 0, 0], frame="tip")
 
     low, high = 10.0, 30.0
     for _ in range(40):
@@ -482,7 +482,7 @@ def test_a_joint_that_turns_with_its_follower_load_does_not_grow(damping, rng):
     """Nothing depends on its angle, but K has no potential: its double λ = 0 is found as such."""
     chain = fl.lump(make_scene(flexible("a", "yz", damping=damping)))
     for load in np.hstack([rng.uniform(-5, 5, (10, 3)), rng.uniform(-1, 1, (10, 3))]):
-        found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, follower=True)
+        found = modes(chain, rng.uniform(-0.2, 0.2, chain.n), tip_wrench=load, frame="tip")
         assert found.stable
         assert found.frequencies[0] == found.damping_ratios[0] == 0
         assert np.isfinite(found.frequencies).all()

@@ -38,31 +38,31 @@ def test_quintic_pieces_follow_a_smooth_motion_to_sixth_order() -> None:
     assert qd[0] == pytest.approx(np.radians(60 * np.sin(4.0)))
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
-def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(dynamics: str) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_torque_of_a_rigid_wheel_is_inertia_times_acceleration(solver: str) -> None:
     wheel = fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0))
     scene = make_scene(fl.Link(name="a"), tip=wheel, gravity=(0, 0, 0), motion=(swing(),))
-    run = fl.simulate(scene, step=1e-2, sample=0.05, duration=2.0, dynamics=dynamics)
+    run = fl.simulate(scene, step=1e-2, sample=0.05, duration=2.0, solver=solver)
     exact = 3.0 * np.radians(120) * np.cos(2 * run.t)
     np.testing.assert_allclose(run.tau[:-1, 0], exact[:-1], atol=1e-5)  # Hermite's second derivative, order h⁴
     assert run.tau[-1, 0] == 0  # from the last knot on the rate is constant
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
-def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on_the_tip(dynamics: str) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_the_torque_of_a_prescribed_joint_carries_rotor_friction_and_the_load_on_the_tip(solver: str) -> None:
     joint = fl.Joint(viscous=2.0, coulomb=0.5, coulomb_width=0.1, armature=0.25)
     scene = make_scene(
         fl.Link(name="a", joint=joint), tip=fl.RigidBody(mass=1.0, inertia=(2.0, 2.0, 3.0)), gravity=(0, 0, 0),
         motion=(swing(),), wrench=fl.Wrench(moment=(0.0, 0.0, 7.0)),
     )  # fmt: skip
-    run = fl.simulate(scene, step=1e-2, sample=0.05, duration=1.9, dynamics=dynamics)
+    run = fl.simulate(scene, step=1e-2, sample=0.05, duration=1.9, solver=solver)
     ω, α = np.radians(60) * np.sin(2 * run.t), np.radians(120) * np.cos(2 * run.t)
     exact = 3.25 * α + 2.0 * ω + 0.5 * np.tanh(ω / 0.1) - 7.0
     np.testing.assert_allclose(run.tau[:, 0], exact, atol=1e-5)  # Hermite's second derivative, order h⁴
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
-def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(dynamics: str) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(solver: str) -> None:
     """Not where the stages of a step lead: with a step of a tenth of the motion they are 1e-5 rad beside it.
 
     θ = s³ (10 − 15 s + 6 s²) is the quintic from rest to rest within 1 s; the run ends beyond its last knot.
@@ -74,9 +74,7 @@ def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(dyn
     )
     heavy = fl.RigidBody(mass=1.0, inertia=(1.0, 1.0, 1.0))
     links = [fl.Link(name=name, length=0.5, hub=heavy) for name in "abc"]
-    run = fl.simulate(
-        make_scene(*links, tip=heavy, motion=motion), step=0.1, sample=0.1, duration=1.3, dynamics=dynamics
-    )
+    run = fl.simulate(make_scene(*links, tip=heavy, motion=motion), step=0.1, sample=0.1, duration=1.3, solver=solver)
     for k, degrees, duration in ((0, 90.0, 1.0), (2, -40.0, 0.5)):
         s = np.minimum(run.t / duration, 1.0)
         angle, rate = s**3 * (10 - 15 * s + 6 * s**2), 30 * s**2 * (1 - s) ** 2 / duration
@@ -86,13 +84,13 @@ def test_every_sample_has_its_prescribed_joints_exactly_where_they_are_to_be(dyn
     assert run.qd[-1, 0] == 0
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("moved", ["a", "b"])
-def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(dynamics: str, moved: str) -> None:
+def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(solver: str, moved: str) -> None:
     links = flexible("a", segments=3), flexible("b", "xyz", segments=3, mount=fl.Mount(rpy_deg=(40, 0, 0)))
     free = fl.lump(make_scene(*links, gravity=(1.0, 2.0, 9.0)))
     scene = make_scene(*links, gravity=(1.0, 2.0, 9.0), motion=(swing(moved, 401),))
-    run = fl.simulate(scene, step=2e-5, sample=1e-2, duration=0.2, dynamics=dynamics)
+    run = fl.simulate(scene, step=2e-5, sample=1e-2, duration=0.2, solver=solver)
     k = run.chain.index(1 if moved == "a" else 2, 0, 0)
     np.testing.assert_allclose(run.q[:, k], np.radians(30 * (1 - np.cos(2 * run.t))), atol=1e-11)
     for t, q, qd, tau in zip(run.t, run.q, run.qd, run.tau, strict=True):
@@ -102,16 +100,16 @@ def test_the_torque_that_a_motion_takes_gives_its_acceleration_back(dynamics: st
     assert np.abs(run.q).max() > 0.01
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
-def test_solvers_agree_at_prescribed_accelerations(models, dynamics: str) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_solvers_agree_at_prescribed_accelerations(models, solver: str) -> None:
     scene = fl.load_scene(models / "t3_spatial.toml")
     moving = fl.PrescribedMotion(
         link="upper", times=(0.0, 1.0), angle_deg=(-60.0, 0.0), rate_deg=(0.0, 9.0), acceleration_deg=(0.0, 0.0)
     )
     both = [
         fl.simulate(fl.Scene(name="s", arm=scene.arm, initial=scene.initial, motion=(moving,)), step=5e-5, duration=0.1,
-                    dynamics=name)
-        for name in ("lu", dynamics)
+                    solver=name)
+        for name in ("lu", solver)
     ]  # fmt: skip
     assert np.abs(both[0].q - both[1].q).max() < 1e-11
     assert np.abs(both[0].tau - both[1].tau).max() < 1e-7 * np.abs(both[0].tau).max()
@@ -130,7 +128,7 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
     assert fl.lump(scene).is_planar
     sample = 2e-4 if samples == 1 else 1e-2
     settings = {"step": 2e-5, "sample": sample, "duration": samples * sample}
-    runs = [fl.simulate(scene, **settings, dynamics=name) for name in SOLVERS]
+    runs = [fl.simulate(scene, **settings, solver=name) for name in SOLVERS]
     for run in runs[1:]:
         assert np.abs(run.q - runs[0].q).max() < 1e-11
         np.testing.assert_allclose(run.tau, runs[0].tau, rtol=0, atol=1e-7 * np.abs(runs[0].tau).max())
@@ -147,7 +145,7 @@ def test_in_a_plane_a_prescribed_joint_may_turn_the_other_way_and_have_a_rotor(s
 def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: str) -> None:
     fields = {"link": "a", "times": (0.0, 1.0), "angle_deg": (0.0, 1.0), "rate_deg": (0.0, 0.0),
               "acceleration_deg": (0.0, 0.0)}  # fmt: skip
-    with pytest.raises(fl.SceneError, match=wanted):
+    with pytest.raises(fl.errors.SceneError, match=wanted):
         make_scene(
             fl.Link(name="a", length=1.0),
             tip=fl.RigidBody(mass=1.0),
@@ -156,12 +154,14 @@ def test_a_motion_that_does_not_fit_the_scene_is_refused(change: dict, wanted: s
 
 
 def test_a_motion_checks_its_table() -> None:
-    with pytest.raises(fl.SceneError, match=r"times\[0\] = 1.0: must be 0"):
+    with pytest.raises(fl.errors.SceneError, match=r"times\[0\] = 1.0: must be 0"):
         fl.PrescribedMotion(link="a", times=(1.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
     rows = {"angle_deg": (0.0,) * 4, "rate_deg": (0.0,) * 4, "acceleration_deg": (0.0,) * 4}
-    with pytest.raises(fl.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"):
+    with pytest.raises(
+        fl.errors.SceneError, match=r"times\[2\] = 0.5: must be greater than times\[1\] = 1.0; times increase"
+    ):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 0.5, 2.0), **rows)
-    with pytest.raises(fl.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate_deg\[3\] = nan: must be a finite number"):
         fl.PrescribedMotion(link="a", times=(0.0, 1.0, 1.5, 2.0), **rows | {"rate_deg": (0.0, 0.0, 0.0, np.nan)})
-    with pytest.raises(fl.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate_deg has 2 values: expected one per time, 1"):
         fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0, 0.0), acceleration_deg=(0.0,))

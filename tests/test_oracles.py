@@ -86,7 +86,7 @@ def test_stages_that_are_not_found_are_an_error():
 
 def test_the_50_digit_chain_refuses_axes_that_are_not_parallel():
     chain = fl.lump(fl.load_scene(ROOT / "models" / "t2_spatial.toml"))
-    with pytest.raises(fl.ArgumentError, match="not planar"):
+    with pytest.raises(fl.errors.ArgumentError, match="not planar"):
         PlanarChain(chain)
 
 

@@ -96,11 +96,11 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
     arm = Variant().build(case, Rule(rule="gauss", hinges=6)).arm
     assert [(link.lumping, link.segments) for link in arm.links] == [("gauss", 7)] * 2
     assert existing(case, Variant(), Rule(rule="gauss", hinges=5)) is None
-    with pytest.raises(fl.ArgumentError, match="lumping"):
+    with pytest.raises(fl.errors.ArgumentError, match="lumping"):
         existing(case, Variant(), Rule(rule="none such", hinges=6))
     with pytest.raises(SceneError, match=r"tip\.mas = 1.*did you mean 'mass'"):
         existing(case, Variant(change={"tip.mas": 1.0}), Rule(rule="gauss", hinges=6))
-    with pytest.raises(fl.ArgumentError, match=r"variant.scene = 'none such': unknown; allowed are"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"variant.scene = 'none such': unknown; allowed are"):
         Variant(scene="none such").build(case, Rule(rule="gauss", hinges=6))
 
 
@@ -108,7 +108,9 @@ def test_a_variant_cuts_every_flexible_link_by_the_rule():
 def test_an_input_or_a_load_that_does_not_exist_is_answered_with_those_that_do(name, key):
     case = CASES[name]
     kind = KINDS[case.kind]
-    with pytest.raises(fl.ArgumentError, match=rf"{name}.toml: settings.{key} = 'none such': unknown; allowed are"):
+    with pytest.raises(
+        fl.errors.ArgumentError, match=rf"{name}.toml: settings.{key} = 'none such': unknown; allowed are"
+    ):
         list(kind.run(case, decode(case.settings | {key: "none such"}, kind.Settings)))
 
 

@@ -309,7 +309,7 @@ def test_a_video_has_every_frame(tmp_path: Path) -> None:
 
 def test_without_ffmpeg_the_error_says_what_to_do(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(fl.MissingDependencyError, match=r"install it \(ffmpeg.org.*take .gif or .html"):
+    with pytest.raises(fl.errors.MissingDependencyError, match=r"install it \(ffmpeg.org.*take .gif or .html"):
         run_of("paper_fig5", 0.0).animate(tmp_path / "arm.mp4")
     assert list(tmp_path.iterdir()) == []
 
@@ -318,7 +318,7 @@ def test_without_ffmpeg_the_error_says_what_to_do(tmp_path: Path, monkeypatch) -
 def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "ffmpeg").symlink_to(str(shutil.which("false")))
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(fl.EngineError, match="ffmpeg failed with exit code 1"):
+    with pytest.raises(fl.errors.EngineError, match="ffmpeg failed with exit code 1"):
         run_of("paper_fig5", 0.0).animate(tmp_path / "arm.mp4")
     assert [path.name for path in tmp_path.iterdir()] == ["ffmpeg"]
 
@@ -338,7 +338,7 @@ def test_a_video_that_ffmpeg_refuses_leaves_no_file(tmp_path: Path, monkeypatch)
 def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     run = run_of("paper_fig5", 0.01)
-    with pytest.raises(fl.ArgumentError, match=message):
+    with pytest.raises(fl.errors.ArgumentError, match=message):
         run.animate(**{"path": "arm.gif", **options})
     assert list(tmp_path.iterdir()) == []
 
@@ -346,7 +346,7 @@ def test_what_is_not_allowed_is_named(options: dict[str, object], message: str, 
 def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
     monkeypatch.setattr("flexlink.results.pictures.film.MOST_FRAMES", 20)
     run = run_of("paper_fig5", 0.01)
-    with pytest.raises(fl.ArgumentError) as refused:
+    with pytest.raises(fl.errors.ArgumentError) as refused:
         filmed(run, speed=1e-6)
     named = float(str(refused.value).split("at least ")[1].split(",")[0])
     assert len(filmed(run, speed=named).t) == 20
@@ -355,7 +355,7 @@ def test_the_smallest_speed_that_is_named_is_allowed(monkeypatch) -> None:
 def test_a_run_that_does_not_know_its_scene_cannot_be_drawn(tmp_path: Path) -> None:
     run = run_of("paper_fig5", 0.0)
     bare = fl.Trajectory(run.chain, run.t, run.q, run.qd, run.tau, run.tip, run.energy)
-    with pytest.raises(fl.ArgumentError, match="scene = None"):
+    with pytest.raises(fl.errors.ArgumentError, match="scene = None"):
         bare.animate(tmp_path / "arm.gif")
 
 

@@ -51,7 +51,7 @@ def test_solvers_agree_on_random_arms(rng) -> None:
         parts = tau, fl.bias_torque(chain, q, qd), fl.elastic_torque(chain, q), fl.friction_torque(chain, qd)
         rest = parts[0] - parts[1] - parts[2] - parts[3]
         for method in ("articulated", "cholesky"):
-            qdd = fl.forward_dynamics(chain, q, qd, tau, method=method)
+            qdd = fl.forward_dynamics(chain, q, qd, tau, solver=method)
             size = np.abs(M).max() * np.abs(qdd).sum() + max(np.abs(part).max() for part in parts)
             assert np.abs(M @ qdd - rest).max() <= 10 * np.sqrt(chain.n) * EPS * size, (seed, method)
 

@@ -134,7 +134,7 @@ def test_a_number_that_is_changed_is_in_the_chain_or_refused(format) -> None:
                 with said(element, key, " ".join(words)):
                     try:
                         chain = format.read(text_of(root))
-                    except fl.DataFileError as error:
+                    except fl.errors.DataFileError as error:
                         assert "\n" not in str(error)
                         continue
                     finally:
@@ -157,7 +157,7 @@ def test_what_is_no_number_is_refused_in_one_line(format, wrong: str) -> None:
             continue
         if (element.tag, key) == ("option", "timestep"):
             continue
-        with said(element, key, wrong), pytest.raises(fl.DataFileError, match=r"^arm\.xml: [^\n]+$"):
+        with said(element, key, wrong), pytest.raises(fl.errors.DataFileError, match=r"^arm\.xml: [^\n]+$"):
             format.read(text_of(root), what="arm.xml")
 
 
@@ -168,7 +168,7 @@ def test_a_name_or_word_that_is_changed_is_refused_or_is_the_chain_s_own(format)
         try:
             float(value(element, key).split()[0])
         except ValueError:
-            with said(element, key, "other"), contextlib.suppress(fl.DataFileError):
+            with said(element, key, "other"), contextlib.suppress(fl.errors.DataFileError):
                 format.read(text_of(root))
                 own.add(f"{element.tag}.{key}")
     assert own <= {"robot.name", "mujoco.model"}
@@ -186,7 +186,7 @@ def test_an_element_that_is_left_out_or_doubled_or_unknown_is_refused(format) ->
                 try:
                     assert not same(format.read(text_of(root)), small_chain())
                     assert others == [] and child.tag in {"joint", "inertial"}
-                except fl.DataFileError as error:
+                except fl.errors.DataFileError as error:
                     assert "\n" not in str(error)
                 parent[k : k + len(others)] = [child]
     assert same(format.read(text_of(root)), small_chain())
@@ -197,7 +197,7 @@ def test_an_attribute_that_flexlink_does_not_write_is_refused(format) -> None:
     root = document(format)
     for element in root.iter():
         element.set("other", "1")
-        with pytest.raises(fl.DataFileError, match=r"other = '1' where flexlink writes nothing"):
+        with pytest.raises(fl.errors.DataFileError, match=r"other = '1' where flexlink writes nothing"):
             format.read(text_of(root))
         del element.attrib["other"]
 
@@ -214,7 +214,7 @@ def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
                 R = [repr(factor * float(word)) for word in words[first:]]
                 text, refused = (
                     " ".join([*words[:first], *R]),
-                    pytest.raises(fl.DataFileError, match="no rotation matrix"),
+                    pytest.raises(fl.errors.DataFileError, match="no rotation matrix"),
                 )
                 with said(element, key, text), refused:
                     format.read(text_of(root))
@@ -234,7 +234,7 @@ def test_shapes_may_be_edited(format) -> None:
 @EVERY
 @pytest.mark.parametrize("text", ["<robot", "<other/>", "<robot name='a'/>", "<mujoco/>", "<sdf/>", "", "<a>" * 500])
 def test_other_files_are_refused_in_one_line(format, text: str) -> None:
-    with pytest.raises(fl.DataFileError, match=r"^arm\.xml: [^\n]+$"):
+    with pytest.raises(fl.errors.DataFileError, match=r"^arm\.xml: [^\n]+$"):
         format.read(text, what="arm.xml")
 
 
@@ -244,7 +244,7 @@ def test_a_negative_spring_damper_or_friction_is_refused_by_name(format, field: 
     chain = small_chain()
     hinges = chain.hinges.copy()
     hinges[field][1] = -1.0
-    with pytest.raises(fl.DataFileError, match=rf"'arm'.*{field} = -1\.0: must not be negative"):
+    with pytest.raises(fl.errors.DataFileError, match=rf"'arm'.*{field} = -1\.0: must not be negative"):
         format.read(format.write(dataclasses.replace(chain, hinges=hinges)))
 
 

@@ -242,16 +242,16 @@ REFUSED = {
 @pytest.mark.parametrize("what", REFUSED)
 def test_a_bad_reference_is_refused_by_key_and_row(what: str) -> None:
     given, message = REFUSED[what]
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         fl.Reference(**given)
 
 
 def test_what_does_not_fit_the_arm_or_float64_is_refused() -> None:
-    with pytest.raises(fl.SceneError, match=r"angle_deg\[0\] = \(0.0,\): expected one number per link, 2"):
+    with pytest.raises(fl.errors.SceneError, match=r"angle_deg\[0\] = \(0.0,\): expected one number per link, 2"):
         fl.Reference(profile="linear", **TABLE).course((0.0, 0.0))
-    with pytest.raises(fl.SceneError, match="faster than float64 can hold"):
+    with pytest.raises(fl.errors.SceneError, match="faster than float64 can hold"):
         fl.Reference(profile="linear", **TABLE | {"times": (0.0, 5e-324, 1.0)}).course((0.0,))
-    with pytest.raises(fl.SceneError, match=r"start = 100.0: a move of 1e-15 s is shorter than float64 tells"):
+    with pytest.raises(fl.errors.SceneError, match=r"start = 100.0: a move of 1e-15 s is shorter than float64 tells"):
         fl.Reference(profile="quintic", to_deg=(1.0,), start=100.0, duration=1e-15).course((0.0,))
 
 
@@ -262,7 +262,7 @@ def test_a_course_of_ones_own_is_checked() -> None:
         ([0.0], np.full((1, 1, 1), np.inf), "not finite"),
         ([0.0], np.ones((1, 2, 1)), "must be constant"),
     ):
-        with pytest.raises(fl.ArgumentError, match=message):
+        with pytest.raises(fl.errors.ArgumentError, match=message):
             fl.ReferenceTrajectory(knots, c)
     assert repr(still([1.0, 2.0])) == "<Course of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
 
@@ -304,7 +304,7 @@ OUT = {
 @pytest.mark.parametrize("what", OUT)
 def test_a_reference_that_does_not_fit_the_scene_is_refused(what: str) -> None:
     reference, message = OUT[what]
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         driven(reference)
 
 
@@ -315,7 +315,7 @@ def test_a_shaper_with_impulses_below_zero_may_lead_beyond_the_limits(tmp_path: 
     path.write_text(rule, encoding="utf-8")
     shaper = fl.InputShaper(kind=str(path), frequency_hz=(1.0,))
     move = fl.Reference(profile="quintic", to_deg=(5.0, 0.0, 9.0), duration=1e-3, shaper=shaper)
-    with pytest.raises(fl.SceneError, match=r"reaches 23 deg: .* 'far'"):
+    with pytest.raises(fl.errors.SceneError, match=r"reaches 23 deg: .* 'far'"):
         driven(move)
 
 
@@ -327,12 +327,12 @@ def test_a_reference_may_jump_between_steps_that_follow_from_a_tolerance() -> No
 def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
     move, here = {"profile": "quintic", "to_deg": (1.0,) * 3, "duration": 1.0}, (0.0, 0.0)
     with pytest.raises(
-        fl.SceneError, match=r"drive.reference.from_deg: missing; initial.joint_deg, its default, is not"
+        fl.errors.SceneError, match=r"drive.reference.from_deg: missing; initial.joint_deg, its default, is not"
     ):
         driven(fl.Reference(**move), initial=fl.InitialState(q=here))
     scene = driven(fl.Reference(**move), initial=fl.InitialState(q=here, joint_deg=(5.0, 30.0, -5.0)))
     with pytest.raises(
-        fl.SceneError, match=r"from_deg: missing; the joint of 'near' is at 0 deg by initial.q, at 5 by"
+        fl.errors.SceneError, match=r"from_deg: missing; the joint of 'near' is at 0 deg by initial.q, at 5 by"
     ):
         reference_arrays(scene, fl.lump(scene))
     later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began
@@ -344,11 +344,11 @@ def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
 def test_a_pd_drive_has_one_target() -> None:
     gains = {"kind": "pd", "kp": (9.0,), "kd": (1.0,)}
     move = fl.Reference(profile="quintic", to_deg=(9.0,), duration=1.0)
-    with pytest.raises(fl.SceneError, match="takes kp, kd, target_deg or reference"):
+    with pytest.raises(fl.errors.SceneError, match="takes kp, kd, target_deg or reference"):
         fl.Drive(**gains)
-    with pytest.raises(fl.SceneError, match="takes kp, kd, reference"):
+    with pytest.raises(fl.errors.SceneError, match="takes kp, kd, reference"):
         fl.Drive(**gains, target_deg=(9.0,), reference=move)
-    with pytest.raises(fl.SceneError, match=r"reference = .*takes torque"):
+    with pytest.raises(fl.errors.SceneError, match=r"reference = .*takes torque"):
         fl.Drive(kind="constant", torque=(1.0,), reference=move)
 
 
@@ -370,5 +370,7 @@ def test_a_shaper_file_is_sought_beside_the_scene(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir("/")
     assert fl.load_scene(tmp_path / "scene.toml") == scene
     (tmp_path / "own.toml").write_text(rule.replace("zeros = 1", "zeros = 2"), encoding="utf-8")
-    with pytest.raises(fl.DataFileError, match=r"scene.toml: drive.reference.shaper.kind = .*own.toml: zeros = 2"):
+    with pytest.raises(
+        fl.errors.DataFileError, match=r"scene.toml: drive.reference.shaper.kind = .*own.toml: zeros = 2"
+    ):
         fl.load_scene(tmp_path / "scene.toml")

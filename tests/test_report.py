@@ -18,6 +18,7 @@ from test_page import CUT_WORDS, DESK, OFF_SCREEN, PHONE, UNFOLD, VIOLATIONS
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.pages.tables import Sheet
+from flexlink.pages.verdict import Report
 from flexlink.scene_report import building
 from flexlink.scene_report.parts import accuracy, energy, statics
 from flexlink.scene_report.report import report
@@ -32,7 +33,7 @@ def scene() -> fl.Scene:
 
 
 @pytest.fixture(scope="module")
-def written(scene: fl.Scene, tmp_path_factory: pytest.TempPathFactory) -> fl.Report:
+def written(scene: fl.Scene, tmp_path_factory: pytest.TempPathFactory) -> Report:
     return report(scene, tmp_path_factory.mktemp("report"))
 
 
@@ -56,12 +57,12 @@ class Links(HTMLParser):
         self.ids |= {value or "" for name, value in attrs if name == "id"}
 
 
-def lines(written: fl.Report, name: str) -> list[dict[str, str]]:
+def lines(written: Report, name: str) -> list[dict[str, str]]:
     with (written.page.parent / name).open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
-def test_the_page_stands_alone_and_leads_only_to_what_is_there(written: fl.Report) -> None:
+def test_the_page_stands_alone_and_leads_only_to_what_is_there(written: Report) -> None:
     links = Links(written.page.read_text(encoding="utf-8"))
     inside = {target[1:] for target in links.targets if target.startswith("#")}
     assert inside <= links.ids
@@ -70,13 +71,13 @@ def test_the_page_stands_alone_and_leads_only_to_what_is_there(written: fl.Repor
     assert [target for target in beside if not (written.page.parent / target).is_file()] == []
 
 
-def test_every_chapter_of_a_driven_arm_is_there(written: fl.Report) -> None:
+def test_every_chapter_of_a_driven_arm_is_there(written: Report) -> None:
     assert written.failures == ()
     chapters = {"model", "motion", "agreement", "energy", "accuracy", "statics", "modes", "settling", "loads"}
     assert chapters <= Links(written.page.read_text(encoding="utf-8")).ids
 
 
-def test_numbers_beside_the_page_are_those_of_the_library(written: fl.Report, scene: fl.Scene) -> None:
+def test_numbers_beside_the_page_are_those_of_the_library(written: Report, scene: fl.Scene) -> None:
     run, chain = fl.simulate(scene), fl.lump(scene)
     samples = lines(written, "run.csv")
     assert [float(line["tip x [m]"]) for line in samples] == run.tip[:, 0].tolist()
@@ -88,7 +89,7 @@ def test_numbers_beside_the_page_are_those_of_the_library(written: fl.Report, sc
     assert float(lines(written, "modes.csv")[0]["frequency [Hz]"]) == pytest.approx(slowest, rel=1e-6)
 
 
-def test_the_model_that_was_chosen_stands_first_of_the_choices_and_finer_ones_are_better(written: fl.Report) -> None:
+def test_the_model_that_was_chosen_stands_first_of_the_choices_and_finer_ones_are_better(written: Report) -> None:
     choices = {line["choice"]: line for line in lines(written, "choices.csv")}
     assert next(iter(choices)) == "this scene"
     error = {name: float(line["tip off by [m]"]) for name, line in choices.items() if line["tip off by [m]"]}
@@ -147,7 +148,7 @@ def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path
 def test_a_file_that_is_not_there_or_of_no_known_kind_is_refused_before_the_work(models: Path, tmp_path: Path) -> None:
     scene = fl.load_scene(models / "paper_fig5.toml")
     for name, reason in (("theirs.xml", "no such file"), ("theirs.docx", "expected .urdf")):
-        with pytest.raises(fl.ArgumentError, match=reason):
+        with pytest.raises(fl.errors.ArgumentError, match=reason):
             fl.report(scene, tmp_path / "out", against=tmp_path / name)
     assert not (tmp_path / "out").exists()
 
@@ -170,7 +171,7 @@ class TestInABrowser:
     @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
     @pytest.mark.parametrize("size", [DESK, PHONE], ids=["desk", "phone"])
     def test_nothing_is_cut_and_nobody_shut_out(
-        self, window: Browser, written: fl.Report, size: tuple[int, int], dark: bool
+        self, window: Browser, written: Report, size: tuple[int, int], dark: bool
     ) -> None:
         window.open(written.page, *size, dark)
         window.run(UNFOLD)
@@ -182,7 +183,7 @@ class TestInABrowser:
 
     @pytest.mark.parametrize("width", [600, 800, 1050, 1150])
     def test_a_table_wider_than_the_window_scrolls_by_itself(
-        self, window: Browser, written: fl.Report, width: int
+        self, window: Browser, written: Report, width: int
     ) -> None:
         window.open(written.page, width, 800)
         window.run(UNFOLD)

@@ -10,6 +10,7 @@ import flexlink as fl
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.states import random_states
+from flexlink.dynamics.terms import Energy
 
 NAMES = [f"link{k}" for k in range(30)]
 LONG = make_scene(*[flexible(name, segments=9) for name in NAMES])
@@ -63,8 +64,8 @@ def test_a_record_shows_what_is_not_as_by_default_so_that_it_can_be_typed_again(
     ("value", "wanted"),
     [
         (LONG.arm, f"<Arm: {', '.join(f'{k!r} (z)' for k in NAMES[:5])}, …, 'link28' (z), 'link29' (z)>"),
-        (fl.Energy(1.0, -2.5, 0.0), "<Energy: kinetic 1 J, gravity -2.5 J, elastic 0 J>"),
-        (fl.Energy(*np.array([[0.0, 1.0], [2.0, 2.0], [3.0, 1.0]])),
+        (Energy(1.0, -2.5, 0.0), "<Energy: kinetic 1 J, gravity -2.5 J, elastic 0 J>"),
+        (Energy(*np.array([[0.0, 1.0], [2.0, 2.0], [3.0, 1.0]])),
          "<Energy: kinetic 0 … 1 J, gravity 2 … 2 J, elastic 1 … 3 J>"),
     ],
 )  # fmt: skip

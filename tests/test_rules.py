@@ -8,22 +8,13 @@ from beams import cantilever, thin_arm, thin_link, torsion_bar
 from conftest import flexible, make_scene
 from scipy import special
 
-from flexlink import (
-    Joint,
-    SceneError,
-    bias_torque,
-    elastic_torque,
-    energy,
-    forward_dynamics,
-    friction_torque,
-    lump,
-    mass_matrix,
-)
+from flexlink import Joint, bias_torque, elastic_torque, energy, forward_dynamics, friction_torque, lump, mass_matrix
 from flexlink.describe.data_files import names
 from flexlink.describe.schemes.lumping_rules import Element, Grid, Jacobi, LumpingRule, lumping_rule
 from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
+from flexlink.errors import SceneError
 from validation.benchmarks.sweep import order
 
 TIP_FREE = {"clamped", "hencky"}
@@ -170,7 +161,7 @@ def test_every_rule_gives_every_flex_type_a_chain_that_moves(name, flex):
         torque = tau - bias_torque(chain, q, qd) - elastic_torque(chain, q) - friction_torque(chain, qd)
         expected = np.linalg.solve(M, torque)
         for method in SOLVERS:
-            solved = forward_dynamics(chain, q, qd, tau, method=method)
+            solved = forward_dynamics(chain, q, qd, tau, solver=method)
             assert rounding.acceleration_error(chain, q, qd, tau, solutions=(solved, expected)).max() <= 1
 
 
@@ -209,5 +200,5 @@ def test_other_engines_load_the_chains_of_every_rule(name, engine):
     for _ in range(5):
         q, qd, tau = rng.uniform(-0.5, 0.5, chain.n), rng.uniform(-3, 3, chain.n), rng.uniform(-1, 1, chain.n)
         assert np.abs(other.mass_matrix(q) - mass_matrix(chain, q)).max() <= rounding.of_mass_matrix(chain, q)
-        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, method="lu")
+        solutions = other.forward_dynamics(q, qd, tau), forward_dynamics(chain, q, qd, tau, solver="lu")
         assert rounding.acceleration_error(chain, q, qd, tau, solutions=solutions).max() <= 1

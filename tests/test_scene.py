@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from conftest import ALUMINIUM, MODELS, ROOT, SQUARE, flexible, make_scene, nasty_scene
 
-from flexlink import Arm, Joint, Link, RunSettings, SceneError, Section, load_scene, lump, simulate
+from flexlink import Arm, Joint, Link, RunSettings, Section, load_scene, lump, simulate
 from flexlink.describe import data_files
 from flexlink.describe.conditions import whole
+from flexlink.errors import SceneError
 
 PAPER = (ROOT / "models" / "paper_fig5.toml").read_text(encoding="utf-8")
 
@@ -45,7 +46,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
     "rule misspelt": ('lumping  = "paper"', 'lumping = "papr"', ["link.upper.lumping", "did you mean 'paper'?"]),
     "rule in capitals": ('lumping  = "paper"', 'lumping = "PAPER"', ["link.upper.lumping", "did you mean 'paper'?"]),
     "method misspelt": ('"RK4"', '"rk4"', ["run.method", "'rk4'", "did you mean 'RK4'?"]),
-    "solver misspelt": ('"RK4"', '"RK4"\ndynamics = "articulate"', ["run.dynamics", "did you mean 'articulated'?"]),
+    "solver misspelt": ('"RK4"', '"RK4"\nsolver = "articulate"', ["run.solver", "did you mean 'articulated'?"]),
     "link misspelt": ("[initial]", "[[motion]]\nlink = 'uper'\ntimes = [0]\nangle_deg = [0]\nrate_deg = [0]\n"
                       "acceleration_deg = [0]\n[initial]", ["motion.uper.link", "'uper'", "did you mean 'upper'?"]),
     "unknown rule": ('"paper"\n\n[[link]]\nname     = "fore"', '"papr"\n[[link]]\nname = "fore"',

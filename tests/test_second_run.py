@@ -199,7 +199,7 @@ def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.Monke
         yield from second_run.second_runs(watch, name)
 
     monkeypatch.setattr(single, "second_runs", stopped)
-    with pytest.raises(fl.InterruptedRunError):
+    with pytest.raises(fl.errors.InterruptedRunError):
         run.finish(stop)
     assert began
     assert not run.watch.confirmed

@@ -12,7 +12,8 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink import ArgumentError, Damping, Drive, InitialState, Joint, Link, Mount, RigidBody, RunSettings
+from flexlink import Damping, Drive, InitialState, Joint, Link, Mount, RigidBody, RunSettings
+from flexlink.errors import ArgumentError
 from validation.oracles.spatial_chain import SpatialChain, exactly
 
 Array = NDArray[np.float64]
@@ -188,7 +189,7 @@ def test_what_cannot_be_differentiated_is_refused_by_name() -> None:
         ("drive.kp.upper", "cannot be varied"),
         ("tip.maß", "unknown here"),
     ):
-        with pytest.raises((ArgumentError, fl.SceneError), match=reason):
+        with pytest.raises((ArgumentError, fl.errors.SceneError), match=reason):
             fl.sensitivities(scene, [path])
     with pytest.raises(ArgumentError, match=r"parameters = 'tip.mass': expected a sequence"):
         fl.sensitivities(scene, "tip.mass")

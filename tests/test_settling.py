@@ -36,7 +36,7 @@ def test_the_overshoot_is_that_of_the_books(step_response: fl.Trajectory) -> Non
     near = STEP * (ω * 1e-3) ** 2 / 8  # the peak lies half a sample off at most
     assert fl.overshoot(step_response, target=TARGET) == pytest.approx(STEP * wanted, abs=near)
     assert fl.overshoot(step_response, target=(2.0, 2.0, 0.0)) == 0.0
-    with pytest.raises(fl.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: is where the tip starts"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"target = \[1.0, 2.0, 0.0\]: is where the tip starts"):
         fl.overshoot(step_response, target=(1.0, 2.0, 0.0))
 
 
@@ -64,18 +64,18 @@ def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step
 
 def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
     with pytest.raises(
-        fl.ArgumentError, match=r"after = 11.0: a run from 0 to 10 s has 0 samples from there on; needs 1"
+        fl.errors.ArgumentError, match=r"after = 11.0: a run from 0 to 10 s has 0 samples from there on; needs 1"
     ):
         fl.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
-    with pytest.raises(fl.ArgumentError, match=r"after = 10.0: .* has 1 samples from there on; needs 2"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from there on; needs 2"):
         fl.residual_vibration(step_response, after=10.0)
-    with pytest.raises(fl.ArgumentError, match="after = 'end': expected a time"):
+    with pytest.raises(fl.errors.ArgumentError, match="after = 'end': expected a time"):
         fl.residual_vibration(step_response, after="end")
-    with pytest.raises(fl.ArgumentError, match="tolerance = 0: must be a finite number > 0"):
+    with pytest.raises(fl.errors.ArgumentError, match="tolerance = 0: must be a finite number > 0"):
         fl.settling_time(step_response, target=TARGET, tolerance=0)
-    with pytest.raises(fl.ArgumentError, match=r"target has shape \(2,\); expected \(3,\)"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"target has shape \(2,\); expected \(3,\)"):
         fl.overshoot(step_response, target=(1.0, 2.0))
-    with pytest.raises(fl.ArgumentError, match="run = 3: expected a Trajectory"):
+    with pytest.raises(fl.errors.ArgumentError, match="run = 3: expected a Trajectory"):
         fl.residual_vibration(3, after=0.0)
 
 
@@ -104,5 +104,5 @@ def test_without_the_package_one_line_says_what_to_install(
     short_run: fl.Trajectory, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(fl.MissingDependencyError, match=rf"needs {package}; .*pip install 'flexlink\[tables\]'"):
+    with pytest.raises(fl.errors.MissingDependencyError, match=rf"needs {package}; .*pip install 'flexlink\[tables\]'"):
         getattr(short_run, f"to_{package}")()

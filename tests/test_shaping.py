@@ -129,7 +129,9 @@ def test_a_shaper_of_ones_own_is_a_file(tmp_path: Path) -> None:
     shaper = fl.InputShaper(kind=str(path), frequency_hz=(3.0,), damping=(0.1,))
     assert abs(left(shaper, shaper.vibrations[0])) < 8 * EPS
     path.write_text(rule.format(2), encoding="utf-8")
-    with pytest.raises(fl.DataFileError, match=r"um_zv.toml: zeros = 2: derivative 1 of what is left is .*, not 0"):
+    with pytest.raises(
+        fl.errors.DataFileError, match=r"um_zv.toml: zeros = 2: derivative 1 of what is left is .*, not 0"
+    ):
         _ = shaper.impulses
 
 
@@ -150,22 +152,22 @@ REFUSED = {
 @pytest.mark.parametrize("what", REFUSED)
 def test_a_bad_shaper_is_refused(what: str) -> None:
     given, message = REFUSED[what]
-    with pytest.raises(fl.SceneError, match=message):
+    with pytest.raises(fl.errors.SceneError, match=message):
         fl.InputShaper(kind="ZV", **given)
 
 
 def test_an_unknown_shaper_and_too_many_vibrations_are_refused() -> None:
-    with pytest.raises(fl.ArgumentError, match=r"kind = 'zvd': unknown; .*did you mean 'ZVD'"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"kind = 'zvd': unknown; .*did you mean 'ZVD'"):
         _ = fl.InputShaper(kind="zvd", frequency_hz=(1.0,)).impulses
-    with pytest.raises(fl.ArgumentError, match="3 impulses for each of 7 vibrations are more than 1024"):
+    with pytest.raises(fl.errors.ArgumentError, match="3 impulses for each of 7 vibrations are more than 1024"):
         _ = fl.InputShaper(kind="ZVD", frequency_hz=tuple(range(1, 8))).impulses
     shaper = fl.InputShaper(kind="zvd", frequency_hz=(1.0,))
-    with pytest.raises(fl.SceneError, match=r"^shaper.kind = 'zvd': unknown"):
+    with pytest.raises(fl.errors.SceneError, match=r"^shaper.kind = 'zvd': unknown"):
         fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0, shaper=shaper).course((0.0,))
     course = fl.Reference(profile="quintic", to_deg=(1.0,), duration=1.0).course((0.0,))
-    with pytest.raises(fl.ArgumentError, match=r"impulses on .* pieces"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"impulses on .* pieces"):
         course.shaped(np.linspace(0, 1, 30_000), np.ones(30_000))
-    with pytest.raises(fl.ArgumentError, match="times, weights"):
+    with pytest.raises(fl.errors.ArgumentError, match="times, weights"):
         course.shaped([0.0, 1.0], [1.0])
 
 
@@ -176,9 +178,9 @@ def test_poles_of_a_wheel_on_a_spring_of_pd_are_its_closed_form() -> None:
     (pole,) = fl.pd_poles(chain, [0.0], kp=12.0, kd=[1.5])
     assert pole == pytest.approx(complex(-0.25, np.sqrt(4.0 - 0.25**2)), rel=1e-13)
     assert fl.pd_poles(chain, [0.0], kp=12.0, kd=100.0).size == 0, "aperiodic"
-    with pytest.raises(fl.ArgumentError, match=r"kp\[0\] = .*must be >= 0"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"kp\[0\] = .*must be >= 0"):
         fl.pd_poles(chain, [0.0], kp=-1.0, kd=0.0)
-    with pytest.raises(fl.ArgumentError, match="kd has shape"):
+    with pytest.raises(fl.errors.ArgumentError, match="kd has shape"):
         fl.pd_poles(chain, [0.0], kp=1.0, kd=[0.0, 0.0])
 
 

@@ -207,7 +207,7 @@ def test_a_slow_swing_bounds_the_step_of_rk2_beside_a_fast_brake() -> None:
 def test_a_step_too_large_for_a_long_damped_chain_is_refused_at_once() -> None:
     links = [flexible(name, "z", 500, damping=fl.Damping(ratio=0.02, at_hz=5.0)) for name in "ab"]
     scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
-    with pytest.raises(fl.UnstableStepError, match="the largest stable step of RK4"):
+    with pytest.raises(fl.errors.UnstableStepError, match="the largest stable step of RK4"):
         fl.simulate(scene, step=1e-4, sample=1e-3, duration=0.1)
 
 
@@ -257,7 +257,7 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
         watch.record.q[0] += disturbance
         try:
             growth.append(np.abs(SingleRun(scene, watch).finish(Stop()).q[-1]).max() / np.abs(disturbance).max())
-        except fl.DivergenceError:
+        except fl.errors.DivergenceError:
             growth.append(np.inf)
     assert growth[0] < 10
     assert growth[1] > 100

@@ -6,20 +6,9 @@ import numpy as np
 import pytest
 from conftest import MODELS, flexible, make_scene
 
-from flexlink import (
-    Chain,
-    Joint,
-    Link,
-    Mount,
-    RigidBody,
-    SingularMassError,
-    elastic_torque,
-    gravity_torque,
-    load_scene,
-    lump,
-    mass_matrix,
-)
+from flexlink import Chain, Joint, Link, Mount, RigidBody, elastic_torque, gravity_torque, load_scene, lump, mass_matrix
 from flexlink.diagnosis.states import BALANCE, State, mixed_states, random_states
+from flexlink.errors import SingularMassError
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 

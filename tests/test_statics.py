@@ -11,9 +11,7 @@ from conftest import chain_of, flexible, make_scene, nasty_scene
 from scipy import optimize
 
 from flexlink import (
-    ArgumentError,
     Arm,
-    ConvergenceError,
     Joint,
     Link,
     Material,
@@ -29,6 +27,7 @@ from flexlink import (
 )
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import LARGEST_ARC
+from flexlink.errors import ArgumentError, ConvergenceError
 from validation.benchmarks.reference_values import look_up
 from validation.benchmarks.sweep import order
 from validation.oracles import hencky
@@ -124,7 +123,7 @@ def test_tip_moment_in_space_is_reached_and_balanced():
 
 def test_a_follower_force_turns_with_the_tip():
     chain = cantilever("midpoint", 20)
-    dead, follower = (solve_static(chain, tip_wrench=[0, 2.0, 0, 0, 0, 0], follower=f).q for f in (False, True))
+    dead, follower = (solve_static(chain, tip_wrench=[0, 2.0, 0, 0, 0, 0], frame=f).q for f in ("world", "tip"))
     slope = optimize.brentq(lambda end: _follower_shooting(end, 2.0), 0.0, 3.0)
     assert follower.sum() == pytest.approx(slope, abs=2e-3)
     assert follower.sum() > dead.sum() + 0.05

@@ -31,10 +31,10 @@ from flexlink.sweeps import run as sweeping
 from flexlink.sweeps.execution import DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, SweepOutput
 from flexlink.sweeps.plan import Plan
-from flexlink.sweeps.ranges import Range, Spread, points
+from flexlink.sweeps.ranges import RandomDesign, Range, Spread, points
 from flexlink.sweeps.table import SweepRows
 
-WANTED = {"x": fl.SweepOutput(of="tip x [m]"), "bend": fl.SweepOutput(of="deflection [m]", take="max")}
+WANTED = {"x": SweepOutput(of="tip x [m]"), "bend": SweepOutput(of="deflection [m]", take="max")}
 DEADLY = 5  # number of the member that ends its process
 
 
@@ -81,7 +81,7 @@ def test_a_members_numbers_do_not_depend_on_its_neighbours(paper: fl.Scene, rng:
             np.testing.assert_array_equal(one.q, other.q)
             np.testing.assert_array_equal(one.q, alone.q)
         else:
-            assert type(one) is type(other) is type(alone) is fl.DivergenceError
+            assert type(one) is type(other) is type(alone) is fl.errors.DivergenceError
             assert scene is scenes[4]
 
 
@@ -98,7 +98,7 @@ def test_a_member_that_is_refused_or_diverges_is_a_row_with_its_reason(paper: fl
 
 
 def test_a_number_that_a_run_does_not_have_leaves_the_others(paper: fl.Scene) -> None:
-    wanted = {**WANTED, "last": fl.SweepOutput(of="q upper.4.z [rad]")}
+    wanted = {**WANTED, "last": SweepOutput(of="q upper.4.z [rad]")}
     rows = fl.sweep(fl.Sweep(scene=paper, quantity=wanted, grid={"link.*.segments": [3, 5]}))
     assert rows.column("status") == ["failed", "done"]
     assert rows.column("x")[0] is not None
@@ -133,10 +133,10 @@ def test_settling_is_measured_against_the_place_of_rest() -> None:
     goal = fl.tip_position(chain, fl.solve_static(chain).q)
     tolerance = float(np.linalg.norm(run.tip - goal, axis=1)[len(run.t) // 2])
     wanted = {
-        "settled": fl.SweepOutput(of="settling time [s]", tolerance=tolerance),
-        "over": fl.SweepOutput(of="overshoot [m]", target=tuple(goal)),
-        "left": fl.SweepOutput(of="residual vibration [m]", after=0.01),
-        "steps": fl.SweepOutput(of="steps"),
+        "settled": SweepOutput(of="settling time [s]", tolerance=tolerance),
+        "over": SweepOutput(of="overshoot [m]", target=tuple(goal)),
+        "left": SweepOutput(of="residual vibration [m]", after=0.01),
+        "steps": SweepOutput(of="steps"),
     }
     rows = fl.sweep(fl.Sweep(scene=held, quantity=wanted, grid={"gravity": [held.gravity]}))
     assert rows.rows[0][5:] == pytest.approx(
@@ -222,7 +222,7 @@ def test_a_sweep_file_says_the_same_as_python(tmp_path: Path, paper: fl.Scene) -
         scene=fl.load_scene(tmp_path / "scene.toml"),
         set={"run.step": 5e-5},
         grid={"tip.mass": [0, 1], "link.upper.length": {"between": [1, 2], "count": 2}},
-        sample=fl.RandomDesign(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
+        sample=RandomDesign(count=2, keys={"material.aluminium.young": {"between": [60e9, 70e9]}}),
         quantity={"x": WANTED["x"]},
     )
 
@@ -271,7 +271,7 @@ def test_an_own_file_of_a_sweep_is_sought_beside_it(key: str, file: str, tmp_pat
 
 @pytest.mark.parametrize(("fields", "words"), REFUSED)
 def test_what_cannot_be_is_refused_before_the_first_run(fields: dict, words: str, paper: fl.Scene) -> None:
-    with pytest.raises(fl.SceneError, match=words):
+    with pytest.raises(fl.errors.SceneError, match=words):
         fl.sweep(fl.Sweep(**{"scene": paper, "quantity": WANTED, **fields}))
 
 
@@ -324,14 +324,14 @@ def test_rows_are_the_same_from_every_executor_and_after_a_stop(tmp_path: Path, 
     [
         ({"grid": {"tip.mass": [0.0, 2.0]}}, r"grid.tip.mass\[1\] was 1.0 and is 2.0"),
         ({"set": {"run.duration": 0.001}}, "set.run.duration was None and is 0.001"),
-        ({"quantity": {"x": WANTED["x"], "y": fl.SweepOutput(of="tip y [m]")}}, "quantity.bend was"),
+        ({"quantity": {"x": WANTED["x"], "y": SweepOutput(of="tip y [m]")}}, "quantity.bend was"),
     ],
 )
 def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scene, change: dict, words: str) -> None:
     sweep, out = masses(paper, 0.0, 1.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
     kept = lines(out)
-    with pytest.raises(fl.ArgumentError, match=f"holds rows of another sweep: .*{words}.*begin anew"):
+    with pytest.raises(fl.errors.ArgumentError, match=f"holds rows of another sweep: .*{words}.*begin anew"):
         fl.sweep(replace(sweep, **change), out=out)
     assert lines(out) == kept
     assert len(fl.sweep(replace(sweep, **change), out=out, fresh=True).rows) == 2
@@ -340,18 +340,18 @@ def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scen
 def test_a_changed_scene_version_or_file_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
     sweep, out = masses(paper, 0.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
-    with pytest.raises(fl.ArgumentError, match=r"scene.gravity\[2\] was 9.81 and is 1.0"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"scene.gravity\[2\] was 9.81 and is 1.0"):
         fl.sweep(replace(sweep, scene=paper.varied({"gravity": [0.0, 0.0, 1.0]})), out=out)
     fl.sweep(replace(sweep, about="other words"), out=out)
     monkeypatch.setattr(identity, "version", lambda: "0.2.0")
-    with pytest.raises(fl.ArgumentError, match=r"versions.flexlink was '0.1.0 .*' and is '0.2.0'"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"versions.flexlink was '0.1.0 .*' and is '0.2.0'"):
         fl.sweep(sweep, out=out)
     monkeypatch.undo()
     own = tmp_path / "own.toml"
     own.write_text((ROOT / "flexlink/describe/data/methods/RK4.toml").read_text(encoding="utf-8"), encoding="utf-8")
     fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out, fresh=True)
     own.write_text(own.read_text(encoding="utf-8") + "\n", encoding="utf-8")
-    with pytest.raises(fl.ArgumentError, match=r"files\..*own.toml was"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"files\..*own.toml was"):
         fl.sweep(replace(sweep, set={"run.method": str(own)}), out=out)
 
 
@@ -364,10 +364,10 @@ def test_what_is_no_sweeps_database_is_left_as_it_is(tmp_path: Path, paper: fl.S
     before = text.read_bytes(), other.read_bytes()
     for path in (text, other):
         for fresh in (False, True):
-            with pytest.raises(fl.OutputError, match=r"holds no sweep .* and is left as it is"):
+            with pytest.raises(fl.errors.OutputError, match=r"holds no sweep .* and is left as it is"):
                 fl.sweep(masses(paper, 0.0), out=path, fresh=fresh)
     for path in (folder, tmp_path / "missing" / "sweep.db"):
-        with pytest.raises(fl.OutputError, match="unable to open"):
+        with pytest.raises(fl.errors.OutputError, match="unable to open"):
             fl.sweep(masses(paper, 0.0), out=path)
     assert (text.read_bytes(), other.read_bytes()) == before
 
@@ -378,7 +378,7 @@ def test_a_damaged_database_is_told_and_begun_anew_only_if_asked(tmp_path: Path,
     data = bytearray(out.read_bytes())
     data[8192:12288] = os.urandom(4096)
     out.write_bytes(data)
-    with pytest.raises(fl.OutputError, match="is damaged"):
+    with pytest.raises(fl.errors.OutputError, match="is damaged"):
         fl.sweep(replace(sweep, set={"run.duration": 0.0}), out=out)
     assert out.read_bytes() == data
     assert len(fl.sweep(masses(paper, 0.0), out=out, fresh=True).rows) == 1
@@ -391,7 +391,7 @@ def test_a_second_writer_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -
 
     def meanwhile(_: float) -> None:
         for fresh in (False, True):
-            with pytest.raises(fl.OutputError, match="another process is writing to it"):
+            with pytest.raises(fl.errors.OutputError, match="another process is writing to it"):
                 fl.sweep(sweep, out=out, fresh=fresh)
             told.append(len(lines(out)))  # reading is allowed
 
@@ -412,7 +412,7 @@ def test_of_two_sweeps_that_make_one_file_at_once_one_is_told_about_the_other(
         def execute(self, statement: str, *values: object) -> sqlite3.Cursor:
             if "sqlite_master" in statement and not told:
                 told.append("")
-                with pytest.raises(fl.OutputError) as caught:
+                with pytest.raises(fl.errors.OutputError) as caught:
                     fl.sweep(sweep, out=out)
                 told.append(str(caught.value))
             return super().execute(statement, *values)
@@ -490,7 +490,10 @@ def test_a_member_that_ends_its_process_is_a_row_and_takes_no_other_along(paper:
     }
     good = [k for k in range(21) if k not in rows.failed]
     assert [rows.rows[k] for k in good] == [whole.rows[k] for k in good]
-    with deadly_pool() as given, pytest.raises(fl.EngineError, match="the executor is broken; all rows are kept"):
+    with (
+        deadly_pool() as given,
+        pytest.raises(fl.errors.EngineError, match="the executor is broken; all rows are kept"),
+    ):
         fl.sweep(sweep, executor=given)
 
 
@@ -502,7 +505,7 @@ def test_rows_of_two_workers_are_those_of_one(tmp_path: Path, paper: fl.Scene) -
 
 def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> None:
     monkeypatch.setattr(members, "version", lambda: "0.0.9")
-    with pytest.raises(fl.EngineError, match=r"a worker has flexlink 0.0.9, but flexlink 0.1.0 .* has started"):
+    with pytest.raises(fl.errors.EngineError, match=r"a worker has flexlink 0.0.9, but flexlink 0.1.0 .* has started"):
         fl.sweep(masses(paper, 0.0))
 
 
@@ -518,7 +521,7 @@ def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> Non
     ],
 )
 def test_arguments_that_cannot_be_are_refused(arguments: dict, words: str, paper: fl.Scene) -> None:
-    with pytest.raises(fl.ArgumentError, match=words):
+    with pytest.raises(fl.errors.ArgumentError, match=words):
         fl.sweep(masses(paper, 0.0), **arguments)
 
 

@@ -215,7 +215,7 @@ def test_a_file_that_mujoco_has_written_has_lost_digits(tmp_path: Path) -> None:
 def test_a_robot_s_own_urdf_agrees_with_its_scene_whatever_it_calls_its_joints(name: str) -> None:
     try:
         path = known_arm(name).path
-    except fl.MissingDependencyError as error:
+    except fl.errors.MissingDependencyError as error:
         pytest.skip(str(error))
     chain = fl.lump(fl.load_scene(ROOT / "models" / "robots" / f"{name}.toml"))
     found = diagnosed(path, chain)
@@ -463,7 +463,7 @@ def test_a_broken_file_is_refused_in_one_line_with_its_name(name: str, tmp_path:
     form, spoil, told = HOSTILE[name]
     path = written(tmp_path, form)
     path.write_text(spoil(path.read_text(encoding="utf-8")), encoding="utf-8")
-    with pytest.raises(fl.DataFileError) as caught:
+    with pytest.raises(fl.errors.DataFileError) as caught:
         load_file(path, CHAIN.n, here=True)
     assert str(caught.value).startswith(f"{path}: ") and told in str(caught.value)
 
@@ -498,12 +498,12 @@ def test_a_process_of_its_own_says_the_same(form: str, tmp_path: Path) -> None:
 
 
 def test_a_file_that_is_not_there_is_named_and_two_engines_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(fl.DataFileError, match=r"gone\.xml: cannot be read: No such file"):
+    with pytest.raises(fl.errors.DataFileError, match=r"gone\.xml: cannot be read: No such file"):
         fl.compare(SPATIAL, file=tmp_path / "gone.xml")
     file = written(tmp_path, "mjcf")
-    with pytest.raises(fl.ArgumentError, match="a file is read by one of them"):
+    with pytest.raises(fl.errors.ArgumentError, match="a file is read by one of them"):
         fl.compare(SPATIAL, file=file, engines=("mujoco", "pinocchio"))
-    with pytest.raises(fl.ArgumentError, match="engine for MJCF = 'pinocchio': unknown; allowed are mujoco"):
+    with pytest.raises(fl.errors.ArgumentError, match="engine for MJCF = 'pinocchio': unknown; allowed are mujoco"):
         fl.compare(SPATIAL, file=file, engines=("pinocchio",))
 
 

@@ -122,7 +122,7 @@ def test_cvode_comes_to_the_reference(beginning):
 
 def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginning, monkeypatch):
     monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
-    with pytest.raises(fl.MissingDependencyError, match="python -m pip install scikit-sundae"):
+    with pytest.raises(fl.errors.MissingDependencyError, match="python -m pip install scikit-sundae"):
         beginning[0].by_cvode(1e-6, 1e-8)
 
 
@@ -246,14 +246,14 @@ def test_exudyn_s_implicit_steps_are_of_the_second_order_and_its_limit_of_stabil
 
 def test_a_witness_that_is_not_installed_says_how_to_get_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "validation.timing.exudyn_trade", None)
-    with pytest.raises(fl.MissingDependencyError, match=r"Exudyn cannot be imported .*'flexlink\[witness\]'"):
+    with pytest.raises(fl.errors.MissingDependencyError, match=r"Exudyn cannot be imported .*'flexlink\[witness\]'"):
         witness_trade._points("exudyn", "paper", 1.0, 1e-8)
 
 
 def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_asked_for(monkeypatch):
     def points(engine, *_):
         if engine == "drake":
-            raise fl.MissingDependencyError("Drake cannot be imported")
+            raise fl.errors.MissingDependencyError("Drake cannot be imported")
         return {"RK44": [Point(1e-3, 1e-5, 1.0)]}
 
     monkeypatch.setattr(witness_trade, "points", points)

@@ -69,14 +69,14 @@ def test_an_engine_that_cannot_run_a_scene_is_named_with_the_reason(engines) -> 
     assert found.passed
     assert any(reason.startswith("mujoco: ") and "is prescribed" in reason for reason in found.refused)
     assert "not compared: mujoco: " in str(found)
-    with pytest.raises(fl.ArgumentError, match="is prescribed, which MuJoCo"):
+    with pytest.raises(fl.errors.ArgumentError, match="is prescribed, which MuJoCo"):
         fl.compare_trajectories(scene, engines=["mujoco"])
 
 
 def test_a_run_that_diverges_elsewhere_disagrees_by_what_there_is_of_it(monkeypatch) -> None:
     def ends_early(_: native.NativeEngine, scene: fl.Scene) -> None:
         run = fl.simulate(scene, duration=0.01)
-        raise fl.DivergenceError("no longer finite", run)
+        raise fl.errors.DivergenceError("no longer finite", run)
 
     monkeypatch.setattr(native.NativeEngine, "integrate", ends_early)
     found = fl.compare_trajectories(fl.load_scene(SPATIAL), engines=["native"], duration=0.02)
@@ -87,7 +87,7 @@ def test_a_run_that_diverges_elsewhere_disagrees_by_what_there_is_of_it(monkeypa
 
 def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypatch) -> None:
     scene = fl.load_scene(SPATIAL)
-    ours, other = (fl.simulate(scene, duration=0.01, dynamics=name) for name in ("articulated", "lu"))
+    ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))
     apart = np.abs(other.q - ours.q).max()
     assert 0 < apart < AGREE
     monkeypatch.setattr(native.NativeEngine, "integrate", lambda *_: (other.t, other.q, other.qd))

@@ -76,7 +76,7 @@ def test_changes_are_made_one_after_the_other(paper: fl.Scene) -> None:
 def test_none_leaves_a_key_out_so_that_its_default_holds(paper: fl.Scene) -> None:
     scene = paper.varied({"link.upper.damping": fl.Damping(ratio=0.1, at_hz=1.0), "run.method": "RK10"})
     assert scene.varied({"link.upper.damping": None, "run.method": None}) == paper
-    with pytest.raises(fl.SceneError, match="name: missing"):
+    with pytest.raises(fl.errors.SceneError, match="name: missing"):
         paper.varied({"name": None})
 
 
@@ -123,7 +123,7 @@ def test_a_motion_is_found_by_its_link_and_all_are_replaced_at_once() -> None:
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line_that_helps(paper: fl.Scene, changes: dict, wanted: str) -> None:
-    with pytest.raises(fl.SceneError, match=f"^({wanted})") as caught:
+    with pytest.raises(fl.errors.SceneError, match=f"^({wanted})") as caught:
         paper.varied(changes)
     assert "\n" not in str(caught.value)
 
@@ -136,12 +136,12 @@ def test_a_message_names_a_link_by_the_path_that_sets_it_and_by_the_number_of_it
     assert numbers == set(range(1, len(names) + 1))
     for number, link in enumerate(raw["link"], 1):
         link["length"] = -1.0
-        with pytest.raises(fl.SceneError, match=r"^link\..*\.length = -1\.0: ") as caught:
+        with pytest.raises(fl.errors.SceneError, match=r"^link\..*\.length = -1\.0: ") as caught:
             scene.varied({f"link.{number}.length": -1.0} if str(number) not in names else {"link": raw["link"]})
         path = str(caught.value).partition(" = ")[0]
         assert scene.varied({path: 5.0}).arm.links[number - 1].length == 5.0
         link["length"] = 1.0
-        with pytest.raises(fl.SceneError, match=r"^joint_deg\.\d = 'x': ") as caught:
+        with pytest.raises(fl.errors.SceneError, match=r"^joint_deg\.\d = 'x': ") as caught:
             fl.InitialState(joint_deg=[*[0.0] * (number - 1), "x"])  # names are not known yet
         assert f".{number} " in str(caught.value)
 
@@ -154,16 +154,16 @@ def test_a_message_names_a_number_of_a_link_by_the_path_that_sets_it() -> None:
         ("drive.torque", [0.0, "x"], "drive.torque.2"),
         ("drive.torque", [np.nan, 0.0], "drive.torque.1"),
     ):
-        with pytest.raises(fl.SceneError) as caught:
+        with pytest.raises(fl.errors.SceneError) as caught:
             scene.varied({key: value})
         assert str(caught.value).partition(" = ")[0] == path
         scene.varied({path: 1.0})
 
 
 def test_changes_are_a_dict_of_values_by_path(paper: fl.Scene) -> None:
-    with pytest.raises(fl.ArgumentError, match=r"^changes = \['run\.step'\]: expected a dict of values by path"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^changes = \['run\.step'\]: expected a dict of values by path"):
         paper.varied(["run.step"])  # type: ignore[arg-type]
-    with pytest.raises(fl.ArgumentError, match=r"^changes: 3: expected a path"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^changes: 3: expected a path"):
         paper.varied({3: 4})  # type: ignore[dict-item]
 
 

@@ -33,7 +33,7 @@ def finite(run: fl.Trajectory) -> bool:
 # -- the power balance -------------------------------------------------------------------------------------------------
 
 
-def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
+def everything(flex: str, solver: str = "articulated") -> fl.Scene:
     """Drive, friction, damping, wrench with a moment, a prescribed joint with a rotor, gravity in no plane."""
     links = (
         flexible("a", flex, 3, joint=fl.Joint(viscous=0.4, coulomb=0.5, coulomb_width=0.1, armature=0.3)),
@@ -46,15 +46,15 @@ def everything(flex: str, dynamics: str = "articulated") -> fl.Scene:
         *links, gravity=(1.0, 7.0, 3.0), motion=(motion,), initial=fl.InitialState(joint_deg=(10.0, -30.0)),
         drive=fl.Drive(kind="pd", kp=(0.0, 30.0), kd=(0.0, 2.0), target_deg=(0.0, 10.0)),
         wrench=fl.Wrench(force=(3.0, -2.0, 1.0), moment=(0.4, 0.3, -0.5)),
-        run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.1, dynamics=dynamics),
+        run=fl.RunSettings(step=2e-5, sample=1e-3, duration=0.1, solver=solver),
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("dynamics", SOLVERS)
+@pytest.mark.parametrize("solver", SOLVERS)
 @pytest.mark.parametrize("flex", ["z", "yz", "xyz"])
-def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, dynamics: str) -> None:
+def test_energy_gained_is_the_work_done_by_all_that_acts(flex: str, solver: str) -> None:
     """To the order of the method: half the step leaves a sixteenth."""
-    scene = everything(flex, dynamics)
+    scene = everything(flex, solver)
     coarse, fine = (fl.simulate(scene, step=h) for h in (2e-5, 1e-5))
     parts = np.abs(np.diff(coarse.work)).sum()
     assert parts > 1.0  # J: there is something to balance
@@ -86,7 +86,7 @@ def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene
     run = fl.simulate(paper, duration=0.01)
     other = trajectory_from_states(paper, run.chain, input_arrays(paper, run.chain), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
-    with pytest.raises(fl.ArgumentError, match="flexlink's own runs only"):
+    with pytest.raises(fl.errors.ArgumentError, match="flexlink's own runs only"):
         _ = other.imbalance
 
 
@@ -97,7 +97,7 @@ def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene
 @pytest.mark.parametrize("unstable", ["refuse", "allow"])
 def test_no_row_that_is_not_finite_is_ever_returned(paper: fl.Scene, sample: float, unstable: str) -> None:
     """Also where the very last step of a piece, or of the run, is the one that leaves the finite numbers."""
-    with pytest.raises((fl.UnstableStepError, fl.DivergenceError)) as caught:
+    with pytest.raises((fl.errors.UnstableStepError, fl.errors.DivergenceError)) as caught:
         fl.simulate(paper, step=0.01, sample=sample, duration=1.0, unstable=unstable)
     kept = getattr(caught.value, "trajectory", None)
     assert kept is None or finite(kept)
@@ -105,7 +105,7 @@ def test_no_row_that_is_not_finite_is_ever_returned(paper: fl.Scene, sample: flo
 
 def test_many_runs_return_no_row_that_is_not_finite(paper: fl.Scene) -> None:
     wild = paper.varied({"run": fl.RunSettings(step=0.01, sample=0.01, duration=0.05, unstable="allow")})
-    with pytest.raises(fl.DivergenceError) as caught:
+    with pytest.raises(fl.errors.DivergenceError) as caught:
         fl.simulate_many([wild, wild])
     assert all(finite(run) for run in caught.value.runs)
 
@@ -117,7 +117,7 @@ def test_the_step_that_leaves_the_finite_numbers_is_named(paper: fl.Scene) -> No
     ended = []
     for sample in (0.01, 1.0):
         run = fl.RunSettings(step=0.01, sample=sample, duration=20.0, unstable="allow")
-        with pytest.raises(fl.DivergenceError) as caught:
+        with pytest.raises(fl.errors.DivergenceError) as caught:
             fl.simulate(paper.varied({"run": run}))
         ended.append(caught.value)
     finite = len(ended[0].trajectory.t)  # the first sample is at step 0
@@ -126,7 +126,9 @@ def test_the_step_that_leaves_the_finite_numbers_is_named(paper: fl.Scene) -> No
 
 
 def test_a_step_beyond_the_stable_one_is_refused_by_name_and_number(paper: fl.Scene) -> None:
-    with pytest.raises(fl.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist") as caught:
+    with pytest.raises(
+        fl.errors.UnstableStepError, match=r"run.step = 0.01 s: more than 0.000491 s, .*insist"
+    ) as caught:
         fl.simulate(paper, step=0.01, sample=0.01, duration=1.0)
     assert caught.value.largest == pytest.approx(fl.stable_step(fl.lump(paper), method="RK4"), rel=0.01)
     assert pickle.loads(pickle.dumps(caught.value)).largest == caught.value.largest
@@ -145,7 +147,7 @@ def test_dry_friction_counts_with_its_slope_at_rest() -> None:
         for name in "ab"
     ]
     scene = make_scene(*links, gravity=(0.0, 9.81, 0.0))
-    with pytest.raises(fl.UnstableStepError, match="largest stable step of RK4"):
+    with pytest.raises(fl.errors.UnstableStepError, match="largest stable step of RK4"):
         fl.simulate(scene, duration=0.1)
 
 
@@ -158,7 +160,9 @@ def test_the_gains_of_a_drive_count() -> None:
         for h, refused in ((1.001 * limit, True), (0.999 * limit, False)):
             run = fl.RunSettings(step=h, sample=h, duration=h)
             with (
-                pytest.raises(fl.UnstableStepError) if refused else contextlib.suppress(fl.DivergenceError)
+                pytest.raises(fl.errors.UnstableStepError)
+                if refused
+                else contextlib.suppress(fl.errors.DivergenceError)
             ):  # stable, not yet right
                 fl.simulate(scene.varied({"run": run}))
 
@@ -171,7 +175,7 @@ def test_loads_that_stiffen_count() -> None:
     ω = fl.natural_frequencies(chain, q, tip_wrench=[1e6, 0, 0, 0, 0, 0])[-1]
     assert pulled * ω == pytest.approx(2.828427522, rel=1e-6)
     assert pulled < 0.8 * slack
-    with pytest.raises(fl.UnstableStepError):
+    with pytest.raises(fl.errors.UnstableStepError):
         fl.simulate(
             scene.varied({"wrench": fl.Wrench(force=(1e6, 0, 0))}), step=slack, sample=slack, duration=10 * slack
         )
@@ -192,7 +196,7 @@ def test_a_run_whose_energy_is_garbage_is_an_error_although_finite() -> None:
     """A pendulum swung so coarsely that the method eats its energy: below the stable step at rest, and wrong."""
     rod = fl.Link(name="a", length=1.0, material="aluminium", section="square")
     scene = make_scene(rod, gravity=(9.81, 0.0, 0.0), initial=fl.InitialState(joint_deg=(170.0,)))
-    with pytest.raises(fl.DivergenceError, match=r"the energy does not balance, .*allowed are 10%") as caught:
+    with pytest.raises(fl.errors.DivergenceError, match=r"the energy does not balance, .*allowed are 10%") as caught:
         fl.simulate(scene, step=0.35, sample=0.35, duration=35.0)
     kept = caught.value.trajectory
     assert (np.abs(kept.imbalance) <= 0.1 * kept.exchanged + 1e-9).all()

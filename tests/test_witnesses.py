@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from flexlink import ArgumentError, Chain, MissingDependencyError, engines, load_scene
+from flexlink import Chain, engines, load_scene
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import decode
+from flexlink.errors import ArgumentError, MissingDependencyError
 from validation.benchmarks import beam_references
 from validation.benchmarks.beam_references import beam_reference, beam_scene, plane_of
 from validation.benchmarks.formulas import pulse

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import flexible, make_scene
+from conftest import flexible, make_scene, nasty_scene
 from scipy.integrate import quad
 
 import flexlink as fl
@@ -98,9 +98,11 @@ def test_accelerations_and_loads_of_a_run_are_those_under_the_wrench_of_each_sam
 def test_one_wrench_a_state_is_asked_for_in_as_many_rows() -> None:
     chain = fl.lump(arm(IN_TIME["constant"]))
     still = np.zeros((3, chain.n))
-    with pytest.raises(fl.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"):
+    with pytest.raises(
+        fl.errors.ArgumentError, match=r"tip_wrench has shape \(2, 6\); expected \(6,\), or \(3, 6\), one row"
+    ):
         fl.forward_dynamics(chain, still, still, still, tip_wrench=np.ones((2, 6)))
-    with pytest.raises(fl.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"tip_wrench\[1\]\[5\] = nan is not finite"):
         fl.bias_torque(chain, still, still, tip_wrench=[[0] * 6, [0, 0, 0, 0, 0, np.nan], [0] * 6])
 
 
@@ -246,7 +248,7 @@ def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module:
     engine = load(name, fl.lump(scene))
     if scene.wrench.hold:
         with pytest.raises(
-            fl.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
+            fl.errors.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
         ):
             engine.integrate(scene)
         return
@@ -264,9 +266,9 @@ def test_a_follower_force_counts_in_the_eigenvalues_as_in_the_modes() -> None:
     still = np.zeros(chain.n)
     for part, flutters in ((18.0, False), (21.0, True)):
         wrench = [-part * EI / 1.25**2, 0, 0, 0, 0, 0]
-        λ = eigenvalues(chain, still, tip_wrench=wrench, follower=True)
+        λ = eigenvalues(chain, still, tip_wrench=wrench, frame="tip")
         assert (λ.real.max() > 1e-6 * np.abs(λ).max()) == flutters
-        assert fl.modes(chain, tip_wrench=wrench, follower=True).stable != flutters
+        assert fl.modes(chain, tip_wrench=wrench, frame="tip").stable != flutters
 
 
 @each_room
@@ -284,7 +286,7 @@ def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
         R = fl.frames(chain, angles).rotations[-1]
         return fl.forward_dynamics(chain, angles, qd, tau, tip_wrench=(wrench.reshape(2, 3) @ R.T).ravel())
 
-    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, follower=True)
+    model = fl.linearize(chain, q, qd, tau, tip_wrench=wrench, frame="tip")
     np.testing.assert_allclose(model.rate[n:], qdd(q), rtol=1e-9)
     h = 1e-5 * np.eye(n)
     slopes = np.array([(qdd(q + step) - qdd(q - step)) / 2e-5 for step in h]).T
@@ -318,17 +320,19 @@ def test_a_linear_model_knows_that_its_wrench_turns(room: str) -> None:
     ],
 )
 def test_a_wrench_that_cannot_be_is_refused_by_its_row(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises(fl.SceneError, match=told):
+    with pytest.raises(fl.errors.SceneError, match=told):
         fl.Wrench(**fields)
 
 
 def test_what_a_scene_cannot_do_with_a_wrench_is_refused_by_its_key() -> None:
     steep = {"times": (0.0, 5e-324), "forces": ((0.0, 0.0, 0.0), (1e300, 0.0, 0.0))}
-    with pytest.raises(fl.SceneError, match=r"wrench\.forces: change faster .* than float64 can hold"):
+    with pytest.raises(fl.errors.SceneError, match=r"wrench\.forces: change faster .* than float64 can hold"):
         fl.simulate(arm(steep))
-    with pytest.raises(fl.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"):
+    with pytest.raises(
+        fl.errors.SceneError, match=r"wrench\.times\[1\] = 0.013: must be a multiple of run.step = 0.002"
+    ):
         arm(IN_TIME["hold"], **{"run.step": 2e-3, "run.sample": 4e-3, "run.duration": 0.04})
-    with pytest.raises(fl.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
+    with pytest.raises(fl.errors.SceneError, match=r"wrench\.frame = 'tip': is not constant in frame 0"):
         _ = arm(WRENCHES["constant, tip"]).tip_wrench
 
 
@@ -337,3 +341,53 @@ def test_a_scene_with_a_table_reads_back_and_a_file_that_cannot_hold_it_says_so(
     path = tmp_path / "a.toml"
     path.write_text(scene.to_toml(), encoding="utf-8")
     assert fl.load_scene(path) == scene
+
+
+def test_a_wrench_in_axes_of_the_tip_is_the_turned_one_in_all_of_dynamics(rng) -> None:
+    chain = fl.lump(nasty_scene())
+    q, qd, qdd, tau = (rng.uniform(-0.5, 0.5, (3, chain.n)) for _ in range(4))
+    given = rng.normal(size=(3, 6))
+    R = fl.frames(chain, q).rotations[:, -1]
+    turned = np.concatenate([(R @ given[:, :3, None])[..., 0], (R @ given[:, 3:, None])[..., 0]], axis=1)
+    for function, third in (
+        (fl.bias_torque, ()),
+        (fl.inverse_dynamics, (qdd,)),
+        (fl.forward_dynamics, (tau,)),
+        (fl.internal_loads, (qdd,)),
+    ):
+        world, tip = (
+            function(chain, q, qd, *third, tip_wrench=wrench, frame=frame)
+            for wrench, frame in ((turned, "world"), (given, "tip"))
+        )
+        world, tip = (found.moment if function is fl.internal_loads else found for found in (world, tip))
+        np.testing.assert_allclose(tip, world, rtol=1e-12, atol=1e-12 * np.abs(world).max())
+        one = function(chain, q[1], qd[1], *(part[1] for part in third), tip_wrench=given[1], frame="tip")
+        np.testing.assert_allclose(one.moment if function is fl.internal_loads else one, tip[1], rtol=1e-13)
+        with pytest.raises(fl.errors.ArgumentError, match="frame = 'base': unknown; allowed are world, tip"):
+            function(chain, q, qd, *third, tip_wrench=given, frame="base")
+
+
+@pytest.mark.parametrize(
+    ("slopes", "function"),
+    [
+        (fl.inverse_dynamics_derivatives, fl.inverse_dynamics),
+        (fl.forward_dynamics_derivatives, fl.forward_dynamics),
+    ],
+)
+def test_derivatives_know_that_a_wrench_turns_with_the_tip(slopes, function, rng) -> None:
+    chain = fl.lump(nasty_scene())
+    q, qd, third = (rng.uniform(-0.5, 0.5, chain.n) for _ in range(3))
+    acting = {"tip_wrench": 100 * rng.normal(size=6), "frame": "tip"}
+    found, h = slopes(chain, q, qd, third, **acting), 1e-5
+
+    def along(step: np.ndarray) -> np.ndarray:
+        ahead, behind = (function(chain, q + sign * step, qd, third, **acting) for sign in (1, -1))
+        return (ahead - behind) / (2 * h)
+
+    wanted = np.column_stack([along(h * e) for e in np.eye(chain.n)])
+    np.testing.assert_allclose(found.dq, wanted, rtol=0, atol=1e-7 * np.abs(wanted).max())
+    fixed = slopes(chain, q, qd, third, tip_wrench=acting["tip_wrench"])
+    assert np.abs(found.dq - fixed.dq).max() > 1e-5 * np.abs(wanted).max()
+    assert not found.dq.flags.writeable
+    many = slopes(chain, np.tile(q, (2, 1)), qd, third, **acting)
+    np.testing.assert_array_equal(many.dq[1], found.dq)

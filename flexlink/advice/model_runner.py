@@ -23,6 +23,7 @@ from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequenc
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import gains_of
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
@@ -113,7 +114,7 @@ class ModelRunner:
         step = run.step if stepping.step is None else stepping.step
         return replace(
             run, method=stepping.method, step=step, tolerance=stepping.tolerance, relative_tolerance=None,
-            accuracy="tip", dynamics="articulated", unstable="refuse",
+            accuracy="tip", solver="articulated", unstable="refuse",
         )  # fmt: skip
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
@@ -199,8 +200,8 @@ class ModelRunner:
             try:
                 steps = []
                 for time, q, qd in self.states(chain):
-                    (wrench, follower), gains = inputs.given_wrench(time), gains_of(chain, inputs.drive, time, q, qd)
-                    steps.append(stable_step(chain, q, qd, tip_wrench=wrench, follower=follower, gains=gains))
+                    (wrench, frame), gains = wrench_at(inputs, time), gains_of(chain, inputs.drive, time, q, qd)
+                    steps.append(stable_step(chain, q, qd, tip_wrench=wrench, frame=frame, gains=gains))
             except FlexlinkError:
                 steps = [0.0]
             self._stable[model] = min(steps)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.notebook import html_table
 from flexlink.describe.scene import Scene
 
 Array = NDArray[np.float64]
@@ -64,6 +65,10 @@ class Advice:
     def __repr__(self) -> str:
         said = f"error {self.error:.2g} m of {self.tolerance:.2g} m"
         return f"<Advice {self.scene.name!r}: {'met' if self.met else 'cannot'}, {said}, {self.runs} runs>"
+
+    def _repr_html_(self) -> str:
+        rows = [(word, text.strip()) for word, _, text in (line.partition(" ") for line in self.lines)]
+        return html_table(repr(self), ("choice", "why"), rows)
 
 
 def line(word: str, text: str) -> str:

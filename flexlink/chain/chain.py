@@ -16,13 +16,15 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import integer, number_of, require_type
+from flexlink.chain.arguments import integer, number_of, require_type, vector
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.types import Array
 from flexlink.describe.links import link_number
 from flexlink.describe.spec import truncated
+from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 
 EPS = float(np.finfo(np.float64).eps)
@@ -77,8 +79,29 @@ class Chain:
         return Chain, tuple(getattr(self, field.name) for field in dataclasses.fields(self))
 
     def __repr__(self) -> str:
-        kilograms = self.bodies["mass"].sum()
-        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {kilograms:.6g} kg>"
+        return f"<Chain {self.name!r}: {self.n} joints, {len(self.active)} of them driven; {self.mass:.6g} kg>"
+
+    def _repr_html_(self) -> str:
+        hinges = self.hinges
+        heads = ("k", "joint", "driven", "stiffness [N m/rad]", "damping [N m s/rad]", "rest [rad]")
+        columns = (hinges[name].tolist() for name in ("stiffness", "damping", "rest"))
+        driven = ["yes" if c.axis == 0 else "" for c in self.coordinates]
+        rows = list(zip(range(self.n), self.joint_names, driven, *columns, strict=True))
+        return html_table(repr(self), heads, rows)
+
+    def plot(self, q: ArrayLike | None = None) -> Any:
+        """Draw the arm at angles q [rad], shape (n,), from the side and, if it is not in a plane, from above.
+
+        Without q joints are at zero and springs slack. Returns a matplotlib Figure, which a notebook shows once.
+
+        Raises
+        ------
+        ArgumentError
+            `q` has the wrong shape, is not real or not finite.
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        return drawing_module("scene_report.arm_picture").plot_chain(self, q)
 
     @functools.cached_property
     def arrays(self) -> ChainArrays:
@@ -89,6 +112,25 @@ class Chain:
     def n(self) -> int:
         """Number of degrees of freedom."""
         return len(self.hinges)
+
+    @property
+    def mass(self) -> float:
+        """Mass of all bodies [kg]."""
+        return float(self.bodies["mass"].sum())
+
+    def com(self, q: ArrayLike) -> Array:
+        """Centre of mass of all bodies at angles q [rad], shape (n,), in frame 0, shape (3,) [m].
+
+        Raises
+        ------
+        ArgumentError
+            `q` has the wrong shape, is not real or not finite, or the chain has no mass.
+        """
+        if self.mass == 0:
+            raise ArgumentError(f"{self.name!r}: has no mass, and so no centre of mass")
+        placed = forward_kinematics(self.arrays, vector("q", q, self.n))
+        centers = placed.points + np.einsum("ijk,ik->ij", placed.rotations, self.bodies["center"])
+        return np.asarray(self.bodies["mass"] @ centers / self.mass)
 
     @property
     def stiffness(self) -> Array:

@@ -72,8 +72,8 @@ def _show(scene: Scene) -> None:
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
     _show_steps(evaluation_time(scene, chain), chain.is_planar, λ, free)
     if bare is not chain and chain.n <= LARGEST_MODAL:
-        wrench, follower = initial_wrench(scene, chain)
-        found = modes(chain, q0, tip_wrench=wrench, follower=follower)
+        wrench, frame = initial_wrench(scene, chain)
+        found = modes(chain, q0, tip_wrench=wrench, frame=frame)
         print("structural damping about the start, with gravity:")
         print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
 

@@ -49,9 +49,9 @@ def run_command(options: argparse.Namespace) -> int:
         chain = lump(scene)
         names = {*chain.link_names, *chain.joint_names}
         locked = [int(name) if name.isdecimal() and name not in names else name for name in options.lock]
-        wrench, follower = initial_wrench(scene, chain)
+        wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
-        found = modes(chain, posture, locked=locked, tip_wrench=wrench, follower=follower)
+        found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     if options.plot is not None:
         draw(plotting().plot_modes(found, scene.name, options.count), options.plot)

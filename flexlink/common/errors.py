@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -67,3 +68,11 @@ class ConvergenceError(FlexlinkError, ArithmeticError):
     def __reduce__(self) -> tuple[type[ConvergenceError], tuple[str, NDArray[np.float64], float]]:
         """As `UnstableStepError`."""
         return ConvergenceError, (str(self), self.q, self.load)
+
+
+class InterruptedSweepError(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number."""
+
+    def __init__(self, message: str, number: int = signal.SIGINT) -> None:
+        super().__init__(message)
+        self.signal = number

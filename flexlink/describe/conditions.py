@@ -26,7 +26,9 @@ from flexlink.describe.spec import (
 )
 
 AUTO = "auto"  # in place of a method's name
-Dynamics = Literal["articulated", "lu", "cholesky"]
+Frame = Literal["world", "tip"]
+"""Axes that a tip wrench is given in: of frame 0, or of the tip frame, with which it turns."""
+ForwardSolver = Literal["articulated", "lu", "cholesky"]
 """Solvers of forward dynamics."""
 Unstable = Literal["refuse", "allow"]
 """What becomes of a run that is not stable."""
@@ -149,7 +151,7 @@ class Wrench(Spec, frozen=True):
 
     force: Vector3 = (0.0, 0.0, 0.0)
     moment: Vector3 = (0.0, 0.0, 0.0)
-    frame: Literal["world", "tip"] = "world"
+    frame: Frame = "world"
     times: tuple[float, ...] | None = None  # s
     forces: tuple[Vector3, ...] | None = None
     moments: tuple[Vector3, ...] | None = None
@@ -203,7 +205,7 @@ class RunSettings(Spec, frozen=True):
     step: Positive = 1e-4  # s
     duration: NonNegative = 5.0  # s
     sample: Positive = 0.005  # s
-    dynamics: Dynamics = "articulated"
+    solver: ForwardSolver = "articulated"
     unstable: Unstable = "refuse"
     tolerance: Positive | None = None  # m
     relative_tolerance: Positive | None = None

@@ -14,6 +14,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.notebook import drawing_module, html_table
+from flexlink.common.output import write_text
 from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.arm import Arm, Link
@@ -85,6 +87,29 @@ class Scene(Spec, frozen=True):
     def __repr__(self) -> str:
         run = self.run
         return f"<Scene {self.name!r}: {self.arm!r}; {run.method}, step {run.step:g} s, duration {run.duration:g} s>"
+
+    def _repr_html_(self) -> str:
+        heads = ("link", "flex", "segments", "length [m]", "material", "section")
+        rows = [
+            (k.name, k.flex, "" if k.flex == "rigid" else k.segments, k.length, k.material or "", k.section or "")
+            for k in self.arm.links
+        ]
+        run = self.run
+        return html_table(f"{self.name}: {run.method}, step {run.step:g} s, duration {run.duration:g} s", heads, rows)
+
+    def plot(self) -> Any:
+        """Draw the arm where the scene starts, from the side and, if it is not in a plane, from above.
+
+        Returns a matplotlib Figure, which a notebook shows once.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib is not installed.
+        SceneError, ConvergenceError
+            As in `initial_state`.
+        """
+        return drawing_module("scene_report.arm_picture").plot_scene(self)
 
     def _check_motions(self) -> None:
         """Each link moves by one motion, and is not driven by gains."""
@@ -260,6 +285,20 @@ class Scene(Spec, frozen=True):
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
         return toml_of({key: document[key] for key in ORDER if key in document})
+
+    def save(self, path: str | Path) -> Path:
+        """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.
+
+        Raises
+        ------
+        ArgumentError
+            `path` is no path.
+        OutputError
+            It cannot be written.
+        """
+        path = data_files.require_path("path", path)
+        write_text(path, self.to_toml())
+        return path
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""

@@ -12,6 +12,7 @@ from flexlink.chain.arguments import integer, require_each, require_type
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.notebook import html_table
 from flexlink.describe.data_files import require_path
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_file
@@ -50,6 +51,10 @@ class Comparison:
     def diagnosis(self) -> str:
         """Of each engine what agrees, what differs, and the likely mistakes."""
         return "\n".join(map(str, self.diagnoses))
+
+    def _repr_html_(self) -> str:
+        rows = [(r.engine, r.quantity, r.error, "ok" if r.passed else "FAILED", r.joint) for r in self.rows]
+        return html_table(repr(self), ("engine", "quantity", "error / what rounding explains", "", "worst joint"), rows)
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.samples} states against native; up to 1, rounding explains the difference"]

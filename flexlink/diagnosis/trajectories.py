@@ -27,6 +27,7 @@ from flexlink.engines import ENGINES, load
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import gains_of
 from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
@@ -186,9 +187,9 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     if steps_explicitly(run):
         return scene, f"{over} {run.method} steps of {run.step:g} s"
     inputs, state = input_arrays(scene, chain), initial_state(scene, chain)
-    wrench, follower = inputs.given_wrench(scene.initial.time)
+    wrench, frame = wrench_at(inputs, scene.initial.time)
     gains = gains_of(chain, inputs.drive, scene.initial.time, *state)
-    stable = stable_step(chain, *state, tip_wrench=wrench, follower=follower, gains=gains, method="RK4")
+    stable = stable_step(chain, *state, tip_wrench=wrench, frame=frame, gains=gains, method="RK4")
     whole = min(run.sample, 1 / (scene.drive.rate or 1 / run.sample)) if run.controlled else run.step
     step = whole / math.ceil(whole / (WITHIN * stable))
     fixed = scene.varied({"run.method": "RK4", "run.step": step})
@@ -198,9 +199,9 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
 
 def _twin(scene: Scene, ours: Trajectory) -> float:
     """How far apart two of our own algorithms run [rad]; 0 where the other one does not come to the end."""
-    other = "articulated" if scene.run.dynamics == "lu" else "lu"
+    other = "articulated" if scene.run.solver == "lu" else "lu"
     try:
-        return float(np.abs(simulate(scene, dynamics=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
+        return float(np.abs(simulate(scene, solver=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
     except FlexlinkError:
         return 0.0
 

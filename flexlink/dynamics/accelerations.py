@@ -9,18 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import require_each, require_one_of, vector, wrench_vector
+from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
-from flexlink.describe.conditions import Dynamics
+from flexlink.describe.conditions import ForwardSolver, Frame
 from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
+from flexlink.dynamics.wrench import turns_with_tip, world_wrench
 from flexlink.kernels.forward import solvers
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
 Array = NDArray[np.float64]
-SOLVERS: dict[Dynamics, solvers.Solver] = {
+SOLVERS: dict[ForwardSolver, solvers.Solver] = {
     "articulated": solvers.ARTICULATED,
     "lu": solvers.LU,
     "cholesky": solvers.CHOLESKY,
@@ -34,11 +35,13 @@ def forward_dynamics(
     tau: ArrayLike,
     *,
     tip_wrench: ArrayLike | None = None,
-    method: str = "articulated",
+    frame: Frame = "world",
+    solver: str = "articulated",
 ) -> Array:
     """Accelerations q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR.
 
-    A joint whose motion is prescribed keeps its rate here, q̈ = 0, whatever `tau` says.
+    Pinocchio calls it `aba`, MuJoCo `mj_forward`. A joint whose motion is prescribed keeps its rate here, q̈ = 0,
+    whatever `tau` says.
 
     Parameters
     ----------
@@ -47,9 +50,10 @@ def forward_dynamics(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states, a part of shape
         (n,) being the same in all: "articulated" then takes eight states side by side.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m], or one row per state, (b, 6).
-    method
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], or one row per state, (b, 6), in axes of frame 0, "world", or
+        of the "tip" frame.
+    solver
         "articulated": articulated bodies (Featherstone 1983), O(n), of plane motion where `chain.is_planar`;
         "lu": LU decomposition of M, the paper's; "cholesky": M = L Lᵀ.
 
@@ -61,21 +65,20 @@ def forward_dynamics(
     Raises
     ------
     ArgumentError
-        An argument has a wrong shape, is not real or finite, unknown method, chains of different layout, q̈ overflows.
+        An argument has a wrong shape, is not real or finite, unknown solver, chains of different layout, q̈ overflows.
     SingularMassError
         A joint moves no inertia of its own here; to "lu" and "cholesky" next to gimbal lock of a passive group, too.
     """
     if not isinstance(chain, Chain) or is_batch(q, qd, tau):
         chains = _of_one_layout(chain)
-        solver = solver_for(chains[0], method)
-        return _forward_dynamics_of_many(chains, solver, tip_wrench, q, qd, tau)
-    n, solver = chain.n, solver_for(chain, method)
+        return _forward_dynamics_of_many(chains, solver_for(chains[0], solver), tip_wrench, frame, q, qd, tau)
+    n, kernel = chain.n, solver_for(chain, solver)
     q, qd, tau = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("tau", tau, n, many=True)
-    wrench = wrench_vector(tip_wrench)
-    qdd: Array = solver.accelerations(chain.arrays, wrench, q, qd, tau)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
+    qdd: Array = kernel.accelerations(chain.arrays, wrench, q, qd, tau)
     if is_finite(qdd):
         return qdd
-    raise no_acceleration(chain, solver, wrench, q, qd, tau)
+    raise no_acceleration(chain, kernel, wrench, q, qd, tau)
 
 
 def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
@@ -89,7 +92,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
 
 
 def _forward_dynamics_of_many(
-    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, *state: ArrayLike
+    chains: Sequence[Chain], solver: solvers.Solver, tip_wrench: ArrayLike | None, frame: Frame, *state: ArrayLike
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
@@ -101,6 +104,9 @@ def _forward_dynamics_of_many(
     if b == 0:
         return np.zeros((b, n))
     wrenches = wrench_rows(tip_wrench, b)
+    if turns_with_tip(frame):
+        given = zip(itertools.cycle(chains), states[0], wrenches, strict=False)
+        wrenches = np.array([world_wrench(chain, q, wrench, frame) for chain, q, wrench in given])
     qdd = _side_by_side(chains, solver, [wrenches, *states])
     if not is_finite(qdd.reshape(-1)):
         k = int(np.argmin(np.isfinite(qdd).all(axis=1)))
@@ -126,20 +132,20 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
     if solver.lanes_workspace is None:
-        raise ArgumentError("method: only 'articulated' takes chains side by side")
+        raise ArgumentError("solver: only 'articulated' takes chains side by side")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     return solver.lanes_workspace(
         np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])
     )
 
 
-def solver_for(chain: Chain, method: str) -> solvers.Solver:
-    """The solver that `method` means for this chain.
+def solver_for(chain: Chain, solver: str) -> solvers.Solver:
+    """The compiled solver of this name for this chain.
 
     Raises
     ------
     ArgumentError
-        The method is unknown.
+        The solver is unknown.
     """
-    solver = require_one_of("method", method, SOLVERS)
-    return solvers.PLANAR if solver is solvers.ARTICULATED and chain.is_planar else solver
+    kernel = require_one_of("solver", solver, SOLVERS)
+    return solvers.PLANAR if kernel is solvers.ARTICULATED and chain.is_planar else kernel

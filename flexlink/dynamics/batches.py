@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import dimensions, real_array, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.dynamics.result import Result
 
 Array = NDArray[np.float64]
 R = TypeVar("R")
@@ -77,7 +78,7 @@ def each(
     tip_wrench: ArrayLike | None = None,
     **options: object,
 ) -> R:
-    """What a `function` of a chain and one state finds of b states, along a new first axis; of a NamedTuple, per field.
+    """What a `function` of a chain and one state finds of b states, along a new first axis; of a Result, per field.
 
     Row by row the results are those of single states, to the bit.
 
@@ -110,6 +111,6 @@ def each(
             found.append(function(chain, *(part[k] if b else np.zeros(chain.n) for part in many), **options))
         except FlexlinkError as error:
             raise about_state(k, error) from None
-    if isinstance(found[0], tuple):
-        return type(found[0])(*(np.array(field)[:b] for field in zip(*found, strict=True)))
+    if isinstance(found[0], Result):
+        return type(found[0])(*(np.array([vars(one)[name] for one in found])[:b] for name in vars(found[0])))
     return cast("R", np.array(found)[:b])

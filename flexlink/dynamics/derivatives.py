@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.result import Result
+from flexlink.dynamics.tangent import stiffness_matrix
+from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_slopes
 from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
@@ -18,7 +22,8 @@ from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
 Array = NDArray[np.float64]
 
 
-class InverseDerivatives(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class InverseDerivatives(Result):
     """Slopes of τ = M q̈ + T_GC: row i belongs to τ_i, column j to the coordinate that changes."""
 
     dq: Array  # ∂τ/∂q, (…, n, n) [N m/rad]
@@ -29,7 +34,8 @@ class InverseDerivatives(NamedTuple):
         return f"<InverseDerivatives: {' × '.join(map(str, self.dq.shape))}>"
 
 
-class ForwardDerivatives(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class ForwardDerivatives(Result):
     """Slopes of q̈: row i belongs to q̈_i, column j to the coordinate or torque that changes."""
 
     dq: Array  # ∂q̈/∂q, (…, n, n) [1/s²]
@@ -41,12 +47,17 @@ class ForwardDerivatives(NamedTuple):
 
 
 def inverse_dynamics_derivatives(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
 ) -> InverseDerivatives:
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ of τ = M(q) q̈ + T_GC(q, q̇), `inverse_dynamics`: without springs and friction.
 
-    By recursion, O(n²), without a step size (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022). The tip wrench
-    keeps its direction in frame 0.
+    By recursion, O(n²), without a step size (Carpentier & Mansard 2018; Singh, Russell & Wensing 2022).
 
     Parameters
     ----------
@@ -54,8 +65,9 @@ def inverse_dynamics_derivatives(
         The chain.
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where they keep their direction,
+        or of the "tip" frame, with which they turn.
 
     Returns
     -------
@@ -69,18 +81,27 @@ def inverse_dynamics_derivatives(
     """
     if is_batch(q, qd, qdd):
         state = {"q": q, "qd": qd, "qdd": qdd}
-        return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench)
+        return each(inverse_dynamics_derivatives, chain, state, tip_wrench=tip_wrench, frame=frame)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     found = np.empty((3, n, n))
     if not all_inverse_slopes(*chain.arrays, wrench, q, qd, qdd, found):
         raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
+    if frame == "tip":
+        found[0] += _of_turning(chain, q, qd, wrench, tip_wrench)
+    found.setflags(write=False)
     return InverseDerivatives(found[0], found[1], found[2])
 
 
 def forward_dynamics_derivatives(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, tau: ArrayLike, *, tip_wrench: ArrayLike | None = None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    tau: ArrayLike,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
 ) -> ForwardDerivatives:
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX of M q̈ = T_EX − T_GC − T_FL − T_FR, `forward_dynamics`.
 
@@ -97,8 +118,9 @@ def forward_dynamics_derivatives(
         The chain.
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m]; it keeps its direction there.
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", where they keep their direction,
+        or of the "tip" frame, with which they turn.
 
     Returns
     -------
@@ -113,18 +135,28 @@ def forward_dynamics_derivatives(
         A joint moves no inertia of its own here.
     """
     if is_batch(q, qd, tau):
-        return each(forward_dynamics_derivatives, chain, {"q": q, "qd": qd, "tau": tau}, tip_wrench=tip_wrench)
+        return each(
+            forward_dynamics_derivatives, chain, {"q": q, "qd": qd, "tau": tau}, tip_wrench=tip_wrench, frame=frame
+        )
     n = require_type("chain", chain, Chain).n
     q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
     tau = vector("tau", tau, n, many=True, finite=False)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     found, kernel = np.empty((3, n, n)), all_planar_slopes if chain.is_planar else all_forward_slopes
     if not kernel(*chain.arrays, wrench, q, qd, tau, found):
-        forward_dynamics(
-            chain, q, qd, tau, tip_wrench=tip_wrench
-        )  # raises where a number is not finite, or there is no q̈
+        forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)
+    if frame == "tip":
+        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
+        found[0] -= found[2][:, free] @ _of_turning(chain, q, qd, wrench, tip_wrench)[free]
+    found.setflags(write=False)  # and with it the parts
     return ForwardDerivatives(found[0], found[1], found[2])  # twice as fast as `*found`
+
+
+def _of_turning(chain: Chain, q: Array, qd: Array, wrench: Array, tip_wrench: ArrayLike | None) -> Array:
+    """What ∂T_GC/∂q gains because a wrench in axes of the tip turns with it, shape (n, n); `wrench` in frame 0."""
+    along_tip = stiffness_matrix(chain, q, qd, wrench_vector(tip_wrench), True)
+    return along_tip - stiffness_matrix(chain, q, qd, wrench, False)
 
 
 def _of(what: str, chain: Chain) -> str:

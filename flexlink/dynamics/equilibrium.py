@@ -20,12 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import positive, require_bool, require_type, vector, wrench_vector
+from flexlink.chain.arguments import positive, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics import rounding
+from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import load_torque, stiffness_matrix, tangent, unlocked
 from flexlink.dynamics.terms import elastic_torque
+from flexlink.dynamics.wrench import turns_with_tip
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
@@ -35,8 +38,8 @@ CORRECTIONS, WANTED = 12, 6  # Newton steps after which a corrector has failed; 
 STEPS = 500
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Equilibrium:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium(SavedResult):
     """A posture in which all torques balance.
 
     Attributes
@@ -76,7 +79,7 @@ def solve_static(
     tau: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     locked: Joints = (),
     tolerance: float = 1e-9,
 ) -> Equilibrium:
@@ -94,10 +97,9 @@ def solve_static(
         Constant rates [rad/s], shape (n,), for the relative equilibrium of a steadily turning arm.
     tau
         Drive torque T_EX [N m], shape (n,).
-    tip_wrench
-        Force and moment on the tip [N, N m], shape (6,), axes of frame 0: a dead load, direction fixed.
-    follower
-        The wrench is given in axes of the tip frame and turns with it.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
+        with which they turn.
     locked
         Coordinates that do not move: names or sequential indices of joints, names of links, or a boolean mask,
         shape (n,).
@@ -118,7 +120,7 @@ def solve_static(
         The path from q does not reach the full load; the error holds the posture at the largest part reached.
     """
     n = require_type("chain", chain, Chain).n
-    follower, tolerance = require_bool("follower", follower), positive("tolerance", tolerance)
+    follower, tolerance = turns_with_tip(frame), positive("tolerance", tolerance)
     start = chain.rest.copy() if q is None else vector("q", q, n).copy()
     wrench = wrench_vector(tip_wrench)
     drive = np.zeros(n) if tau is None else vector("tau", tau, n)

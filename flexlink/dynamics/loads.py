@@ -11,22 +11,26 @@ The loads of a section have the opposite sign: they act on the face that looks o
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.dynamics.point_motion import body_motion
+from flexlink.dynamics.result import Result
+from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 
 
-class InternalLoads(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class InternalLoads(Result):
     """Force and moment of what lies beyond a cut on what lies before it, at the hinge point of every body.
 
     In axes of the body beyond. In a beam x runs along it: force[0] is the axial force, positive in tension, force[1],
@@ -44,7 +48,13 @@ class InternalLoads(NamedTuple):
 
 
 def internal_loads(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
 ) -> InternalLoads:
     """Axial force, shear, torque and bending moment at every hinge and joint.
 
@@ -58,8 +68,8 @@ def internal_loads(
         The chain.
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
     Returns
     -------
@@ -73,12 +83,12 @@ def internal_loads(
         An argument has the wrong shape, is not real or not finite, or a load is beyond float64.
     """
     if is_batch(q, qd, qdd):
-        return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
+        return each(internal_loads, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     found = _cut(chain, q, qd, qdd, wrench)
-    if not all(is_finite(part.reshape(-1)) for part in found):
+    if not all(is_finite(part.reshape(-1)) for part in (found.force, found.moment, found.hinge_moment)):
         raise beyond_float64("an internal load", q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     return found
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import integer, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch, rows
+from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
 
 Array = NDArray[np.float64]
 
 
-class Frames(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Frames(Result):
     """Where the `chain.bodies` are, in frame 0; the last one is the tip frame."""
 
     rotations: Array  # (…, bodies, 3, 3), R: v_0 = R v_body
@@ -28,6 +30,8 @@ class Frames(NamedTuple):
 
 def frames(chain: Chain, q: ArrayLike) -> Frames:
     """Rotation and origin of every body frame in frame 0.
+
+    Forward kinematics: Pinocchio's `forwardKinematics` and `oMi`, MuJoCo's `xmat` and `xpos`.
 
     Parameters
     ----------
@@ -81,7 +85,8 @@ def tip_position(chain: Chain, q: ArrayLike) -> Array:
     return tips
 
 
-class Jacobian(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Jacobian(Result):
     """Velocity of a point and angular velocity of its body, frame 0, for each unit rate."""
 
     linear: Array  # (…, 3, n), v = linear @ qd [m/rad]
@@ -95,8 +100,9 @@ class Jacobian(NamedTuple):
 def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (0.0, 0.0, 0.0)) -> Jacobian:
     """∂(place and turning of a body)/∂q: v = J_v q̇ of a point of it, ω = J_ω q̇, in axes of frame 0.
 
-    Column k is e_k × (p − p_k) and e_k, for axis and point of the hinges before the body, 0 for those beyond it. By
-    virtual work a force f and a moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
+    The geometric Jacobian, Pinocchio's in `LOCAL_WORLD_ALIGNED`, MuJoCo's `mj_jac`. Column k is e_k × (p − p_k) and
+    e_k, for axis and point of the hinges before the body, 0 for those beyond it. By virtual work a force f and a
+    moment m on the body, f at the point, are the torques J_vᵀ f + J_ωᵀ m.
 
     Parameters
     ----------

@@ -8,6 +8,7 @@ The forward half of recursive Newton-Euler (Luh, Walker & Paul 1980), as sums al
 
 from __future__ import annotations
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import beyond_float64, integer, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
 
@@ -54,7 +56,8 @@ def _sums(terms: Array) -> Array:
     return np.vstack([np.zeros(3), np.cumsum(terms, axis=0)])
 
 
-class PointMotion(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class PointMotion(Result):
     """Motion of one point of an arm; the first three in frame 0, what sensors there read in axes of their body."""
 
     position: Array  # (…, 3) [m]

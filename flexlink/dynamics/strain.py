@@ -9,7 +9,7 @@ curvature is that of the beam. Between hinges it is for the reader to interpolat
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import dataclasses
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,12 +21,14 @@ from flexlink.describe.arm import AXES
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.batches import is_batch, rows
+from flexlink.dynamics.result import Result
 from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 
 
-class BeamStrain(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class BeamStrain(Result):
     """How a link bends, at its hinges."""
 
     x: Array  # (hinges,), distance from the root of the beam [m]

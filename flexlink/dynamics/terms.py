@@ -4,21 +4,24 @@
 
 All torques are in N m, all angles in rad, arrays are float64 of shape (n,) in sequential order, or (b, n) for b states:
 results then have a leading b, and a part of the state of shape (n,) belongs to all of them. The tip wrench
-(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of frame 0.
+(f_x, f_y, f_z, m_x, m_y, m_z) [N, N m] acts on the arm at the origin of the tip frame, in axes of `frame`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector, wrench_vector
+from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch
+from flexlink.dynamics.result import Result
+from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
@@ -26,7 +29,7 @@ from flexlink.kernels.tools.finite import is_finite
 
 Array = NDArray[np.float64]
 
-MASS_METHODS = {
+MASS_ALGORITHMS = {
     "columns": mass.mass_columns,
     "lower": mass.mass_lower,
     "upper": mass.mass_upper,
@@ -34,7 +37,8 @@ MASS_METHODS = {
 }
 
 
-class Energy(NamedTuple):
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Energy(Result):
     """Energies [J]: scalars for one state, arrays over states or the samples of a `Trajectory`."""
 
     kinetic: Array | float
@@ -46,9 +50,14 @@ class Energy(NamedTuple):
         """Kinetic + gravity + elastic."""
         return self.kinetic + self.gravity + self.elastic
 
+    @property
+    def parts(self) -> Array:
+        """Kinetic, gravity and elastic one below the other, shape (3, …)."""
+        return np.array([self.kinetic, self.gravity, self.elastic])
+
     def __repr__(self) -> str:
-        told = [f"{name} {_span(np.asarray(value))} J" for name, value in self._asdict().items()]
-        return f"<Energy: {', '.join(told)}>"
+        parts = [f"{name} {_span(np.asarray(value))} J" for name, value in vars(self).items()]
+        return f"<Energy: {', '.join(parts)}>"
 
 
 def _span(values: Array) -> str:
@@ -58,11 +67,17 @@ def _span(values: Array) -> str:
 
 
 def inverse_dynamics(
-    chain: Chain, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, *, tip_wrench: ArrayLike | None = None
+    chain: Chain,
+    q: ArrayLike,
+    qd: ArrayLike,
+    qdd: ArrayLike,
+    *,
+    tip_wrench: ArrayLike | None = None,
+    frame: Frame = "world",
 ) -> Array:
     """Torque M q̈ + T_GC that the rigid-body motion takes, without springs and friction.
 
-    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3).
+    Recursive Newton-Euler (Luh, Walker & Paul 1980; paper, section 3): Pinocchio's `rnea`, MuJoCo's `mj_rne`.
 
     Parameters
     ----------
@@ -70,8 +85,8 @@ def inverse_dynamics(
         The chain.
     q, qd, qdd
         Angles [rad], rates [rad/s] and accelerations [rad/s²], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
     Returns
     -------
@@ -84,10 +99,10 @@ def inverse_dynamics(
         An argument has the wrong shape, is not real or not finite, or a torque is beyond float64.
     """
     if is_batch(q, qd, qdd):
-        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench)
+        return each(inverse_dynamics, chain, {"q": q, "qd": qd, "qdd": qdd}, tip_wrench=tip_wrench, frame=frame)
     n = require_type("chain", chain, Chain).n
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
-    wrench = wrench_vector(tip_wrench)
+    wrench = world_wrench(chain, q, tip_wrench, frame)
     tau: Array = inverse_dynamics_kernel(chain.arrays, wrench, q, qd, qdd)
     if not is_finite(tau):
         raise beyond_float64(_at("torque", chain, tau), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
@@ -99,7 +114,9 @@ def _at(what: str, chain: Chain, values: Array) -> str:
     return f"the {what} of joint {chain.joint_name(int(np.argmin(np.isfinite(values))))!r}"
 
 
-def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None) -> Array:
+def bias_torque(
+    chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
+) -> Array:
     """T_GC: gravity, Coriolis, centrifugal and tip wrench torques, `inverse_dynamics` with q̈ = 0 (paper, eq. 3).
 
     Pinocchio calls it `nle`, MuJoCo `qfrc_bias`.
@@ -110,8 +127,8 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayL
         The chain.
     q, qd
         Angles [rad] and rates [rad/s], shape (n,), or (b, n) for b states.
-    tip_wrench
-        Force and moment on the tip, frame 0, shape (6,) [N, N m].
+    tip_wrench, frame
+        Force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame.
 
     Returns
     -------
@@ -123,7 +140,9 @@ def bias_torque(chain: Chain, q: ArrayLike, qd: ArrayLike, *, tip_wrench: ArrayL
     ArgumentError
         As in `inverse_dynamics`.
     """
-    return inverse_dynamics(chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench)
+    return inverse_dynamics(
+        chain, q, qd, np.zeros(require_type("chain", chain, Chain).n), tip_wrench=tip_wrench, frame=frame
+    )
 
 
 def gravity_torque(chain: Chain, q: ArrayLike) -> Array:
@@ -213,8 +232,8 @@ def friction_torque(chain: Chain, qd: ArrayLike) -> Array:
     return torque
 
 
-def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Array:
-    """Joint-space inertia M(q), symmetric positive definite.
+def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> Array:
+    """Joint-space inertia M(q), symmetric positive definite: Pinocchio's `crba`, MuJoCo's `mj_fullM`.
 
     Parameters
     ----------
@@ -222,7 +241,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
         The chain.
     q
         Angles [rad], shape (n,), or (b, n) for b states.
-    method
+    algorithm
         "columns", "lower", "upper": methods 1, 2, 3 of Walker & Orin (1982), as named in the paper;
         "composite": composite rigid bodies in inertial axes (Featherstone 2008, section 6.2), the fastest.
         Every element is right to eps of the largest; relative to √(M_jj M_kk), of a twist j that moves next to no
@@ -236,13 +255,13 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, method: str = "composite") -> Arr
     Raises
     ------
     ArgumentError
-        `q` has the wrong shape, is not real or not finite, the method is unknown, or M is beyond float64.
+        `q` has the wrong shape, is not real or not finite, the algorithm is unknown, or M is beyond float64.
     """
     if is_batch(q):
-        return each(mass_matrix, chain, {"q": q}, method=method)
+        return each(mass_matrix, chain, {"q": q}, algorithm=algorithm)
     q = vector("q", q, require_type("chain", chain, Chain).n, many=True)
     M = np.zeros((chain.n, chain.n))
-    trace = require_one_of("method", method, MASS_METHODS)(chain.arrays, q, M)
+    trace = require_one_of("algorithm", algorithm, MASS_ALGORITHMS)(chain.arrays, q, M)
     if not math.isfinite(trace):
         raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
     return M
@@ -274,6 +293,6 @@ def energy(chain: Chain, q: ArrayLike, qd: ArrayLike) -> Energy:
     q, qd = vector("q", q, n, many=True), vector("qd", qd, n, many=True)
     found = Energy(*energies(chain.arrays, q, qd))
     if not math.isfinite(found.total):
-        name = next((name for name, value in found._asdict().items() if not math.isfinite(value)), "total")
+        name = next((name for name, value in vars(found).items() if not math.isfinite(value)), "total")
         raise beyond_float64(f"the {name} energy", q=q, qd=qd, gravity=chain.gravity)
     return found

@@ -136,7 +136,8 @@ class TipWrench:
     def __init__(self, scene: Scene) -> None:
         self.middle: float | None = None
         chain = lump(scene)
-        self._table, (self._now, self.follows) = wrench_table(scene, chain), initial_wrench(scene, chain)
+        self._table, (self._now, frame) = wrench_table(scene, chain), initial_wrench(scene, chain)
+        self.follows = frame == "tip"
         self.constant = scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:

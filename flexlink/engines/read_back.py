@@ -176,7 +176,8 @@ def parallel_axis(m: Array, d: Array) -> Array:
 
 def of_chain(chain: Chain) -> ReadBack:
     """The record of a chain, exact but for the rotations into frame 0."""
-    R, p = frames(chain, np.zeros(chain.n))
+    at_zero = frames(chain, np.zeros(chain.n))
+    R, p = at_zero.rotations, at_zero.points
     bodies = chain.bodies
     owner = bodies["stop"] - 1
     counts = bodies["stop"] - bodies["first"]

@@ -52,8 +52,8 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
-        wrench, follower = initial_wrench(scene, chain)
-        q = solve_static(chain, q, tip_wrench=wrench, follower=follower, locked=chain.active.tolist()).q
+        wrench, frame = initial_wrench(scene, chain)
+        q = solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()).q
     _check_followed(scene, chain, q, qd)
     return q, qd
 

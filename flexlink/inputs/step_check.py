@@ -15,6 +15,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.stability import eigenvalue_bound, fastest_eigenvalues, stable_step_of
 from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.inputs.drives import gains_of
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.record import Inputs
 
 Array = NDArray[np.float64]
@@ -31,9 +32,9 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
     run = scene.run
     if run.duration == 0 or not steps_explicitly(run):
         return ()
-    wrench, follower = inputs.given_wrench(scene.initial.time)
+    wrench, frame = wrench_at(inputs, scene.initial.time)
     gains = gains_of(chain, inputs.drive, scene.initial.time, q, qd)
-    acting: Any = {"tip_wrench": wrench, "follower": follower, "gains": gains}
+    acting: Any = {"tip_wrench": wrench, "frame": frame, "gains": gains}
     if run.step * eigenvalue_bound(chain, q, qd, **acting) <= stable_half_disc(method(run.method)):
         return ()
     λ = fastest_eigenvalues(chain, q, qd, **acting)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.inputs.interpolation import held_knots, pieces_of
-from flexlink.kernels.inputs.record import GivenWrench, WrenchTable, given_at
+from flexlink.kernels.inputs.record import GivenWrench, Inputs, WrenchTable, given_at
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,16 @@ def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:
     return WrenchTable(wrench.frame == "tip", knots, coefficients, chain.arrays)
 
 
-def initial_wrench(scene: Scene, chain: Chain) -> GivenWrench:
-    """The wrench at the start of a scene; errors as in `wrench_table`."""
+def initial_wrench(scene: Scene, chain: Chain) -> tuple[Array, Frame]:
+    """The wrench at the start of a scene, shape (6,), and its axes; errors as in `wrench_table`."""
     table = wrench_table(scene, chain)
-    return GivenWrench(scene.tip_wrench, False) if table is None else given_at(table, scene.initial.time)
+    return (scene.tip_wrench, "world") if table is None else _with_frame(given_at(table, scene.initial.time))
+
+
+def wrench_at(inputs: Inputs, t: float) -> tuple[Array, Frame]:
+    """The wrench at time t [s], shape (6,), and its axes."""
+    return _with_frame(inputs.given_wrench(t))
+
+
+def _with_frame(given: GivenWrench) -> tuple[Array, Frame]:
+    return given.tip_wrench, "tip" if given.follower else "world"

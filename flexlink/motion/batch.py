@@ -154,7 +154,7 @@ def _alike(a: Member, b: Member) -> bool:
 def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
     """Also one alone goes in lanes: its numbers are those that it has beside any others."""
     run, chain = block[0].scene.run, block[0].chain
-    solver = solver_for(chain, run.dynamics)
+    solver = solver_for(chain, run.solver)
     drive = block[0].watch.record.inputs.drive
     alone = not block[0].watch.explicit or block[0].scene.wrench.varies or not same_law(drive, drive)
     if solver.lanes_workspace is None or alone:

@@ -63,7 +63,7 @@ def evaluation_time(scene: Scene, chain: Chain) -> float:
     repeats = 5  # of which the shortest counts: nothing makes a program faster than it is
     q, qd = initial_state(scene, chain)
     state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
-    work = solver_for(chain, scene.run.dynamics).workspace(chain.arrays)
+    work = solver_for(chain, scene.run.solver).workspace(chain.arrays)
     rule = method("RK2")
     steps_of_no_length = work, rule.arrays, input_arrays(scene, chain), 0.0
 

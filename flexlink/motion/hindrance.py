@@ -14,6 +14,7 @@ from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.inputs.drives import gains_of
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
 
 Array = NDArray[np.float64]
@@ -68,10 +69,10 @@ def sampled_growth(record: Record) -> tuple[float, float]:
     n, zero, start = chain.n, np.zeros(chain.n), float(record.t[0])
     moving = chain.active[chain.hinges["prescribed"][chain.active] == 0]
     K = np.hstack([gain[moving] for gain in gains_of(chain, drive._replace(rate=0.0), start, q, zero).matrices()])
-    wrench, follower = record.inputs.given_wrench(start)
+    wrench, frame = wrench_at(record.inputs, start)
     try:
         held = load_torque(chain, q, zero, wrench) + elastic_torque(chain, q)
-        model = linearize(chain, q, tau=held, tip_wrench=wrench, follower=follower)
+        model = linearize(chain, q, tau=held, tip_wrench=wrench, frame=frame)
     except FlexlinkError:
         return 0.0, 0.0
     ω = np.sqrt(np.abs(np.diag(model.A[n:, :n])))

@@ -13,6 +13,7 @@ from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.placement import jacobian
+from flexlink.dynamics.result import Result
 from flexlink.inputs.actuation import input_arrays
 from flexlink.kernels.derivatives.sensitivity import integrate_slopes, tip_slopes
 from flexlink.motion.parameters import parametric
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Sensitivities:
+class Sensitivities(Result):
     """A run, and its derivatives along p numbers of the scene, each in units of the quantity per unit of the number.
 
     Attributes
@@ -48,10 +49,6 @@ class Sensitivities:
     q: Array
     qd: Array
     tip: Array
-
-    def __post_init__(self) -> None:
-        for array in (self.values, self.q, self.qd, self.tip):
-            array.flags.writeable = False
 
     def __repr__(self) -> str:
         return f"<Sensitivities of {self.run!r} to {', '.join(self.parameters)}>"

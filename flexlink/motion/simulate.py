@@ -15,7 +15,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
-from flexlink.describe.conditions import Accuracy, Dynamics, Unstable, check_method, multiples
+from flexlink.describe.conditions import Accuracy, ForwardSolver, Unstable, check_method, multiples
 from flexlink.describe.scene import Scene
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import initial_state
@@ -41,7 +41,7 @@ def simulate(
     step: float | None = None,
     duration: float | None = None,
     sample: float | None = None,
-    dynamics: Dynamics | None = None,
+    solver: ForwardSolver | None = None,
     unstable: Unstable | None = None,
     tolerance: float | None = None,
     relative_tolerance: float | None = None,
@@ -65,7 +65,7 @@ def simulate(
         Arm, gravity, initial state, drive, wrench and run settings.
     progress
         Called with the finished fraction, now and then: 0 when everything is compiled and the run starts, 1 at its end.
-    method, step, duration, sample, dynamics, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
+    method, step, duration, sample, solver, unstable, tolerance, relative_tolerance, accuracy, max_evaluations
         In place of those of `scene.run`, times in s, tolerance in m; None: as the scene says. A tolerance takes the
         place of a fixed step, and a step that of a tolerance.
     q0, qd0, t0
@@ -109,7 +109,7 @@ def simulate(
     require_callable("progress", progress)
     settings = {
         "method": method, "step": step, "duration": duration, "sample": sample,
-        "dynamics": dynamics, "unstable": unstable,
+        "solver": solver, "unstable": unstable,
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
         "max_evaluations": max_evaluations,
     }  # fmt: skip

@@ -134,7 +134,7 @@ def _stricter(watch: RunMonitor, name: str) -> RunSettings:
 
 
 def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
-    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, dynamics=RunSettings().dynamics)
+    return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, solver=RunSettings().solver)
 
 
 def _tolerance(watch: RunMonitor) -> float:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flexlink.common.errors import ArgumentError
+from flexlink.dynamics.result import write_archive
 from flexlink.results.columns import Columns
 from flexlink.results.samples import RunSamples
 
@@ -23,22 +26,27 @@ class Writer:
         """Write the file."""
         run = self.trajectory
         if self.format == ".npz":
-            kinetic, gravity, elastic = run.energy
-            joints = np.array(run.chain.joint_names)
-            with path.open("wb") as file:
-                arrays = {
-                    "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": joints,
-                    "kinetic": kinetic, "gravity": gravity, "elastic": elastic, "warnings": np.array(run.warnings, str),
-                }  # fmt: skip
-                if run.work is not None:
-                    arrays |= {"work": run.work, "imbalance": run.imbalance}
-                np.savez_compressed(file, allow_pickle=False, **arrays)
+            write_archive(path, _arrays(run))
             return
         rows = zip(*(column.tolist() for column in Columns(run).values()), strict=True)
         header = ",".join('"' + name.replace('"', '""') + '"' for name in Columns(run))
         with path.open("w", encoding="utf-8") as file:
             file.write(header + "\n")
             file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def _arrays(run: RunSamples) -> dict[str, Any]:
+    """All that a run consists of, and, for other readers, its imbalance and the names of its joints."""
+    chain, balanced = run.chain, run.work is not None
+    return {
+        "t": run.t, "q": run.q, "qd": run.qd, "tau": run.tau, "tip": run.tip, "joints": np.array(chain.joint_names),
+        **vars(run.energy), **({"work": run.work, "imbalance": run.imbalance} if balanced else {}),
+        "tip_wrench": run.tip_wrench, "warnings": np.array(run.warnings, str), "steps": json.dumps(run.steps),
+        "scene": run.scene.to_toml() if run.scene else "",
+        "chain_name": chain.name, "chain_bodies": chain.bodies, "chain_hinges": chain.hinges,
+        "chain_gravity": chain.gravity, "chain_coordinates": np.array(chain.coordinates),
+        "chain_links": np.array(chain.link_names),
+    }  # fmt: skip
 
 
 def picture_format(path: Path) -> str:

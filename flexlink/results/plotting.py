@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
+
+from flexlink.results.notebook_figure import NotebookFigure as Figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

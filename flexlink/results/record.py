@@ -42,7 +42,7 @@ class Record:
         self.works = np.zeros(len(t))
         self.inputs = inputs
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
-        self.scratch = solver_for(chain, self.run.dynamics).workspace(chain.arrays)
+        self.scratch = solver_for(chain, self.run.solver).workspace(chain.arrays)
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
 from flexlink.dynamics.loads import InternalLoads, internal_loads
+from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
 
@@ -47,7 +48,7 @@ class State(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class RunSamples:
+class RunSamples(Result):
     """Samples of a run, read-only, and what follows from them.
 
     Attributes
@@ -98,14 +99,6 @@ class RunSamples:
             f"<Trajectory {self.chain.name!r}: {samples} samples, {start:g} … {end:g} s, {self.chain.n} joints{doubts}>"
         )
 
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            object.__setattr__(self, field.name, _read_only(getattr(self, field.name)))
-
-    def __reduce__(self) -> tuple[type[RunSamples], tuple[object, ...]]:
-        """Copies and pickles are built anew: their arrays, too, are read-only."""
-        return type(self), tuple(getattr(self, field.name) for field in dataclasses.fields(self))
-
     def state(self, k: int) -> State:
         """Time, joint angles and rates of sample `k`, −1 the last; `simulate(scene, q0=, qd0=, t0=)` goes on there.
 
@@ -131,7 +124,7 @@ class RunSamples:
         free = dataclasses.replace(self.chain, hinges=hinges)
         # state by state: what takes many at once takes seconds to compile, and the numbers are the same to the bit
         qdd = each(forward_dynamics, free, {"q": self.q, "qd": self.qd, "tau": self.tau}, tip_wrench=self.tip_wrench)
-        return np.asarray(_read_only(qdd))
+        return read_only(qdd)
 
     @functools.cached_property
     def loads(self) -> InternalLoads:
@@ -142,8 +135,7 @@ class RunSamples:
         SingularMassError
             As in `qdd`.
         """
-        found = internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
-        return InternalLoads(*map(_read_only, found))
+        return internal_loads(self.chain, self.q, self.qd, self.qdd, tip_wrench=self.tip_wrench)
 
     @property
     def imbalance(self) -> Array:
@@ -154,13 +146,13 @@ class RunSamples:
         ArgumentError
             The run is another engine's, whose work is not known.
         """
-        energy = np.array(self.energy)
+        energy = self.energy.parts
         return balance.imbalance(energy, self._known_work, energy[:, 0])
 
     @property
     def exchanged(self) -> Array:
         """Energy exchanged up to each sample, the largest T + |ΔV_g| + |ΔV_e| + |W| [J]; errors as in `imbalance`."""
-        energy = np.array(self.energy)
+        energy = self.energy.parts
         return np.asarray(np.maximum.accumulate(balance.turned_over(energy, self._known_work, energy[:, 0])))
 
     @property
@@ -168,13 +160,3 @@ class RunSamples:
         if self.work is None:
             raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
         return self.work
-
-
-def _read_only(value: Any) -> Any:
-    """Arrays as views that cannot be written through, tuples of them likewise; everything else as it is."""
-    if isinstance(value, np.ndarray):
-        value = value.view()
-        value.flags.writeable = False
-    elif isinstance(value, Energy):
-        value = Energy(*map(_read_only, value))
-    return value

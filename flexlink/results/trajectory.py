@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.common.errors import MissingDependencyError
+from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
 from flexlink.describe.data_files import require_path
 from flexlink.results import tables
@@ -39,9 +39,10 @@ class Trajectory(RunSamples):
         return Columns(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write an .npz archive (t, q, qd, tau, tip, energies, work, imbalance, joints, warnings) or a .csv table.
+        """Write an .npz archive, which `load_trajectory` reads back equal to the bit, or a .csv table of `columns`.
 
-        Numbers are written so that they read back exactly. The file appears whole or not at all.
+        The archive holds t, q, qd, tau, tip, kinetic, gravity, elastic, work, imbalance, tip_wrench, joints, warnings,
+        steps, scene (TOML) and chain_… . Numbers of the table read back exactly. A file appears whole or not at all.
 
         Raises
         ------
@@ -84,8 +85,14 @@ class Trajectory(RunSamples):
         """
         return tables.to_xarray(self)
 
+    def _repr_html_(self) -> str:
+        columns = [] if not len(self.t) else self.columns.items()
+        rows = [(name, *map(float, (c[0], c[-1], c.min(), c.max()))) for name, c in columns]
+        doubts = "".join(f"; {warning}" for warning in self.warnings)
+        return html_table(f"{self!r}{doubts}", ("quantity", "first", "last", "smallest", "largest"), rows)
+
     def plot(self) -> Figure:
-        """Draw joint angles, tip and energy against time; needs matplotlib.
+        """Draw joint angles, tip and energy against time; a notebook shows the figure once. Needs matplotlib.
 
         Raises
         ------
@@ -164,9 +171,4 @@ def plotting() -> ModuleType:
     MissingDependencyError
         matplotlib is not installed.
     """
-    try:
-        return importlib.import_module("flexlink.results.plotting")
-    except ImportError:
-        raise MissingDependencyError(
-            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
-        ) from None
+    return drawing_module("results.plotting")

@@ -128,6 +128,6 @@ class Study:
         FlexlinkError
             As of `solve_static`.
         """
-        wrench, follower = initial_wrench(self.scene, self.chain)
+        wrench, frame = initial_wrench(self.scene, self.chain)
         held, start = self.chain.active.tolist(), unbent(self.chain, self.start[0])
-        return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)
+        return solve_static(self.chain, start, tip_wrench=wrench, frame=frame, locked=held)

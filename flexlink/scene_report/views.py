@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.pages.style import BLUE, GREY, INK, VERMILION, WIDTH
+from flexlink.results.notebook_figure import NotebookFigure as Figure
 
 Array = NDArray[np.float64]
 

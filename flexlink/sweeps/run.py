@@ -8,6 +8,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from flexlink.chain.arguments import integer, require_bool, require_callable
+from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop, deferred, word
 from flexlink.describe.data_files import require_path
 from flexlink.sweeps.execution import Execution
@@ -17,14 +18,6 @@ from flexlink.sweeps.preflight import require_possible
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
 from flexlink.sweeps.workers import MOST, pool_of
-
-
-class InterruptedSweepError(KeyboardInterrupt):
-    """Ctrl-C or SIGTERM during a sweep; a KeyboardInterrupt for all who stop at one. `signal` is its number."""
-
-    def __init__(self, message: str, number: int = signal.SIGINT) -> None:
-        super().__init__(message)
-        self.signal = number
 
 
 def sweep(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import importlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.output import write_whole
@@ -16,7 +17,8 @@ FORMATS = ("csv", "parquet")
 """Files that rows are exported to."""
 
 
-class SweepRows(NamedTuple):
+@dataclasses.dataclass(frozen=True, repr=False)
+class SweepRows:
     """The rows of a sweep, in the order of their numbers.
 
     Attributes

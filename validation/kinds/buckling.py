@@ -80,7 +80,7 @@ def _wrench(load: Load, size: float) -> Array:
 def _critical(chain: fl.Chain, load: Load) -> float:
     if load.instability == "buckling":
         return float(fl.buckling_loads(chain, tip_wrench=_wrench(load, 1.0))[0])
-    return bisect(lambda size: fl.modes(chain, tip_wrench=_wrench(load, size), follower=True).stable, load.bracket)
+    return bisect(lambda size: fl.modes(chain, tip_wrench=_wrench(load, size), frame="tip").stable, load.bracket)
 
 
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:

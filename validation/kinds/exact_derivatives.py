@@ -41,7 +41,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
         exact = derivatives(chain, q, qd, tau, wrench)
-        errors.append([_error(ours, theirs) for ours, theirs in zip(found, exact, strict=True)])
+        errors.append(
+            [_error(ours, theirs) for ours, theirs in zip((found.dq, found.dqd, found.dtau), exact, strict=True)]
+        )
         conditions.append(np.linalg.cond(fl.mass_matrix(chain, q)))
         joints.append(chain.n)
         seeds.append(seed)

@@ -27,7 +27,7 @@ from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
-from flexlink.dynamics.terms import MASS_METHODS
+from flexlink.dynamics.terms import MASS_ALGORITHMS
 from validation.case import Case, Measured
 
 Array = NDArray[np.float64]
@@ -62,7 +62,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _asymmetry(chain: Chain, s: State) -> float:
-    M = fl.mass_matrix(chain, s.q, method="columns")  # the one method that does not copy one half to the other
+    M = fl.mass_matrix(chain, s.q, algorithm="columns")  # the one method that does not copy one half to the other
     return float(np.abs(M - M.T).max() / np.abs(M).max())
 
 
@@ -72,12 +72,12 @@ def _smallest_eigenvalue(chain: Chain, s: State) -> float:
 
 
 def _methods(chain: Chain, s: State) -> float:
-    M = np.array([fl.mass_matrix(chain, s.q, method=method) for method in MASS_METHODS])
+    M = np.array([fl.mass_matrix(chain, s.q, algorithm=name) for name in MASS_ALGORITHMS])
     return float(in_units(np.ptp(M, axis=0), of_mass_matrix(chain, s.q)).max())
 
 
 def _solvers(chain: Chain, s: State) -> float:
-    qdd = [fl.forward_dynamics(chain, s.q, s.qd, s.tau, method=method, tip_wrench=s.wrench) for method in SOLVERS]
+    qdd = [fl.forward_dynamics(chain, s.q, s.qd, s.tau, solver=name, tip_wrench=s.wrench) for name in SOLVERS]
     pairs = itertools.combinations(qdd, 2)
     return float(
         np.max([acceleration_error(chain, s.q, s.qd, s.tau, solutions=pair, tip_wrench=s.wrench) for pair in pairs])
@@ -129,7 +129,8 @@ def _hinge_moments(chain: Chain, s: State) -> float:
 def _equilibrium(chain: Chain, s: State) -> float:
     """Each segment about its centre of mass, in its own axes: Σ f = m (a − g), Σ (n + r × f) = I α + ω × I ω."""
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau, tip_wrench=s.wrench)
-    f, n, _ = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    cut = fl.internal_loads(chain, s.q, s.qd, qdd, tip_wrench=s.wrench)
+    f, n = cut.force, cut.moment
     R, p, _, _, *turning = body_motion(chain, s.q, s.qd, qdd)
     worst = 0.0
     for i, body in enumerate(chain.bodies[:-1]):

@@ -33,8 +33,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             M = fl.mass_matrix(chain, q)
             right = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
             ways = {
-                "LU": fl.forward_dynamics(chain, q, qd, tau, method="lu"),
-                "articulated bodies": fl.forward_dynamics(chain, q, qd, tau, method="articulated"),
+                "LU": fl.forward_dynamics(chain, q, qd, tau, solver="lu"),
+                "articulated bodies": fl.forward_dynamics(chain, q, qd, tau, solver="articulated"),
                 "inverse of M": np.linalg.inv(M) @ right,
             }
             for way, qdd in ways.items():
@@ -59,5 +59,5 @@ def _verdict(lu: float, inverse: float) -> str:
         return f"does not hold: LU leaves {number(lu, 2)} times what rounding explains"
     return (
         f"holds: LU leaves {number(lu, 2)} of what rounding explains, the inverse {number(inverse, 2)}; by "
-        "default the library takes articulated bodies, which need no M (--dynamics lu is the paper's way)"
+        "default the library takes articulated bodies, which need no M (--solver lu is the paper's way)"
     )

@@ -70,8 +70,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _own_differences(scene: Scene) -> Iterator[Array]:
     for solver in SOLVERS:
-        if solver != scene.run.dynamics:
-            yield simulate(scene, dynamics=solver).q
+        if solver != scene.run.solver:
+            yield simulate(scene, solver=solver).q
     for k, angle in enumerate(scene.initial.joint_deg):
         for way in (-np.inf, np.inf):
             if angle and not scene.arm.links[k].joint.locked:

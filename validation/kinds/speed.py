@@ -20,7 +20,7 @@ class Settings(Spec, frozen=True):
     """Repeats of a run, our ways of solving for q̈, and engines timed beside ours."""
 
     repeats: int
-    dynamics: tuple[str, ...]
+    solvers: tuple[str, ...]
     engines: tuple[str, ...] = ()
 
 
@@ -28,7 +28,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     """Simulated seconds per second, and time of a step."""
     for scene in case.load_scenes():
         works = {
-            ("native", solver): _runs("native", scene.varied({"run.dynamics": solver})) for solver in settings.dynamics
+            ("native", solver): _runs("native", scene.varied({"run.solver": solver})) for solver in settings.solvers
         }
         works |= {(name, ""): _runs(name, scene) for name in settings.engines}
         for (name, solver), lap in race(works, settings.repeats, 0.0).items():

@@ -17,14 +17,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import require_bool, require_one_of, require_type, sequence, vector, wrench_vector
+from flexlink.chain.arguments import require_one_of, require_type, sequence, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.describe.conditions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
-from flexlink.dynamics.tangent import stiffness_matrix
-from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
+from flexlink.dynamics.result import SavedResult
 
 Array = NDArray[np.float64]
 Output = tuple[tuple[str, ...], Array, Array, Array]
@@ -32,7 +32,7 @@ Output = tuple[tuple[str, ...], Array, Array, Array]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class LinearModel:
+class LinearModel(SavedResult):
     """δẋ = A δx + B δu, δy = C δx + D δu about a state, at which ẋ = `rate` and y = `y`.
 
     What SciPy's and python-control's functions take: `scipy.linalg.solve_continuous_are(m.A, m.B, Q, R)`.
@@ -62,10 +62,6 @@ class LinearModel:
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        for array in (self.A, self.B, self.C, self.D, self.x, self.u, self.y, self.rate):
-            array.flags.writeable = False
 
     @property
     def eigenvalues(self) -> NDArray[np.complex128]:
@@ -99,7 +95,7 @@ def linearize(
     tau: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     outputs: Sequence[str] = ("tip",),
 ) -> LinearModel:
     """Linear model about any state, exact up to rounding: springs, friction, gravity, rates and loads counted.
@@ -115,10 +111,9 @@ def linearize(
     q, qd, tau
         Angles [rad], rates [rad/s] and drive torques T_EX [N m], shape (n,); without rates at rest, without torques
         not driven.
-    tip_wrench
-        Force and moment on the tip, shape (6,) [N, N m]; it keeps its direction in frame 0.
-    follower
-        The wrench is given in axes of the tip frame and turns with it.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
+        with which they turn.
     outputs
         Any of "tip" and "tip_rate", position [m] and velocity [m/s] of the tip in frame 0; "joints" and "joint_rates",
         angles [rad] and rates [rad/s] of the driven joints; "state", x itself; one below the other.
@@ -140,29 +135,21 @@ def linearize(
     q = vector("q", q, n)
     qd, tau = (np.zeros(n) if part is None else vector(name, part, n) for name, part in (("qd", qd), ("tau", tau)))
     wanted = [require_one_of("outputs", name, OUTPUTS) for name in _names(outputs)]
-    wrench = given_wrench = wrench_vector(tip_wrench)
-    if require_bool("follower", follower):
-        wrench = turned_with_tip(chain.arrays, given_wrench, q)
-    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
-    dq = slopes.dq
-    if follower:
-        dead, turns = (stiffness_matrix(chain, q, qd, F, f) for F, f in ((wrench, False), (given_wrench, True)))
-        free = np.flatnonzero(chain.hinges["prescribed"] == 0)
-        dq = dq - slopes.dtau[:, free] @ (turns - dead)[free]
+    slopes = forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)
     names, values, by_angle, by_rate = zip(*(output(chain, q, qd) for output in wanted), strict=True)
     C = np.hstack([np.vstack(by_angle), np.vstack(by_rate)])
     driven, still = chain.active, np.zeros((n, n))
     given_motion = chain.hinges["prescribed"][driven] != 0
     B = np.vstack([still, slopes.dtau])[:, driven]
     return LinearModel(
-        A=np.block([[still, np.eye(n)], [dq, slopes.dqd]]),
+        A=np.block([[still, np.eye(n)], [slopes.dq, slopes.dqd]]),
         B=B,
         C=C,
         D=np.zeros((len(C), len(driven))),
         x=np.concatenate([q, qd]),
         u=np.where(given_motion, 0.0, tau[driven]),
         y=np.concatenate(values),
-        rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=wrench)]),
+        rate=np.concatenate([qd, forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)]),
         states=_of_joints(chain, range(n), "q {} [rad]") + _of_joints(chain, range(n), "qd {} [rad/s]"),
         inputs=tuple(
             f"{'qdd' if motion else 'tau'} {chain.joint_name(int(k))} {'[rad/s²]' if motion else '[N m]'}"
@@ -193,7 +180,8 @@ def _tip_rate(chain: Chain, q: Array, qd: Array) -> Output:
 
     ∂v/∂q_j = e_j × Σ_{k ≥ j} q̇_k J_k + Σ_{k < j} q̇_k e_k × J_j
     """
-    J, e = jacobian(chain, q)
+    tip = jacobian(chain, q)
+    J, e = tip.linear, tip.angular
     turning, moving = e * qd, J * qd
     before = np.cumsum(turning, axis=1) - turning
     beyond = np.cumsum(moving[:, ::-1], axis=1)[:, ::-1]

@@ -9,26 +9,31 @@ slope of T_FR at rest.
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import require_bool, require_type, vector, wrench_vector
+from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
+from flexlink.common.notebook import drawing_module, html_table
+from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
+from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
+from flexlink.dynamics.wrench import turns_with_tip
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Modes:
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Modes(SavedResult):
     """Modes of small motion about a posture, slowest first.
 
     Attributes
@@ -55,6 +60,23 @@ class Modes:
     def __repr__(self) -> str:
         told = short_list([f"{f:.4g}" for f in self.hertz])
         return f"<Modes: {len(self.eigenvalues)} {'' if self.stable else 'un'}stable, {told} Hz>"
+
+    def _repr_html_(self) -> str:
+        columns = (self.hertz, self.damping_ratios, self.eigenvalues.real, self.eigenvalues.imag)
+        rows = list(zip(range(1, len(self.eigenvalues) + 1), *(c.tolist() for c in columns), strict=True))
+        return html_table(repr(self), ("mode", "frequency [Hz]", "damping ratio", "Re λ [1/s]", "Im λ [1/s]"), rows)
+
+    def plot(self, *, name: str = "arm", count: int = 8) -> Any:
+        """Draw the first `count` modes as displaced arms, a panel each, under a title with the `name`.
+
+        Returns a matplotlib Figure, which a notebook shows once.
+
+        Raises
+        ------
+        MissingDependencyError
+            matplotlib is not installed.
+        """
+        return drawing_module("results.plotting").plot_modes(self, name, count)
 
     @property
     def frequencies(self) -> Array:
@@ -85,7 +107,7 @@ def modes(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     locked: Joints = (),
 ) -> Modes:
     """Modes of small motion about a posture, which should be an equilibrium (`solve_static`).
@@ -101,10 +123,9 @@ def modes(
     qd
         Rates of steady rotation [rad/s], shape (n,), such as Ω on a joint that is also `locked` (held at that
         rate): centrifugal stiffness and gyroscopic coupling.
-    tip_wrench
-        Constant force and moment on the tip [N, N m], shape (6,), axes of frame 0.
-    follower
-        The wrench is given in axes of the tip frame and turns with it.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
+        with which they turn.
     locked
         Coordinates that do not move, such as servo-held joints: names or sequential indices of joints, names of links,
         or a boolean mask, shape (n,). Prescribed joints never do.
@@ -121,7 +142,7 @@ def modes(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    n, follower = require_type("chain", chain, Chain).n, require_bool("follower", follower)
+    n, follower = require_type("chain", chain, Chain).n, turns_with_tip(frame)
     q = chain.rest.copy() if q is None else vector("q", q, n)
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
@@ -142,7 +163,7 @@ def natural_frequencies(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     locked: Joints = (),
 ) -> Array:
     """Natural angular frequencies, slowest first, nan for a motion that just falls.
@@ -155,7 +176,7 @@ def natural_frequencies(
         The chain.
     q, qd
         Posture [rad] and rates of steady rotation [rad/s], shape (n,), as in `modes`.
-    tip_wrench, follower, locked
+    tip_wrench, frame, locked
         Load on the tip, whether it turns with the tip, and coordinates that do not move, as in `modes`.
 
     Returns
@@ -168,7 +189,7 @@ def natural_frequencies(
     ArgumentError, SingularMassError
         As in `modes`.
     """
-    return modes(chain, q, qd, tip_wrench=tip_wrench, follower=follower, locked=locked).frequencies
+    return modes(chain, q, qd, tip_wrench=tip_wrench, frame=frame, locked=locked).frequencies
 
 
 def regular_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> Array:
@@ -188,7 +209,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
     SingularMassError
         It does not, or M is beyond float64.
     """
-    whole = mass_matrix(chain, q, method="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
+    whole = mass_matrix(chain, q, algorithm="upper")  # in body axes: twist of a slender arm, straight, keeps its digits
     M = np.ascontiguousarray(whole[np.ix_(free, free)])
     L, stopped = linalg.lapack.dpotrf(M, lower=1)
     with np.errstate(invalid="ignore"):

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
-from flexlink.chain.arguments import require_bool, require_type, vector, wrench_vector
+from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix
@@ -24,6 +25,7 @@ from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.modal import damping_slope, factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
+from flexlink.dynamics.wrench import turns_with_tip
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -74,7 +76,7 @@ def eigenvalues(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
     """Eigenvalues λ [1/s] of small motion about a state, 2 per free joint; prescribed joints do not take part.
@@ -87,10 +89,9 @@ def eigenvalues(
         The chain. Its gravity counts: hanging stiffens, standing softens.
     q, qd
         Posture [rad] and rates [rad/s], shape (n,); default: at rest.
-    tip_wrench
-        Force and moment on the tip, shape (6,) [N, N m], constant in frame 0.
-    follower
-        The wrench is given in axes of the tip frame and turns with it.
+    tip_wrench, frame
+        Constant force and moment on the tip, shape (6,) [N, N m], in axes of frame 0, "world", or of the "tip" frame,
+        with which they turn.
     gains
         Gains of a drive, k_p [N m/rad] and k_d [N m s/rad], shape (n,) or (n, n) each.
 
@@ -101,7 +102,7 @@ def eigenvalues(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, follower, gains))
+    return _all_eigenvalues(chain, _state(chain, q, qd, tip_wrench, frame, gains))
 
 
 def fastest_eigenvalues(
@@ -110,7 +111,7 @@ def fastest_eigenvalues(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     gains: Gains | None = None,
 ) -> Complex:
     """Those of `eigenvalues` that bound an explicit method's step; of more than 100 joints, estimates in O(n) [1/s].
@@ -119,7 +120,7 @@ def fastest_eigenvalues(
     forward dynamics. They are then combined as if the stiffest mode were the most damped one, λ² + δ λ + ω² = 0,
     which it is under Kelvin-Voigt damping. Arguments and errors as in `eigenvalues`.
     """
-    state = _state(chain, q, qd, tip_wrench, follower, gains)
+    state = _state(chain, q, qd, tip_wrench, frame, gains)
     if chain.n <= DENSE:
         return _all_eigenvalues(chain, state)
     square = max(0.0, _largest_ratio(chain, state, lambda φ: _stiffness_along(chain, state, φ)))
@@ -135,7 +136,7 @@ def eigenvalue_bound(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     gains: Gains | None = None,
 ) -> float:
     """Which none of the |λ| of `eigenvalues` exceeds [1/s], for a fraction of their cost; inf of more than 100 joints.
@@ -147,7 +148,7 @@ def eigenvalue_bound(
     in Frobenius's norm, of which an undamped chain's largest ω² is at least the part 1/√n. Arguments and errors as
     in `eigenvalues`.
     """
-    state = _state(chain, q, qd, tip_wrench, follower, gains)
+    state = _state(chain, q, qd, tip_wrench, frame, gains)
     if chain.n > DENSE:
         return np.inf
     C, K = _damping_and_stiffness(chain, state)
@@ -163,7 +164,7 @@ def _state(
     q: ArrayLike,
     qd: ArrayLike | None,
     tip_wrench: ArrayLike | None,
-    follower: bool,
+    frame: Frame,
     gains: Gains | None,
 ) -> _State:
     n = require_type("chain", chain, Chain).n
@@ -171,7 +172,7 @@ def _state(
     rates = zero if qd is None else vector("qd", qd, n)
     free = np.flatnonzero(chain.hinges["prescribed"] == 0)
     gains = Gains(zero, zero) if gains is None else gains
-    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), require_bool("follower", follower), gains, free)
+    return _State(vector("q", q, n), rates, wrench_vector(tip_wrench), turns_with_tip(frame), gains, free)
 
 
 def _all_eigenvalues(chain: Chain, state: _State) -> Complex:
@@ -237,7 +238,7 @@ def stable_step(
     qd: ArrayLike | None = None,
     *,
     tip_wrench: ArrayLike | None = None,
-    follower: bool = False,
+    frame: Frame = "world",
     gains: Gains | None = None,
     method: str = "RK4",
 ) -> float:
@@ -253,7 +254,7 @@ def stable_step(
         The chain.
     q, qd
         Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
-    tip_wrench, follower, gains
+    tip_wrench, frame, gains
         As in `eigenvalues`.
     method
         Name or file of a Runge-Kutta method.
@@ -273,7 +274,7 @@ def stable_step(
         A coordinate moves no inertia of its own at this posture.
     """
     q = np.zeros(require_type("chain", chain, Chain).n) if q is None else q
-    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, follower=follower, gains=gains)
+    λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, frame=frame, gains=gains)
     return stable_step_of(λ, method)
 
 

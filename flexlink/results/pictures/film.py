@@ -145,7 +145,7 @@ def _rows(run: RunSamples, fps: float, speed: float) -> NDArray[np.intp]:
 def _picked(run: RunSamples, rows: NDArray[np.intp]) -> RunSamples:
     """The run at these samples only."""
     parts = {name: getattr(run, name)[rows] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")}
-    energy = Energy(*(np.asarray(part)[rows] for part in run.energy))
+    energy = Energy(*run.energy.parts[:, rows])
     return dataclasses.replace(run, **parts, energy=energy, work=None)
 
 
@@ -159,7 +159,7 @@ def _magnified(run: RunSamples, magnify: float) -> Array:
 
 def _placed(run: RunSamples, q: Array) -> tuple[Array, Array]:
     """Rotations and origins of the bodies, the base before them."""
-    R, p = frames(run.chain, q)
+    placed = frames(run.chain, q)
     count = len(q)
     base = np.broadcast_to(np.eye(3), (count, 1, 3, 3)), np.zeros((count, 1, 3))
-    return np.concatenate([base[0], R], axis=1), np.concatenate([base[1], p], axis=1)
+    return np.concatenate([base[0], placed.rotations], axis=1), np.concatenate([base[1], placed.points], axis=1)

@@ -45,7 +45,7 @@ def _rounding(run: Trajectory) -> Array:
     """What rounding may do to the balance up to each sample [J]."""
     assert run.work is not None
     taken = run.steps.taken if run.steps is not None else 0
-    return (1 + taken) * rounding.of_energy_balance(run.chain, np.array(run.energy), run.work, run.q)
+    return (1 + taken) * rounding.of_energy_balance(run.chain, run.energy.parts, run.work, run.q)
 
 
 def _picture(study: Study) -> Picture:

@@ -33,10 +33,10 @@ def made(study: Study) -> Part | None:
         return None
     angles, end = goal
     chain, run = study.chain, study.run
-    wrench, follower = initial_wrench(study.scene, chain)
+    wrench, frame = initial_wrench(study.scene, chain)
     at = run.q[-1].copy()
     at[chain.active] = angles
-    rest = solve_static(chain, unbent(chain, at), tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
+    rest = solve_static(chain, unbent(chain, at), tip_wrench=wrench, frame=frame, locked=chain.active.tolist())
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
         return Part((

@@ -8,7 +8,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position
-from flexlink.dynamics.tangent import load_torque
+from flexlink.dynamics.terms import bias_torque
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
@@ -32,8 +32,8 @@ def made(study: Study) -> Part:
     """The chapter."""
     chain, q = study.chain, study.start[0]
     if not study.bends:
-        wrench, follower = initial_wrench(study.scene, chain)
-        held = load_torque(chain, q, np.zeros(chain.n), wrench, follower)
+        wrench, frame = initial_wrench(study.scene, chain)
+        held = bias_torque(chain, q, np.zeros(chain.n), tip_wrench=wrench, frame=frame)
         return Part(("No link bends. The joints are held where they start.",), tables=_holding(chain, q, held))
     rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
@@ -58,8 +58,8 @@ def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Sheet, ...]:
 
 def _buckling(study: Study) -> str:
     chain = study.chain
-    wrench, follower = initial_wrench(study.scene, chain)
-    if follower:
+    wrench, frame = initial_wrench(study.scene, chain)
+    if frame == "tip":
         return ""
     try:
         held = chain.active.tolist()

@@ -28,8 +28,8 @@ def made(study: Study) -> Part | None:
     if not study.bends:
         return None
     chain, rest = study.chain, study.rest
-    wrench, follower = initial_wrench(study.scene, chain)
-    found = modes(chain, rest.q, tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
+    wrench, frame = initial_wrench(study.scene, chain)
+    found = modes(chain, rest.q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist())
     slow = found.hertz[0]
     sentences = (
         "Small vibrations about the arm at rest, its driven joints held; gravity counts. "

@@ -1,0 +1,42 @@
+"""What a notebook shows of an object: a compact table, or a picture drawn by a room that needs matplotlib."""
+
+from __future__ import annotations
+
+import html
+import importlib
+from collections.abc import Sequence
+from types import ModuleType
+
+from flexlink.common.errors import MissingDependencyError
+
+
+def html_table(caption: str, heads: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A table as HTML, every cell escaped, numbers with five digits; of many rows the first and the last ones."""
+    most_rows, ends = 16, 7
+    texts = [[f"{cell:.5g}" if isinstance(cell, float) else str(cell) for cell in row] for row in rows]
+    if len(texts) > most_rows:
+        texts[ends:-ends] = [["…"] * len(heads)]
+    body = "".join(f"<tr>{_cells('td', row)}</tr>" for row in texts)
+    head = f"<thead><tr>{_cells('th', heads)}</tr></thead>"
+    title = f"<caption>{html.escape(caption)}</caption>"
+    return f'<table style="text-align: left">{title}{head}<tbody>{body}</tbody></table>'
+
+
+def _cells(tag: str, texts: Sequence[str]) -> str:
+    return "".join(f'<{tag} style="text-align: left">{html.escape(text)}</{tag}>' for text in texts)
+
+
+def drawing_module(name: str) -> ModuleType:
+    """A module of flexlink that draws, loaded where something is drawn: it may lie above the room that asks for it.
+
+    Raises
+    ------
+    MissingDependencyError
+        matplotlib is not installed.
+    """
+    try:
+        return importlib.import_module(f"flexlink.{name}")
+    except ImportError:
+        raise MissingDependencyError(
+            "plotting needs matplotlib; install it with: python -m pip install 'flexlink[report]'"
+        ) from None

@@ -1,0 +1,33 @@
+"""The tip wrench in axes of frame 0, whatever axes it is given in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.arguments import require_one_of, wrench_vector
+from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
+from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
+
+Array = NDArray[np.float64]
+
+
+def turns_with_tip(frame: Frame) -> bool:
+    """Whether a wrench in axes of `frame` turns with the tip.
+
+    Raises
+    ------
+    ArgumentError
+        `frame` is neither "world" nor "tip".
+    """
+    return require_one_of("frame", frame, {"world": False, "tip": True})
+
+
+def world_wrench(chain: Chain, q: Array, tip_wrench: ArrayLike | None, frame: Frame) -> Array:
+    """The tip wrench at checked angles (n,), frame 0, shape (6,); errors as in `turns_with_tip`, `wrench_vector`."""
+    wrench = wrench_vector(tip_wrench)
+    if frame == "world" or not turns_with_tip(frame):  # the first is the fast way
+        return wrench
+    turned: Array = turned_with_tip(chain.arrays, wrench, q)
+    return turned

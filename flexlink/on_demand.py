@@ -1,0 +1,10 @@
+"""Public names that `import flexlink` loads when one is used: they bring other engines, pages and workers."""
+
+# ruff: noqa: PLC0414  to import a name here is to publish it
+
+from flexlink.diagnosis.comparison import compare as compare
+from flexlink.diagnosis.trajectories import compare_trajectories as compare_trajectories
+from flexlink.scene_report.report import report as report
+from flexlink.sweeps.plan import Sweep as Sweep
+from flexlink.sweeps.plan import load_sweep as load_sweep
+from flexlink.sweeps.run import sweep as sweep

@@ -1,0 +1,79 @@
+"""load_trajectory(path): a run that `Trajectory.save` has written, equal to the bit."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain, Coordinate
+from flexlink.common.errors import DataFileError, FlexlinkError
+from flexlink.describe.scene import scene_from
+from flexlink.dynamics.result import read_archive
+from flexlink.dynamics.terms import Energy
+from flexlink.kernels.layout import BODY, HINGE
+from flexlink.results.samples import Steps
+from flexlink.results.trajectory import Trajectory
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Read a run from an .npz archive of `Trajectory.save`, with its chain and scene.
+
+    Parameters
+    ----------
+    path
+        The archive.
+
+    Returns
+    -------
+    Trajectory
+        Equal to the saved one to the bit, with every property of it.
+
+    Raises
+    ------
+    ArgumentError
+        `path` is no path, or does not end in .npz.
+    DataFileError
+        The file is missing, or no run of this version of flexlink.
+    """
+    arrays = read_archive(path)
+    try:
+        return _trajectory(arrays)
+    except (KeyError, ValueError, TypeError, FlexlinkError) as error:
+        raise DataFileError(f"{path}: holds no run of this version of flexlink: {error}") from None
+
+
+def _trajectory(arrays: Mapping[str, Any]) -> Trajectory:
+    steps, scene = json.loads(str(arrays["steps"])), tomllib.loads(str(arrays["scene"]))
+    return Trajectory(
+        chain=_chain(arrays),
+        **{name: arrays[name] for name in ("t", "q", "qd", "tau", "tip", "tip_wrench")},
+        energy=Energy(arrays["kinetic"], arrays["gravity"], arrays["elastic"]),
+        work=arrays.get("work"),
+        warnings=tuple(arrays["warnings"].tolist()),
+        steps=Steps(*steps) if steps else None,
+        scene=scene_from(scene) if scene else None,
+    )
+
+
+def _chain(arrays: Mapping[str, Any]) -> Chain:
+    return Chain(
+        name=str(arrays["chain_name"]),
+        bodies=_records(arrays["chain_bodies"], BODY),
+        hinges=_records(arrays["chain_hinges"], HINGE),
+        gravity=np.ascontiguousarray(arrays["chain_gravity"]),
+        coordinates=tuple(Coordinate(*row) for row in arrays["chain_coordinates"].tolist()),
+        link_names=tuple(arrays["chain_links"].tolist()),
+    )
+
+
+def _records(rows: NDArray[np.void], dtype: np.dtype[np.void]) -> NDArray[np.void]:
+    """Rows of the very dtype that kernels are compiled for; an archive knows only names and formats."""
+    if rows.dtype.names != dtype.names:
+        raise ValueError(f"its chain has the fields {rows.dtype.names}, not {dtype.names}")
+    return rows.astype(dtype)

@@ -1,0 +1,32 @@
+"""Pictures of an arm at rest: Scene.plot and Chain.plot."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import frames
+from flexlink.inputs.initial_state import initial_state
+from flexlink.pages.style import legend_over
+from flexlink.scene_report.views import draw_arm, panels, views_of
+
+
+def plot_scene(scene: Scene) -> Figure:
+    """The arm where the scene starts; errors as in `initial_state`."""
+    chain = lump(scene)
+    return plot_chain(chain, initial_state(scene, chain)[0])
+
+
+def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
+    """The arm at the angles q (n,) [rad]; None: joints at zero, springs slack."""
+    points = frames(chain, chain.rest if q is None else np.asarray(q)).points
+    views = views_of(points, chain.gravity)
+    figure, axes = panels(views, points)
+    for panel, view in zip(axes, views, strict=True):
+        draw_arm(panel, view, points, chain)
+    legend_over(axes[0], figure=figure)
+    return figure
