@@ -17,13 +17,14 @@ from flexlink.advice import rigid
 from flexlink.advice.axes import SHARE, Screening
 from flexlink.advice.candidates import HOPELESS, MOST, Pool
 from flexlink.advice.goal import Goal, Ruler, goal_of
-from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Level, Limit, RefinementStudy
+from flexlink.advice.ladder import LIMIT_FALL, SAFE_LIMIT, SCATTER, Level, RefinementStudy
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
 from flexlink.advice.step_options import FALL, FURTHER, PROMISING, Probes, fixed_ways, ways
 from flexlink.describe.scene import Scene
+from flexlink.results.convergence import Limit
 
 Array = NDArray[np.float64]
 RULER = Ruler(Goal(1e-3), 0.01)

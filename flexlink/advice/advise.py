@@ -8,17 +8,19 @@ from numpy.typing import NDArray
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
 from flexlink.advice.axes import Screening
-from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, goal_of, least_tolerance
+from flexlink.advice.goal import OF_STEPS, Goal, Ruler, goal_of, least_tolerance
 from flexlink.advice.ladder import RefinementStudy
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Model, judged, most_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.search import Search
-from flexlink.advice.verdict import Advice, Limit, length, line, time
+from flexlink.advice.verdict import Advice, length, line, time
 from flexlink.chain.arguments import flag, given, positive
 from flexlink.common.errors import AdviceError
 from flexlink.describe.scene import Scene
+from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
+from flexlink.results.tip_motion import tip_travel
 
 Array = NDArray[np.float64]
 
@@ -121,7 +123,7 @@ class Study:
         if self.rigid is None or self.rigid.run is None:
             return None
         self.bench.pass_along(self.rigid.run)
-        motion, strict = farthest(self.rigid.tip), self.rigid
+        motion, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(motion, 0.0)
         guess = rigid.guess(self.bench, strict, self.axes, self.ruler)
         swings = f"(swinging at {guess.hertz:.3g} Hz)" if np.isfinite(guess.hertz) else ""
@@ -144,7 +146,7 @@ class Study:
     def _first_flexible_run(self) -> tuple[Stepping, float]:
         """Steps of the levels, whose errors on the coarsest chain are small beside the tolerance; and this [m]."""
         model = uniform(self.axes, rigid.COARSE)
-        motion = farthest(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._reach()
+        motion = tip_travel(self.rigid.tip) if self.rigid else rigid.FIRST_GUESS * self._reach()
         tolerance = self.goal.tolerance(motion, motion) or self.goal.size * self._reach()
         least, share = least_tolerance(self._reach()), OF_STEPS
         stepping, told = Stepping("auto", tolerance=share * tolerance), tolerance
@@ -154,7 +156,7 @@ class Study:
             if outcome.run is None or not outcome.whole:
                 return stepping, tolerance
             self.bench.pass_along(outcome.run)
-            motion, bent = farthest(outcome.tip), float(deflections(outcome.run).max())
+            motion, bent = tip_travel(outcome.tip), float(deflections(outcome.run).max())
             told = self.goal.tolerance(motion, bent)
             if told < least:
                 raise self._still(bent if self.goal.deflection else motion, least)
@@ -181,7 +183,7 @@ class Study:
     def _cheapest(self, ladder: RefinementStudy, known: Array) -> Advice:
         assert ladder.limit is not None
         known_to = float(known[-1])
-        tolerance, limit = ladder.tolerance, Limit(ladder.limit.tip, known_to)
+        tolerance, limit = ladder.tolerance, ladder.limit._replace(errors=known)
 
         def total(tip: Array) -> float:
             return self.ruler(tip - limit.tip) + known_to
@@ -218,7 +220,7 @@ class Study:
             fold = f"; e-fold {growth.e_fold:.3g} s" if np.isfinite(growth.e_fold) else ""
             lines.append(line("sensitive", f"an initial error grows {growth.factor:.2g} times{fold}"))
         lines.append(line("horizon", f"the tolerance holds up to t = {holds:.6g} s"))
-        limit = Limit(ladder.limit.tip, known_to)
+        limit = ladder.limit._replace(errors=known)
         return self._said(ladder.model, finest, error, tolerance, ladder.motion, limit, holds, lines)
 
     def _done(

@@ -13,6 +13,7 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.spec import short
 from flexlink.dynamics import rounding
+from flexlink.results.tip_motion import largest_so_far
 
 Array = NDArray[np.float64]
 
@@ -93,8 +94,7 @@ class Ruler:
 
     def up_to(self, difference: Array) -> Array:
         """Largest length up to every sample (samples,) [m]; inf from where the difference is not finite."""
-        lengths = self.along(difference)
-        return np.maximum.accumulate(np.where(np.isfinite(lengths), lengths, np.inf))
+        return largest_so_far(self.along(difference))
 
     def __call__(self, difference: Array) -> float:
         """Largest length [m]; inf if the difference is not finite."""
@@ -110,8 +110,3 @@ def _window(band: float, sample: float) -> Array | None:
 def least_tolerance(reach: float) -> float:
     """Of the steps of an arm of this reach [m], a thousand roundings of the tip's place: below, they gain nothing."""
     return 1e3 * rounding.of_reach(reach)
-
-
-def farthest(tip: Array) -> float:
-    """How far the tip gets from its start [m]."""
-    return float(np.linalg.norm(tip - tip[0], axis=1).max())

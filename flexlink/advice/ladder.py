@@ -1,7 +1,4 @@
-"""What more and more hinges converge to: the limit x* of the tip's path, and how well it is known.
-
-x* ≈ x_b + (x_b − x_a) / ((N_b/N_a)² − 1)        two levels of a method of order 2, which the worst part has
-"""
+"""Refinement study: the limit of the tip's path with more and more hinges, extrapolated by order 2, and its error."""
 
 from __future__ import annotations
 
@@ -10,10 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import Goal, Ruler, farthest
+from flexlink.advice.goal import Goal, Ruler
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
+from flexlink.results.tip_motion import tip_travel
 
 Array = NDArray[np.float64]
 
@@ -46,19 +45,6 @@ class Level(NamedTuple):
 
     hinges: int
     outcome: Outcome
-
-
-class Limit(NamedTuple):
-    """What the levels tend to."""
-
-    tip: Array  # (samples, 3) [m]
-    errors: Array  # up to each sample (samples,) [m]
-    weights: tuple[float, float] = (0.0, 1.0)  # of the last level but one, and of the last, in `tip`
-
-    @property
-    def error(self) -> float:
-        """Of all samples [m]."""
-        return float(self.errors[-1])
 
 
 class RefinementStudy:
@@ -171,7 +157,7 @@ class RefinementStudy:
             return outcome
         self.why = ""
         self.levels[family].append(Level(hinges, outcome))
-        self.motion, self.deflection = farthest(outcome.tip), float(deflections(outcome.run).max())
+        self.motion, self.deflection = tip_travel(outcome.tip), float(deflections(outcome.run).max())
         self.tolerance = self.goal.tolerance(self.motion, self.deflection)
         if len(self.levels[family]) > 1:
             self.limit = self._estimate(family)
@@ -179,21 +165,20 @@ class RefinementStudy:
 
     def _estimate(self, family: str) -> Limit:
         """The finest level or the extrapolated one, whichever is known better."""
-        levels, limits = self.levels[family], self._limits[family]
+        levels, limits = [(n, run.tip) for n, run in self.levels[family][-3:]], self._limits[family]
         (Na, a), (Nb, b) = levels[-2:]
-        change, q = self.ruler.up_to(b.tip - a.tip), (Nb / Na) ** 2 - 1
-        itself = SAFE_LEVEL * change / q if Nb >= REGULAR else change
-        extrapolated = Limit(b.tip + (b.tip - a.tip) / q, np.full(len(change), np.inf), (-1 / q, 1 + 1 / q))
+        limit = extrapolated(levels)
+        itself = SAFE_LEVEL * self.ruler.up_to(limit.tip - b) if Nb >= REGULAR else self.ruler.up_to(b - a)
         if limits:
-            errors = self.ruler.up_to(extrapolated.tip - limits[-1].tip) / SAFE_LIMIT[family]
+            errors = self.ruler.up_to(change_of_limit(levels)) / SAFE_LIMIT[family]
             if len(limits) > 1:
                 errors = np.maximum(errors, limits[-1].errors * (Na / Nb) ** LIMIT_FALL)
-            extrapolated = extrapolated._replace(errors=errors)
+            limit = limit._replace(errors=errors)
             if Na >= 4:
                 itself = np.maximum(itself, self._itself[family] * (Na / Nb) ** FALL)
-        limits.append(extrapolated)
+        limits.append(limit)
         self._itself[family] = itself
-        return min(extrapolated, Limit(b.tip, itself), key=self._worth)
+        return min(limit, Limit(b, itself), key=self._worth)
 
     def _worth(self, limit: Limit) -> tuple[int, float]:
         """Small for one that is within the tolerance for long, and at last: errors that have grown say little."""

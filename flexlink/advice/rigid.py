@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
+from flexlink.advice.goal import OF_STEPS, Goal, Ruler, least_tolerance
 from flexlink.advice.model import Axes, Model, is_scene, uniform
 from flexlink.advice.model_runner import GROWN, NUDGE, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
@@ -25,6 +25,7 @@ from flexlink.chain.chain import Chain
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.results.tip_motion import largest_distance, tip_travel
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ def rigid_run(bench: ModelRunner, goal: Goal, reach: float) -> Outcome | None:
         outcome = bench.run(model, Stepping(METHOD, tolerance=_of_steps(goal.tolerance(motion, motion), reach)))
         if not outcome.whole:
             return None
-        assumed, motion = motion, farthest(outcome.tip)
+        assumed, motion = motion, tip_travel(outcome.tip)
         if assumed <= AGAIN * motion or outcome.stepping.tolerance == _of_steps(goal.tolerance(motion, motion), reach):
             return outcome
 
@@ -156,5 +157,5 @@ def growth(bench: ModelRunner, outcome: Outcome, error: float) -> float:
     twin = bench.twin(rigid_model(bench), outcome.stepping, start / reach)
     if twin is None:
         return 1.0
-    apart = np.linalg.norm(twin.tip - outcome.tip, axis=1).max()
-    return float(apart / start) if apart <= GROWN * max(farthest(outcome.tip), TAME * start) else np.inf
+    apart = largest_distance(twin.tip, outcome.tip)
+    return apart / start if apart <= GROWN * max(tip_travel(outcome.tip), TAME * start) else np.inf

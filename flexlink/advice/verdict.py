@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.describe.scene import Scene
-
-Array = NDArray[np.float64]
-
-
-class Limit(NamedTuple):
-    """What the tip's path converges to with more and more hinges: better than any one model, and known so well."""
-
-    tip: Array  # (samples, 3), frame 0 [m]
-    error: float  # [m]
+from flexlink.results.convergence import Limit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -37,7 +25,7 @@ class Advice:
     seconds
         CPU time of its run [s], by its evaluations.
     limit
-        What finer and finer models converge to; None where rigid is enough and no other was run.
+        What finer and finer models converge to, better than any one of them; None where rigid links are enough.
     horizon
         Time up to which the tolerance holds [s]: the end if it is met.
     runs, effort

@@ -19,6 +19,7 @@ from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.results.tip_motion import extent_of_motion
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -159,8 +160,8 @@ class RunMonitor:
 
     @property
     def moved(self) -> float:
-        """How far the tip moves in the good samples, by the box around them [m]."""
-        return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+        """How far the tip moves in the good samples, its `extent_of_motion` [m]."""
+        return extent_of_motion(self.record.tip[: self.good])
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error of a run with a fault, or else of one whose steps ended early, as they say."""

@@ -1,12 +1,12 @@
 """A scene's run beside others with more and fewer hinges, axes and steps: how far each is off, and what it costs.
 
-x* = x_b + (x_b − x_a) / (2^p − 1)        x_a, x_b the two finest cuts, b with twice the hinges of a
-
-p is the order that the three finest cuts show, between 1 and 4. Costs are evaluations times what one takes, here.
+Errors are those from the limit that `results.convergence` extrapolates from cuts with once, twice and four times the
+hinges, by the order that these show. Costs are evaluations times what one takes, here.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cached_property
 from typing import NamedTuple
@@ -20,6 +20,8 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.motion.cost import evaluation_time
+from flexlink.results.convergence import Limit, extrapolated, observed_order
+from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
 
 Array = NDArray[np.float64]
@@ -33,8 +35,8 @@ OF_TRAVEL = 1e-5
 ENOUGH = 0.01
 """Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
 
-FALLS = 1.5
-"""Times by which the change from cut to cut must fall at least for an order to be told by it."""
+LOWEST_ORDER, HIGHEST_ORDER = math.log2(1.5), 4.0
+"""Observed orders of convergence below which none is believed, and at most."""
 
 OF_STEPS, OF_TOLERANCE = (2.0, 0.5), (10.0, 0.1)
 """Of the scene's steps, or of its tolerance, in the runs beside its own."""
@@ -49,14 +51,6 @@ class Choice(NamedTuple):
     outcome: Outcome
     error: float  # largest of the tip at any sample [m], nan where unknown
     seconds: float  # CPU time [s]
-
-
-class Limit(NamedTuple):
-    """What more and more hinges tend to."""
-
-    tip: Array  # (samples, 3) [m]
-    error: float  # how far it may itself be off [m]
-    order: float  # shown by the cuts; nan where their changes do not tell
 
 
 class Refinement:
@@ -105,31 +99,30 @@ class Refinement:
 
     @cached_property
     def limit(self) -> Limit | None:
-        """What the cuts tend to, the finest one where their changes do not fall; None if fewer than two ran."""
-        cuts = [self.cuts[factor] for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
+        """What the cuts converge to; the finest one where their changes do not fall, None if fewer than two ran."""
+        cuts = [(factor, self.cuts[factor].tip) for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
-        last = cuts[-1].tip - cuts[-2].tip
-        if len(cuts) == 2:
-            return Limit(cuts[-1].tip, far(last), math.nan)
-        before = far(cuts[-2].tip - cuts[-3].tip)
-        if before < FALLS * far(last):
-            return Limit(cuts[-1].tip, max(before, far(last)), math.nan)
-        order = min(math.log2(before / far(last)), 4.0) if far(last) > 0 else 4.0
-        change = last / (2.0**order - 1)
-        return Limit(cuts[-1].tip + change, far(change) + (self.strict.tolerance or 0.0), order)
+        order = min(observed_order(cuts), HIGHEST_ORDER) if len(cuts) == 3 else math.nan
+        finest = cuts[-1][1]
+        if not order >= LOWEST_ORDER:
+            changes = [largest_so_far(distances(b, a)) for (_, a), (_, b) in itertools.pairwise(cuts)]
+            return Limit(finest, np.maximum.reduce(changes))
+        limit = extrapolated(cuts, order)
+        errors = largest_so_far(distances(limit.tip, finest)) + (self.strict.tolerance or 0.0)
+        return limit._replace(errors=errors)
 
     def known_until(self, part: float) -> float:
         """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""
         t, cuts = self.run.t, list(self.cuts.values())[-2:]
         if len(cuts) < 2:
             return float(t[0])
-        apart = np.linalg.norm(cuts[1].tip - cuts[0].tip, axis=1) > part * self.study.travel
+        apart = distances(cuts[1].tip, cuts[0].tip) > part * self.study.travel
         return float(t[apart.argmax()] if apart.any() else t[-1])
 
     def error(self, tip: Array) -> float:
         """How far a tip's path is from the limit at most [m]; nan where that is not known."""
-        return far(tip - self.limit.tip) if self.limit is not None and self.is_known else math.nan
+        return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_known else math.nan
 
     @property
     def is_known(self) -> bool:
@@ -149,7 +142,7 @@ class Refinement:
         if not outcome.whole:
             return math.nan
         order = 1 if self.scene.run.controlled else method(self.scene.run.method).order
-        return far(outcome.tip - self.run.tip) / (1 - finer**order)
+        return largest_distance(outcome.tip, self.run.tip) / (1 - finer**order)
 
     def stepping(self, factor: float) -> Stepping:
         """The scene's steps, or tolerance, times a factor."""
@@ -216,11 +209,6 @@ def scaled(bend: Bend, factor: float) -> Bend:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))
         wanted = next(filter(lumping_rule(bend.rule).takes, nearest))
     return bend._replace(hinges=wanted)
-
-
-def far(difference: Array) -> float:
-    """Largest length at any sample [m]."""
-    return float(np.linalg.norm(difference, axis=1).max())
 
 
 def _times(factor: float) -> str:

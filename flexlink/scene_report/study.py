@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import farthest
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -21,6 +20,7 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
 from flexlink.results.deflection import deflections, unbent
+from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -98,8 +98,8 @@ class Study:
 
     @cached_property
     def travel(self) -> float:
-        """How far the tip gets from its start [m]."""
-        return farthest(self.run.tip)
+        """Largest distance of the tip from its start [m]."""
+        return tip_travel(self.run.tip)
 
     @cached_property
     def moves(self) -> bool:

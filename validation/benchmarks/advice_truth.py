@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
 from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Stepping
 from flexlink.describe.scene import Scene
+from flexlink.results.convergence import change_of_limit, extrapolated
+from flexlink.results.tip_motion import distances, largest_distance, largest_so_far, tip_travel
 
 Array = NDArray[np.float64]
 
@@ -64,32 +66,27 @@ def truth(scene: Scene, within: float, budget: float) -> Truth:
 def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
     """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
     bench, axes = ModelRunner(scene, budget), most_axes(scene)
-    tips: list[tuple[int, Array]] = []
-    limits: list[Array] = []
+    levels: list[tuple[int, Array]] = []
     motion, errors = 1.0, np.full(scene.run.samples, np.inf)
     for hinges in LEVELS:
         tip = _tip_of(bench, uniform(axes, hinges), of_motion * motion)
         if tip is None:
             break
-        tips.append((hinges, tip))
-        motion = float(np.linalg.norm(tip - tip[0], axis=1).max())
-        if len(tips) > 1:
-            (Na, a), (Nb, b) = tips[-2:]
-            limits.append(b + (b - a) / ((Nb / Na) ** 2 - 1))
-        if len(limits) > 1:
-            errors = _up_to(limits[-1] - limits[-2])
+        levels.append((hinges, tip))
+        motion = tip_travel(tip)
+        if len(levels) > 2:
+            errors = largest_so_far(distances(change_of_limit(levels), np.zeros(3)))
             if errors[-1] <= within * motion:
                 break
     strict = _tip_of(bench, uniform(axes, CHECKED), of_motion * STRICTER * motion)
-    tip = limits[-1] if limits else np.full((scene.run.samples, 3), np.nan)
-    checked = [tip for hinges, tip in tips if hinges == CHECKED]
-    of_steps = _up_to(strict - checked[0]) if checked and strict is not None else np.full(len(tip), np.inf)
+    tip = extrapolated(levels).tip if len(levels) > 1 else np.full((scene.run.samples, 3), np.nan)
+    checked = [tip for hinges, tip in levels if hinges == CHECKED]
+    of_steps = (
+        largest_so_far(distances(strict, checked[0]))
+        if checked and strict is not None
+        else np.full_like(errors, np.inf)
+    )
     return Truth(tip, motion, errors), of_steps
-
-
-def _up_to(difference: Array) -> Array:
-    """Largest length up to every sample (samples,) [m]."""
-    return np.asarray(np.maximum.accumulate(np.linalg.norm(difference, axis=1)))
 
 
 def _tip_of(bench: ModelRunner, model: Model, tolerance: float) -> Array | None:
@@ -121,7 +118,7 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
                 continue
             outcome = bench.run(model, stepping)
             if outcome.whole:
-                error = float(np.linalg.norm(outcome.tip - true.tip, axis=1).max())
+                error = largest_distance(outcome.tip, true.tip)
                 best |= {
                     tolerance: min(cost, outcome.seconds) for tolerance, cost in best.items() if error <= tolerance
                 }
