@@ -10,14 +10,13 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 import flexlink as fl
-from flexlink.advice.cost_model import bodies_of, price, prices
+from flexlink.advice.evaluation_cost import bodies_of, evaluation_time, run_cost
 from flexlink.advice.goal import Goal, Ruler, goal_of
 from flexlink.advice.model import Bend, capped, most_axes, uniform, with_model
 from flexlink.advice.model_runner import ModelRunner, Stepping
 from flexlink.advice.rigid import swung
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
-from flexlink.motion.cost import evaluation_time
 from validation.benchmarks import advice_truth
 from validation.benchmarks.advice_scenes import robot_scene
 from validation.case import CASES, load_case
@@ -255,7 +254,7 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
     plane, space = (fl.lump(with_model(scene, (Bend(flex, "gauss", 8),) * 2)) for flex in ("z", "xyz"))
     assert bodies_of(plane).tolist() == [0, 2 + 16, 0, 0]
     assert bodies_of(space).tolist() == [0, 2, 0, 16]
-    assert price(plane, "RK4", 1000) < price(space, "RK4", 1000) < price(space, "Radau5", 1000)
+    assert run_cost(plane, "RK4", 1000) < run_cost(space, "RK4", 1000) < run_cost(space, "Radau5", 1000)
 
 
 @pytest.mark.slow
@@ -268,7 +267,7 @@ def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
 def test_prices_are_in_proportion_to_times() -> None:
     scene = arm(links=2)
     chains = [fl.lump(with_model(scene, (Bend(f, "gauss", n),) * 2)) for f in ("z", "xyz") for n in (2, 8, 32)]
-    known = [prices().evaluation(bodies_of(c), planar=c.is_planar, explicit=True) for c in chains]
+    known = [run_cost(chain, "RK4", 1) for chain in chains]
     ratios = np.array([evaluation_time(scene, chain) for chain in chains]) / known
     assert ratios.max() / ratios.min() < 2.0  # what is compared is off by less than methods differ
 

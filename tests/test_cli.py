@@ -39,7 +39,7 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     assert "10 degrees of freedom, 2 driven" in out
     assert "upper.1.z" in out
     assert "largest stable step, RK4    0.000491 s, " in out
-    assert " s of CPU a second of motion\n" in out
+    assert " s of CPU time for one second of motion\n" in out
     assert "stiffness ratio 13.3: fastest eigenvalue 5760 1/s, slowest elastic mode 431.6 rad/s with free joints" in out
     assert "largest stable step, Radau5 any, as cheap as RK4 with about " in out
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.cost_model import bodies_of, prices
+from flexlink.advice.evaluation_cost import bodies_of, evaluation_cost
 from flexlink.advice.goal import OF_STEPS
 from flexlink.advice.link_errors import Parts
 from flexlink.advice.model import Axes, Bend, Model, flexes, is_scene
@@ -80,7 +80,7 @@ class Pool:
     def _costs(self, model: Model) -> list[float]:
         step = min((self._step(k, bend) for k, bend in enumerate(model) if bend), default=np.inf)
         rates = [
-            prices().evaluation(self._bodies(model), planar=self._is_planar(model), explicit=explicit)
+            evaluation_cost(self._bodies(model), planar=self._is_planar(model), explicit=explicit)
             for explicit in (False, True)
         ]
         effort = self.parts.effort(model)

@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from flexlink.advice.cost_model import bodies_of, price, prices
+from flexlink.advice.evaluation_cost import bodies_of, evaluation_cost, run_cost
 from flexlink.advice.model import Bend, Model, with_model
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -151,7 +151,7 @@ class ModelRunner:
         seconds = 0.0
         if run is not None and run.steps is not None:
             tip[: len(run.tip)] = run.tip
-            seconds = price(run.chain, run.steps.method, run.steps.evaluations)
+            seconds = run_cost(run.chain, run.steps.method, run.steps.evaluations)
         self.count += 1
         self.seconds += seconds
         return Outcome(tip, seconds, run, stepping, why, dear)
@@ -162,7 +162,7 @@ class ModelRunner:
 
         def check(part: float) -> None:
             steps = single.steps.steps
-            spent = price(chain, steps.method, steps.evaluations)
+            spent = run_cost(chain, steps.method, steps.evaluations)
             if spent > self.budget:
                 self.seconds += spent
                 raise TooLongError(f"{single.scene.name}: {part:.0%} of a run took the budget of {self.budget:g} s")
@@ -240,9 +240,9 @@ class ModelRunner:
         """CPU time of fixed steps [s], before they are taken."""
         assert stepping.step is not None
         evaluations = method(stepping.method).stages * round(self.scene.run.duration / stepping.step)
-        return price(self.chain(model), stepping.method, evaluations)
+        return run_cost(self.chain(model), stepping.method, evaluations)
 
     def evaluation(self, model: Model, *, explicit: bool) -> float:
         """CPU time of one evaluation [s]."""
         chain = self.chain(model)
-        return prices().evaluation(bodies_of(chain), planar=chain.is_planar, explicit=explicit)
+        return evaluation_cost(bodies_of(chain), planar=chain.is_planar, explicit=explicit)

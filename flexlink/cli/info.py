@@ -9,6 +9,7 @@ import sys
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.advice.evaluation_cost import machine_factor, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.modes import print_modes
@@ -21,7 +22,6 @@ from flexlink.dynamics.vibration.modal import modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
-from flexlink.motion.cost import cost, evaluation_time, step_time
 
 Complex = NDArray[np.complex128]
 
@@ -62,7 +62,7 @@ def _show(scene: Scene) -> None:
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(evaluation_time(scene, chain), chain.is_planar, λ, free)
+    _show_steps(chain, machine_factor(scene, chain), λ, free)
     if bare is not chain and chain.n <= LARGEST_MODAL:
         wrench, follower = initial_wrench(scene, chain)
         found = modes(chain, q0, tip_wrench=wrench, follower=follower)
@@ -78,15 +78,15 @@ def _kind(chain: Chain, k: int) -> str:
     return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 
 
-def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:
-    """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
-    costs = {method: cost(method, λ, evaluation, planar=planar) for method in catalogue.names("methods")}
-    rk4 = costs["RK4"].seconds
-    for method, (h, seconds) in costs.items():
-        price = f", {seconds:.2g} s of CPU a second of motion" if np.isfinite(seconds) else ""
-        if np.isfinite(rk4) and not price:
-            number = rk4 / step_time(method, evaluation, planar=planar)
-            price = f", as cheap as RK4 with about {number:.0f} steps a second"
+def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:
+    """Largest stable steps, also without structural damping, and their CPU time, `factor` times the listed one."""
+    rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")
+    for method in catalogue.names("methods"):
+        h, cost, price = stable_step_of(λ, method), step_cost(chain, method), ""
+        if np.isfinite(h):
+            price = f", {factor * cost / h:.2g} s of CPU time for one second of motion"
+        elif rk4 > 0:
+            price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps a second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
         print(f"largest stable step, {method:<6} {_step(h)}{price}{without}")

@@ -1,7 +1,7 @@
 """A scene's run beside others with more and fewer hinges, axes and steps: how far each is off, and what it costs.
 
 Errors are those from the limit that `results.convergence` extrapolates from cuts with once, twice and four times the
-hinges, by the order that these show. Costs are evaluations times what one takes, here.
+hinges, by the order that these show. CPU times are those of this machine.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.cost_model import bodies_of, price, prices
+from flexlink.advice.evaluation_cost import machine_factor, run_cost
 from flexlink.advice.model import FLEX, Bend, Model, capped, is_scene
 from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
-from flexlink.motion.cost import evaluation_time
 from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
@@ -154,15 +153,14 @@ class Refinement:
 
     @cached_property
     def scale(self) -> float:
-        """What an evaluation takes here, over its price in the list."""
-        listed = prices().evaluation(bodies_of(self.chain), planar=self.chain.is_planar, explicit=True)
-        return evaluation_time(self.scene, self.chain) / listed
+        """CPU time of evaluations on this machine over that in the list of `advice.evaluation_cost`."""
+        return machine_factor(self.scene, self.chain)
 
     @cached_property
     def own(self) -> Choice:
         """The scene as it is."""
         steps = self.run.steps
-        seconds = self.scale * price(self.chain, steps.method, steps.evaluations) if steps else math.nan
+        seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
         outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
         return Choice("this scene", self.chain.n, self._said(outcome), outcome, self.error(self.run.tip), seconds)
 
