@@ -12,7 +12,8 @@ import flexlink as fl
 from flexlink.advice.goal import Goal, Ruler
 from flexlink.advice.ladder import RefinementStudy
 from flexlink.advice.model_runner import ModelRunner, Stepping
-from flexlink.results.deflection import deflections, unbent
+from flexlink.dynamics.placement import unbent
+from flexlink.results.deflection import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from validation.benchmarks.trade import seen

@@ -12,17 +12,18 @@ from numpy.typing import NDArray
 from flexlink.advice.evaluation_cost import machine_factor, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.modes import print_modes
+from flexlink.cli.modes import first_elastic, print_modes
 from flexlink.cli.shared import about, varied_scene
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.modal import modes
+from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 
+Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 LISTED = 100  # coordinates that `info` names
@@ -52,22 +53,34 @@ def _show(scene: Scene) -> None:
     if chain.n > SLOW:
         print(f"finding the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
-    hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
-    elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
-    print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
-    slowest = slowest_frequency(chain, q0)
+    found = None
+    if chain.n <= LARGEST_MODAL:
+        wrench, follower = initial_wrench(scene, chain)
+        found = modes(chain, q0, tip_wrench=wrench, follower=follower)
+    _show_frequencies(scene, chain, q0, λ, found)
+    bare = _without_structural_damping(chain)
+    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
+    _show_steps(chain, machine_factor(scene, chain), λ, free)
+    if bare is not chain and found is not None:
+        print("structural damping about the start, with gravity:")
+        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found: Modes | None) -> None:
+    """Frequencies about the start by kind, the first elastic one at rest, and the stiffness ratio."""
+    if found is None:
+        slowest = slowest_frequency(chain, q0)
+    else:
+        slowest = 2 * np.pi * found.first_elastic_hertz
+        for kind in ("elastic", "pendulum"):
+            hertz = found.hertz[[k == kind for k in found.kinds]]
+            if len(hertz):
+                print(f"{kind} frequencies at the start, joints free [Hz]: {_some(hertz)}")
+        print(first_elastic(scene, chain, q0))
     if np.isfinite(slowest):
         fastest = np.abs(λ).max()
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
-    bare = _without_structural_damping(chain)
-    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(chain, machine_factor(scene, chain), λ, free)
-    if bare is not chain and chain.n <= LARGEST_MODAL:
-        wrench, follower = initial_wrench(scene, chain)
-        found = modes(chain, q0, tip_wrench=wrench, follower=follower)
-        print("structural damping about the start, with gravity:")
-        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
 
 
 def _kind(chain: Chain, k: int) -> str:
@@ -103,6 +116,6 @@ def _step(h: float) -> str:
     return f"{h:.4g} s" if np.isfinite(h) else "any"
 
 
-def _some(values: np.ndarray) -> str:
+def _some(values: Array) -> str:
     shown = [f"{value:.4g}" for value in values]
     return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

@@ -15,11 +15,12 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.equilibrium import Equilibrium
+from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
-from flexlink.results.deflection import deflections, unbent
+from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
 
@@ -129,5 +130,4 @@ class Study:
             As of `solve_static`.
         """
         wrench, follower = initial_wrench(self.scene, self.chain)
-        held, start = self.chain.active.tolist(), unbent(self.chain, self.start[0])
-        return solve_static(self.chain, start, tip_wrench=wrench, follower=follower, locked=held)
+        return rest_of(self.chain, self.start[0], tip_wrench=wrench, follower=follower)

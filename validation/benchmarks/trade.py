@@ -20,8 +20,7 @@ from flexlink.chain.chain import Chain
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
-from flexlink.dynamics.placement import tip_position
-from flexlink.results.deflection import unbent
+from flexlink.dynamics.placement import tip_position, unbent
 from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
