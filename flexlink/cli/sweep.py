@@ -12,13 +12,13 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import integer
 from flexlink.cli.shared import about, assignments, require_place
 from flexlink.cli.terminal import Progress, clock
-from flexlink.sweeps.fingerprint import identity
+from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep
-from flexlink.sweeps.preflight import require_possible
+from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.run import fill
 from flexlink.sweeps.store import Store
-from flexlink.sweeps.table import FORMATS, export, require_parquet
-from flexlink.sweeps.workers import MOST
+from flexlink.sweeps.table import EXPORT_FORMATS, export, require_parquet
+from flexlink.sweeps.workers import MAX_WORKERS
 
 
 def add_options(sweep: argparse.ArgumentParser) -> None:
@@ -31,7 +31,7 @@ def add_options(sweep: argparse.ArgumentParser) -> None:
     sweep.add_argument(
         "--dask", metavar="ADDRESS", help="address of a Dask scheduler whose workers do the work instead"
     )
-    sweep.add_argument("--export", choices=FORMATS, help="also write all rows to such a file, beside the database")
+    sweep.add_argument("--export", choices=EXPORT_FORMATS, help="also write all rows to such a file")
     sweep.add_argument("--fresh", action="store_true", help="begin anew, whatever rows of a sweep are there")
 
 
@@ -40,10 +40,10 @@ def sweep_members(options: argparse.Namespace) -> int:
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_place(out)
-    integer("--workers", options.workers, 1, MOST)
+    integer("--workers", options.workers, 1, MAX_WORKERS)
     if options.export == "parquet":
         require_parquet()
-    with Store(out, plan, identity(plan.sweep), fresh=options.fresh) as store:
+    with Store(out, plan, fingerprint(plan.sweep), fresh=options.fresh) as store:
         done, begun = store.count(), time.perf_counter()
         bar = Progress(plan.sweep.scene.name, done / plan.members)
         try:
@@ -64,7 +64,7 @@ def _planned(options: argparse.Namespace) -> Plan:
     said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with about(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **said}))
-        require_possible(plan)
+        preflight(plan)
     return plan
 
 
