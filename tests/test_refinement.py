@@ -82,7 +82,7 @@ def test_choices_cost_what_their_evaluations_do_and_twice_the_step_half(about: R
     seconds = {one.label: one.seconds for one in others}
     assert own.seconds == pytest.approx(2 * seconds["twice the step"], rel=1e-12)
     assert own.seconds == pytest.approx(seconds["half the step"] / 2, rel=1e-12)
-    assert [one.label for one in others if not one.outcome.whole] == []
+    assert [one.label for one in others if not one.outcome.completed] == []
     assert "half the hinges" not in seconds  # of two, which gauss takes in pairs only, none are fewer
 
 

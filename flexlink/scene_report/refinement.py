@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.advice.evaluation_cost import machine_factor, run_cost
-from flexlink.advice.model import FLEX, Bend, Model, capped, is_scene
+from flexlink.advice.model import FLEX, Bend, Model, can_move, limited_axes
 from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
@@ -56,8 +56,8 @@ class Refinement:
     """Runs about one scene."""
 
     def __init__(self, study: Study) -> None:
-        self.study, self.scene, self.chain, self.run, self.bench = (
-            study, study.scene, study.chain, study.run, study.bench,
+        self.study, self.scene, self.chain, self.run, self.runner = (
+            study, study.scene, study.chain, study.run, study.runner,
         )  # fmt: skip
 
     @cached_property
@@ -84,8 +84,8 @@ class Refinement:
         if self.says_state or not any(self.model):
             return {}
         apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # of one hinge, half as many are as many
-        runs = {factor: self.bench.run(model, self.strict) for model, factor in apart.items()}
-        return {factor: runs[factor] for factor in sorted(runs) if runs[factor].whole}
+        runs = {factor: self.runner.run(model, self.strict) for model, factor in apart.items()}
+        return {factor: runs[factor] for factor in sorted(runs) if runs[factor].completed}
 
     def cut(self, factor: float) -> Model:
         """The scene's cut with so many times the hinges; of fewer, about so many, as rules take them."""
@@ -137,8 +137,8 @@ class Refinement:
     def of_steps(self) -> float:
         """Error of the scene's own steps [m], by the run with finer ones; nan if that one does not end."""
         finer = self.factors[1]
-        outcome = self.bench.run(self.model, self.stepping(finer))
-        if not outcome.whole:
+        outcome = self.runner.run(self.model, self.stepping(finer))
+        if not outcome.completed:
             return math.nan
         order = 1 if self.scene.run.controlled else method(self.scene.run.method).order
         return largest_distance(outcome.tip, self.run.tip) / (1 - finer**order)
@@ -175,22 +175,22 @@ class Refinement:
         if not controlled:
             found.append(self._choice("steps by a tolerance", self.model, self.strict))
         others = [(self.times_the_hinges(factor, _times(factor)), self.cut(factor)) for factor in FACTORS]
-        others += [(f"bending about {' and '.join(flex)} only", self.capped(flex)) for flex in FLEX[1:-1]]
+        others += [(f"bending about {' and '.join(flex)} only", self.limited_axes(flex)) for flex in FLEX[1:-1]]
         others.append(("rigid links", (None,) * len(self.model)))
         for label, model in others:
-            if model != self.model and is_scene(self.scene, model):
+            if model != self.model and can_move(self.scene, model):
                 found.append(self._choice(label, model, self.strict))
         return found
 
-    def capped(self, top: str) -> Model:
+    def limited_axes(self, top: str) -> Model:
         """The scene's cut with no link bending about more axes than these."""
-        axes = capped([bend.flex if bend else FLEX[0] for bend in self.model], top)
+        axes = limited_axes([bend.flex if bend else FLEX[0] for bend in self.model], top)
         return tuple(bend and bend._replace(flex=flex) for bend, flex in zip(self.model, axes, strict=True))
 
     def _choice(self, label: str, model: Model, stepping: Stepping) -> Choice:
-        outcome = self.bench.run(model, stepping)
+        outcome = self.runner.run(model, stepping)
         n = outcome.run.chain.n if outcome.run is not None else 0
-        error = self.error(outcome.tip) if outcome.whole else math.nan
+        error = self.error(outcome.tip) if outcome.completed else math.nan
         return Choice(label, n, self._said(outcome), outcome, error, self.scale * outcome.seconds)
 
     def _said(self, outcome: Outcome) -> str:

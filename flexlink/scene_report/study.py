@@ -80,7 +80,7 @@ class Study:
         return bool(self.chain.stiffness.any())
 
     @cached_property
-    def bench(self) -> ModelRunner:
+    def runner(self) -> ModelRunner:
         """Where other models of the scene are run, with a budget."""
         return ModelRunner(self.scene, BUDGET)
 
