@@ -197,9 +197,9 @@ def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_m
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"initial.q": (0.0,)}, r"initial.q = \(0.0,\): are the joints of one model"),
-        ({"run.duration": 0.0}, r"run.duration = 0.0: nothing happens"),
-        ({"link.1.material": None, "link.1.section": None}, "link: none has a material and a section"),
+        ({"initial.q": (0.0,)}, r"initial.q = \(0.0,\): holds for one model only"),
+        ({"run.duration": 0.0}, r"run.duration = 0.0: advice needs a motion"),
+        ({"link.1.material": None, "link.1.section": None}, "link: none can bend"),
     ],
 )
 def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], message: str) -> None:
@@ -211,7 +211,7 @@ def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], 
     ("options", "message"),
     [
         ({"tip": 0.0}, "tip = 0.0: expected a share of the travel between 0 and 1"),
-        ({"tip": 2.0}, "tip = 2.0: expected a part"),
+        ({"tip": 2.0}, "tip = 2.0: expected a share"),
         ({"tip": "2 miles"}, "tip = '2 miles': expected a share of the tip's travel, as 1e-3, or a length"),
         ({"tip": "2 mm", "deflection": True}, "deflection = True: tip = '2 mm' is a length"),
         ({"band": 51.0}, r"band = 51.0: samples 0.01 s apart resolve at most 50 Hz"),

@@ -38,17 +38,10 @@ class Rate(Spec, frozen=True):
     body: tuple[NonNegative, ...]
 
 
-class CostList(Spec, frozen=True):
-    """Rates of chains in a `plane` and in `space`."""
-
-    explicit: dict[str, Rate]
-    implicit: dict[str, Rate]
-
-
 @functools.cache
-def cost_list() -> CostList:
-    """The measured one."""
-    return decode(read_toml(Path(__file__).parent / "data" / "prices.toml"), CostList)
+def rates() -> dict[str, dict[str, Rate]]:
+    """The measured rates of `explicit` and `implicit` methods, for chains in a `plane` and in `space`."""
+    return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), dict[str, dict[str, Rate]])
 
 
 def bodies_of(chain: Chain) -> Bodies:
@@ -59,8 +52,7 @@ def bodies_of(chain: Chain) -> Bodies:
 
 def evaluation_cost(bodies: Bodies, *, planar: bool, explicit: bool) -> float:
     """CPU time of one evaluation [s] of a chain with these bodies."""
-    rates = cost_list().explicit if explicit else cost_list().implicit
-    rate = rates["plane" if planar else "space"]
+    rate = rates()["explicit" if explicit else "implicit"]["plane" if planar else "space"]
     return 1e-6 * (rate.start + float(np.dot(rate.body, bodies[: len(rate.body)])))
 
 

@@ -39,14 +39,10 @@ class StepOption(Spec, frozen=True):
     probed: tuple[Positive, ...] = ()  # tolerances that are measured, ascending
 
 
-class _OptionTable(Spec, frozen=True):
-    option: tuple[StepOption, ...]
-
-
 @functools.cache
 def step_options() -> tuple[StepOption, ...]:
     """All options."""
-    return decode(read_toml(Path(__file__).parent / "data" / "step_options.toml"), _OptionTable).option
+    return decode(read_toml(Path(__file__).parent / "data" / "step_options.toml")["option"], tuple[StepOption, ...])
 
 
 def fixed_step_options() -> list[tuple[str, float]]:

@@ -14,7 +14,7 @@ from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.plan import Plan
-from flexlink.sweeps.worker import Row, Rows, failed_row, goes_side_by_side, handshake, rows_of
+from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
 from flexlink.sweeps.workers import WorkerPool
 
 TASK_SECONDS = 0.5
@@ -24,6 +24,7 @@ MAX_WORKER_DEATHS = 3
 """A member that ended so many workers, each time alone in its task, gets a row that says so."""
 
 Numbers = list[int]
+Task = Future[tuple[list[Row], float]]
 
 
 class Execution:
@@ -36,7 +37,7 @@ class Execution:
     def __init__(self, plan: Plan, pool: WorkerPool, stop: Stop) -> None:
         self.plan, self.pool, self.stop = plan, pool, stop
         self.question = msgspec.json.encode(plan.sweep), version()
-        self.running: dict[Future[Rows], Numbers] = {}
+        self.running: dict[Task, Numbers] = {}
         self.suspects: deque[Numbers] = deque()
         self.deaths: Counter[int] = Counter()
         self.size = LANES
@@ -60,7 +61,7 @@ class Execution:
                     yield self._answer(future, self.running.pop(future))
         for future in wait(self.running, 0).done:  # completed when the signal came
             if future.exception() is None:
-                yield future.result().rows
+                yield future.result()[0]
 
     def _handshake(self) -> None:
         try:
@@ -99,7 +100,7 @@ class Execution:
             future.set_exception(error)
         self.running[future] = numbers
 
-    def _answer(self, future: Future[Rows], numbers: Numbers) -> list[Row]:
+    def _answer(self, future: Task, numbers: Numbers) -> list[Row]:
         try:
             rows, seconds = future.result()
         except FlexlinkError:

@@ -35,15 +35,8 @@ class Row(NamedTuple):
     values: tuple[float | None, ...]  # in the order of the quantities
 
 
-class Rows(NamedTuple):
-    """The rows of a task, and the time it took [s]."""
-
-    rows: list[Row]
-    seconds: float
-
-
-def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> Rows:
-    """The rows of members: the task of a worker.
+def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:
+    """The task of a worker: rows of members, and the time they took [s].
 
     Parameters
     ----------
@@ -69,7 +62,7 @@ def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> Rows:
             for number, outcome in zip(numbers, results, strict=True)
             if not isinstance(outcome, InterruptedRunError)
         ]
-    return Rows(rows, time.perf_counter() - started)
+    return rows, time.perf_counter() - started
 
 
 def handshake(text: bytes, theirs: str) -> None:
