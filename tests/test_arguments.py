@@ -147,7 +147,7 @@ BEYOND = 10**400
         (lambda: fl.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "after = 1000.*a time"),
         (lambda: fl.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
         (lambda: fl.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
-        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a part of the motion"),
+        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a share of the tip's travel"),
         (
             lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),
             "coefficients has dtype object; expected real numbers .*beyond",

@@ -20,6 +20,8 @@ from flexlink.cli import simulate
 from flexlink.cli.main import _parser, main
 from flexlink.cli.terminal import announced
 from flexlink.motion import simulate as single
+from flexlink.scene_report.parts import vibration
+from flexlink.scene_report.study import Study
 
 
 @pytest.fixture
@@ -39,8 +41,8 @@ def test_info_names_every_coordinate_and_the_stable_steps(paper: str, capsys) ->
     out = capsys.readouterr().out
     assert "10 degrees of freedom, 2 driven" in out
     assert "upper.1.z" in out
-    assert "stable step, RK4    at most 0.000491 s; " in out
-    assert " s of CPU per second of motion\n" in out
+    assert "largest stable step, RK4    0.000491 s, " in out
+    assert " s of CPU time for one second of motion\n" in out
     assert "stiffness ratio 13.3: fastest eigenvalue 5760 1/s, slowest elastic mode 431.6 rad/s with free joints" in out
     assert "stable step, Radau5 no limit; costs as much as RK4 at " in out
 
@@ -209,7 +211,7 @@ def test_modes_lists_frequencies_and_draws_shapes(paper: str, tmp_path: Path, ca
 
 
 def frequencies(capsys: pytest.CaptureFixture[str]) -> list[str]:
-    return [line.split()[1] for line in capsys.readouterr().out.splitlines()[1:]]
+    return [line.split()[1] for line in capsys.readouterr().out.splitlines()[1:-1]]
 
 
 def test_lock_takes_links_joints_and_indices(paper: str, capsys) -> None:
@@ -218,6 +220,29 @@ def test_lock_takes_links_joints_and_indices(paper: str, capsys) -> None:
         found = frequencies(capsys)
         assert len(found) == 7
         assert float(found[0]) > 6.06
+
+
+def test_the_first_frequency_is_the_same_in_info_modes_and_the_report(paper: str, capsys) -> None:
+    line = "first elastic frequency: 6.05804 Hz, at rest with the driven joints held"
+    for command in ("info", "modes"):
+        assert main([command, paper]) == 0
+        assert line in capsys.readouterr().out.splitlines()
+    part = vibration.made(Study(fl.load_scene(Path(paper))))
+    assert part is not None
+    assert "The first elastic frequency is 6.06 Hz" in part.sentences[0]
+
+
+def test_info_and_modes_tell_pendulum_modes_from_elastic_ones(paper: str, capsys) -> None:
+    """Of an arm that hangs, two swings by gravity; at rest in a plane without gravity a joint is held by nothing."""
+    assert main(["info", paper]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "pendulum frequencies at the start, joints free [Hz]: 0.381, 0.9975" in lines
+    assert main(["modes", paper, "--count", "3"]) == 0
+    assert [line.split()[-1] for line in capsys.readouterr().out.splitlines()[1:4]] == [
+        "pendulum",
+        "pendulum",
+        "elastic",
+    ]
 
 
 BOOM = """
@@ -241,8 +266,10 @@ def test_info_and_modes_show_the_damping_asked_for_beside_the_damping_there_is(t
     for command in (["info", path], ["modes", path, "--lock", "boom"]):
         assert main(command) == 0
         lines = capsys.readouterr().out.splitlines()
-        head = lines.index("mode  frequency [Hz]  damping ratio  asked")
-        rows = [[float(number) for number in line.split()] for line in lines[head + 1 :]]
+        head = lines.index("mode  frequency [Hz]  damping ratio  kind      asked")
+        rows = [line.split() for line in lines[head + 1 :] if not line.startswith("first elastic frequency")]
+        assert {kind for _, _, _, kind, _ in rows} == {"elastic"}
+        rows = [[float(number) for number in (*row[:3], row[4])] for row in rows]
         assert len(rows) == 4 if command[0] == "info" else 8
         for _, hertz, ratio, asked in rows:
             assert asked == pytest.approx(0.01 * hertz / 5.0, rel=1e-3)

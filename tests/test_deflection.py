@@ -9,10 +9,11 @@ import pytest
 from conftest import ROOT
 
 import flexlink as fl
-from flexlink.advice.goal import Goal, Ruler
-from flexlink.advice.ladder import RefinementStudy
+from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.model_runner import ModelRunner, Stepping
-from flexlink.results.deflection import deflections, unbent
+from flexlink.advice.refinement import RefinementStudy
+from flexlink.dynamics.placement import unbent
+from flexlink.results.deflection import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
 from validation.benchmarks.trade import seen
@@ -39,17 +40,17 @@ def test_advice_takes_a_part_of_the_same_deflection(two_masses: fl.Scene) -> Non
     scene = two_masses.varied({"initial": fl.InitialState(joint_deg=(0.0,)), "link.1.material": "steel",
                                "link.1.section": "bar", "material.steel": STEEL, "gravity": (0.0, -9.81, 0.0),
                                "section.bar": fl.Section(shape="circle", diameter=0.02)})  # fmt: skip
-    bench = ModelRunner(scene, 1.0)
-    ladder = RefinementStudy(
-        bench, Ruler(Goal(1e-2), 1e-3), Goal(1e-2, deflection=True), ("z",), Stepping("Radau5", tolerance=1e-5)
+    runner = ModelRunner(scene, 1.0)
+    refinement = RefinementStudy(
+        runner, TipErrorNorm(Goal(1e-2), 1e-3), Goal(1e-2, deflection=True), ("z",), Stepping("Radau5", tolerance=1e-5)
     )
-    ladder.climb()
-    run = ladder.finest.outcome.run
+    refinement.refine()
+    run = refinement.finest.outcome.run
     assert run is not None
-    assert ladder.deflection == deflections(run).max()
+    assert refinement.deflection == deflections(run).max()
     hinges = [c.segment > 0 for c in run.chain.coordinates]
     links_alone = np.linalg.norm(run.tip - fl.tip_position(run.chain, np.where(hinges, 0.0, run.q)), axis=1)
-    assert ladder.deflection > 1.5 * links_alone.max()  # the gear's part is not left out
+    assert refinement.deflection > 1.5 * links_alone.max()  # the gear's part is not left out
 
 
 def test_springs_at_rest_are_where_they_are_slack(two_masses: fl.Scene) -> None:

@@ -61,7 +61,7 @@ def test_a_signal_keeps_the_rows_and_says_how_to_go_on(sweep: Path, tmp_path: Pa
         said = process.stderr.read()
     assert process.returncode == 128 + number
     kept = counted(out)
-    assert f"; {kept} of {MEMBERS} rows are in {out}; the same command goes on from there" in said
+    assert f"; {kept} of {MEMBERS} rows are in {out}; repeat the command to continue" in said
     assert 0 < kept < MEMBERS
 
 
@@ -98,7 +98,7 @@ def test_rows_of_a_cluster_that_lost_a_worker_are_those_of_one_process(
 
 def test_a_cluster_that_is_not_there_is_told(sweep: Path, tmp_path: Path, monkeypatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(workers, "PATIENCE", 1)
+    monkeypatch.setattr(workers, "DASK_TIMEOUT", 1)
     with pytest.raises(fl.errors.EngineError, match=r"tcp://127\.0\.0\.1:9: no Dask scheduler answers"):
         fl.sweep(sweep, dask="tcp://127.0.0.1:9")
     with (

@@ -10,7 +10,8 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.advice.model import Bend
-from flexlink.scene_report.refinement import Refinement, far, scaled
+from flexlink.results.tip_motion import largest_distance
+from flexlink.scene_report.refinement import Refinement, scaled
 from flexlink.scene_report.study import Study
 
 pytestmark = pytest.mark.slow
@@ -37,7 +38,7 @@ def test_the_limit_is_as_close_as_it_says_to_a_much_finer_model(about: Refinemen
     finest = scene.varied({"link.*.segments": 17, "run.tolerance": 1e-6, "run.method": "Radau5"})
     assert about.limit is not None
     assert about.is_known
-    assert far(fl.simulate(finest).tip - about.limit.tip) <= about.limit.error
+    assert largest_distance(fl.simulate(finest).tip, about.limit.tip) <= about.limit.error
     assert about.limit.error < 0.5 * about.error(about.cuts[1.0].tip)
 
 
@@ -65,13 +66,15 @@ def test_half_the_hinges_are_the_nearest_number_that_the_rule_takes(rule: str, h
 
 def test_the_error_of_steps_is_that_beside_much_smaller_ones(about: Refinement, scene: fl.Scene) -> None:
     exact = fl.simulate(scene, method="RK4", step=1e-4)
-    assert about.of_steps == pytest.approx(far(about.run.tip - exact.tip), rel=0.2)
+    assert about.of_steps == pytest.approx(largest_distance(about.run.tip, exact.tip), rel=0.2)
 
 
 def test_a_tolerance_is_judged_by_a_tenth_of_it(thrown: fl.Scene) -> None:
     loose = Refinement(Study(thrown.varied({"run.tolerance": 1e-3, "run.method": "auto"})))
     exact = fl.simulate(thrown, method="auto", tolerance=1e-8)
-    assert far(loose.run.tip - exact.tip) / 3 < loose.of_steps < 3 * far(loose.run.tip - exact.tip)
+    assert (
+        largest_distance(loose.run.tip, exact.tip) / 3 < loose.of_steps < 3 * largest_distance(loose.run.tip, exact.tip)
+    )
 
 
 def test_choices_cost_what_their_evaluations_do_and_twice_the_step_half(about: Refinement) -> None:
@@ -79,7 +82,7 @@ def test_choices_cost_what_their_evaluations_do_and_twice_the_step_half(about: R
     seconds = {one.label: one.seconds for one in others}
     assert own.seconds == pytest.approx(2 * seconds["twice the step"], rel=1e-12)
     assert own.seconds == pytest.approx(seconds["half the step"] / 2, rel=1e-12)
-    assert [one.label for one in others if not one.outcome.whole] == []
+    assert [one.label for one in others if not one.outcome.completed] == []
     assert "half the hinges" not in seconds  # of two, which gauss takes in pairs only, none are fewer
 
 

@@ -25,10 +25,9 @@ from flexlink.cli.main import main
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.batch import outcomes
-from flexlink.sweeps import fingerprint as identity
-from flexlink.sweeps import members
+from flexlink.sweeps import fingerprint, worker
 from flexlink.sweeps import run as sweeping
-from flexlink.sweeps.execution import DEATHS, Execution
+from flexlink.sweeps.execution import MAX_WORKER_DEATHS, Execution
 from flexlink.sweeps.measures import REDUCTIONS, SweepOutput
 from flexlink.sweeps.plan import Plan
 from flexlink.sweeps.ranges import RandomDesign, Range, Spread, points
@@ -232,14 +231,14 @@ REFUSED = [
     ({"grid": {"tip.mass": []}}, "grid.tip.mass = \\[\\]: empty"),
     ({"grid": {"tip.mass": 1.0}}, "grid.tip.mass = 1.0: expected a list of values, or { between"),
     ({"grid": {"tip.mass": {"between": [2, 1], "count": 2}}}, "between = \\[2.0, 1.0\\]: the range is empty"),
-    ({"grid": {"tip.mass": {"between": [0, 1]}}}, "takes count, how many numbers, or step"),
+    ({"grid": {"tip.mass": {"between": [0, 1]}}}, "takes count .how many numbers. or step"),
     ({"grid": {"tip.mass": {"between": [0, 1], "step": 1e-9}}}, "step = 1e-09: more than 10000000 numbers"),
     ({"grid": {"tip.mass": {"between": [0, 1], "count": 10**12}}}, "grid.tip.mass.count = 1000000000000"),
     ({"grid": {"tip.mass": {"between": [0, 1], "count": 2, "spacing": "log"}}}, "both ends must be > 0"),
     ({"grid": {"tip.mass": {"between": [0, 1], "cuont": 2}}}, "unknown key; .*did you mean 'count'"),
     ({"grid": {k: {"between": [0, 1], "count": 10_000} for k in ("tip.mass", "link.1.length", "link.2.length")}},
      "1000000000000 members: a sweep has at most 10000000"),
-    ({"together": {"tip.mass": [1.0], "run.step": [1e-4, 2e-4]}}, "keys go together number by number"),
+    ({"together": {"tip.mass": [1.0], "run.step": [1e-4, 2e-4]}}, "together: lists of different length"),
     ({"grid": {"tip.mass": [1.0]}, "together": {"tip.mass": [1.0]}}, "tip.mass: varies twice"),
     ({"grid": {"tip.mass": [1.0]}, "quantity": {}}, "quantity: empty"),
     ({"quantity": {"X": WANTED["x"], "x": WANTED["x"]}}, "X: would name two columns"),
@@ -250,7 +249,7 @@ REFUSED = [
     ({"quantity": {"x": {"of": "settling time [s]"}}}, "tolerance: missing"),
     ({"sample": {"count": 10**12, "keys": {"tip.mass": {"between": [0, 1]}}}}, "count = 1000000000000"),
     ({"sample": {"count": 2, "keys": {}}}, "sample.keys: empty"),
-    ({"sample": {"count": 2, "keys": {"tip.mass": {"between": [0, 1], "mean": 1}}}}, "one of both"),
+    ({"sample": {"count": 2, "keys": {"tip.mass": {"between": [0, 1], "mean": 1}}}}, "give one of them"),
     ({"sample": {"count": 2, "method": "lattice", "keys": {}}}, "method = 'lattice': allowed are 'latin'"),
 ]  # fmt: skip
 
@@ -307,7 +306,7 @@ def test_rows_are_the_same_from_every_executor_and_after_a_stop(tmp_path: Path, 
     assert 0 < len(lines(out)) < 21
     kept = lines(out)
     ran = []
-    real = members.rows_of
+    real = worker.rows_of
     monkeypatch.setattr(
         "flexlink.sweeps.execution.rows_of", lambda *question: (ran.extend(question[2]), real(*question))[1]
     )
@@ -343,7 +342,7 @@ def test_a_changed_scene_version_or_file_is_told(tmp_path: Path, paper: fl.Scene
     with pytest.raises(fl.errors.ArgumentError, match=r"scene.gravity\[2\] was 9.81 and is 1.0"):
         fl.sweep(replace(sweep, scene=paper.varied({"gravity": [0.0, 0.0, 1.0]})), out=out)
     fl.sweep(replace(sweep, about="other words"), out=out)
-    monkeypatch.setattr(identity, "version", lambda: "0.2.0")
+    monkeypatch.setattr(fingerprint, "version", lambda: "0.2.0")
     with pytest.raises(fl.errors.ArgumentError, match=r"versions.flexlink was '0.1.0 .*' and is '0.2.0'"):
         fl.sweep(sweep, out=out)
     monkeypatch.undo()
@@ -386,7 +385,7 @@ def test_a_damaged_database_is_told_and_begun_anew_only_if_asked(tmp_path: Path,
 
 def test_a_second_writer_is_told(tmp_path: Path, paper: fl.Scene, monkeypatch) -> None:
     out, sweep = tmp_path / "sweep.db", masses(paper, 0.0, 1.0)
-    monkeypatch.setattr("flexlink.sweeps.store.WAIT", 0.05)
+    monkeypatch.setattr("flexlink.sweeps.store.LOCK_TIMEOUT", 0.05)
     told = []
 
     def meanwhile(_: float) -> None:
@@ -403,7 +402,7 @@ def test_of_two_sweeps_that_make_one_file_at_once_one_is_told_about_the_other(
     tmp_path: Path, paper, monkeypatch
 ) -> None:
     out, sweep = tmp_path / "sweep.db", masses(paper, 0.0)
-    monkeypatch.setattr("flexlink.sweeps.store.WAIT", 0.05)
+    monkeypatch.setattr("flexlink.sweeps.store.LOCK_TIMEOUT", 0.05)
     told = []
 
     class Beaten(sqlite3.Connection):
@@ -426,7 +425,7 @@ FILLS_THE_DISK = """
 import resource, sys
 from flexlink.cli.main import main
 from flexlink.sweeps import execution
-execution.SECONDS = 1e-9  # eight members a task, and a commit
+execution.TASK_SECONDS = 1e-9  # eight members a task, and a commit
 resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, 50_000))
 sys.exit(main(["sweep", sys.argv[1], "--out", sys.argv[2]]))
 """
@@ -464,16 +463,16 @@ def own_environment() -> dict[str, str]:
 
 def make_deadly() -> None:
     """A process in which one member ends it, another raises what no member may raise."""
-    real = members._row
+    real = worker._row
 
-    def row(plan: Plan, number: int, outcome: object) -> members.Row:
+    def row(plan: Plan, number: int, outcome: object) -> worker.Row:
         if number == DEADLY:
             os._exit(13)
         if number == DEADLY + 2:
             raise ZeroDivisionError("a mistake of the program")
         return real(plan, number, outcome)
 
-    members._row = row  # type: ignore[assignment]
+    worker._row = row  # type: ignore[assignment]
 
 
 def deadly_pool() -> Executor:
@@ -485,7 +484,7 @@ def test_a_member_that_ends_its_process_is_a_row_and_takes_no_other_along(paper:
     sweep = masses(paper, *np.linspace(0, 1, 21).tolist())
     rows, whole = fl.sweep(sweep, executor=deadly_pool), fl.sweep(sweep)
     assert rows.failed == {
-        DEADLY: f"the process that ran it ended {DEATHS} times",
+        DEADLY: f"the process that ran it ended {MAX_WORKER_DEATHS} times",
         DEADLY + 2: "ZeroDivisionError: a mistake of the program",
     }
     good = [k for k in range(21) if k not in rows.failed]
@@ -504,8 +503,10 @@ def test_rows_of_two_workers_are_those_of_one(tmp_path: Path, paper: fl.Scene) -
 
 
 def test_rows_of_two_versions_are_not_mixed(paper: fl.Scene, monkeypatch) -> None:
-    monkeypatch.setattr(members, "version", lambda: "0.0.9")
-    with pytest.raises(fl.errors.EngineError, match=r"a worker has flexlink 0.0.9, but flexlink 0.1.0 .* has started"):
+    monkeypatch.setattr(worker, "version", lambda: "0.0.9")
+    with pytest.raises(
+        fl.errors.EngineError, match=r"has flexlink 0.0.9, but the sweep was started by flexlink 0.1.0 .*; install"
+    ):
         fl.sweep(masses(paper, 0.0))
 
 
@@ -600,8 +601,8 @@ def test_tasks_of_members_that_go_side_by_side_fill_all_lanes(monkeypatch: pytes
 
 
 def test_a_member_alone_may_end_three_workers_and_no_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexlink.sweeps.execution.lost", lambda plan, number, reason: (number, reason))
+    monkeypatch.setattr("flexlink.sweeps.execution.failed_row", lambda plan, number, reason: (number, reason))
     deadly = execution(pool=SimpleNamespace(replace=lambda: True))
-    answers = [deadly._after_death([7]) for _ in range(DEATHS)]
+    answers = [deadly._after_death([7]) for _ in range(MAX_WORKER_DEATHS)]
     assert answers == [[], [], [(7, "the process that ran it ended 3 times")]]
     assert list(deadly.suspects) == [[7], [7]], "tried again twice"

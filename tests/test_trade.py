@@ -15,6 +15,7 @@ import flexlink as fl
 from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
 from flexlink.inputs.initial_state import initial_state
+from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks import trade, trade_references
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.reference_values import reference_array
@@ -56,7 +57,7 @@ def test_an_error_is_a_part_of_the_motion_and_never_finite_without_a_run():
     exact = trade.reference("paper")
     assert trade.errors("paper", exact) == (0.0, 0.0)
     moved = trade.errors("paper", exact._replace(tip=exact.tip + np.array([0.0, 0.0, 0.01])))
-    assert moved == (pytest.approx(0.01 / trade.motion_of(exact.tip)), 0.0)
+    assert moved == (pytest.approx(0.01 / tip_travel(exact.tip)), 0.0)
     assert trade.errors("paper", exact._replace(bend=1.25 * exact.bend)) == (0.0, pytest.approx(0.25))
     assert trade.errors("paper", exact._replace(tip=np.full_like(exact.tip, np.nan))) == (math.inf, 0.0)
 
@@ -101,7 +102,7 @@ def beginning():
     scene, exact = trade.trade_scene("pulse11"), trade.reference("pulse11").tip[:4]
 
     def error(tip):
-        return float(np.abs(tip - exact).max()) / trade.motion_of(exact)
+        return float(np.abs(tip - exact).max()) / tip_travel(exact)
 
     return FirstOrder(scene.varied({"run.duration": 3 * scene.run.sample})), error
 
@@ -288,7 +289,7 @@ def test_a_ladder_of_tolerances_that_always_fails_ends(monkeypatch):
 
 
 def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
-    first = native_trade.COARSEST * trade.motion_of(trade.reference("kick11").tip)
+    first = native_trade.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
     assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
     assert tolerances(monkeypatch, lambda tol: Point(tol, 1e-3, 1.0, 1e-3, 1)) == [1.0]

@@ -1,4 +1,4 @@
-"""A model of an arm: what of each link bends, and where its hinges are."""
+"""A model of an arm: about which axes each link bends, and where its hinges are."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 
 FLEX = ("rigid", "z", "yz", "xyz")
-"""What may bend, each with all of the one before it."""
+"""Axes of a link that bend, each choice with those of the one before it."""
 
 
 class Bend(NamedTuple):
     """How a link bends."""
 
-    flex: str  # z, yz, xyz
+    flex: str  # z, yz or xyz
     rule: str  # lumping rule
     hinges: int
 
@@ -29,13 +29,13 @@ class Bend(NamedTuple):
 
 
 Model = tuple[Bend | None, ...]
-"""One entry a link, None of a rigid one."""
+"""One entry for each link, None of a rigid one."""
 Axes = tuple[str, ...]
-"""Of every link one of `FLEX`."""
+"""One of `FLEX` for each link."""
 
 
 def by_rule(flex: str, hinges: int, family: str = "gauss") -> Bend | None:
-    """A link of this flex with hinges at Gauss points: `gauss` takes even numbers, one hinge sits in the middle."""
+    """A link with hinges at Gauss points: `gauss` takes even numbers, a single hinge is in the middle."""
     if flex == "rigid":
         return None
     return Bend(flex, "midpoint" if hinges == 1 else "legendre" if hinges % 2 else family, hinges)
@@ -47,66 +47,68 @@ def uniform(axes: Axes, hinges: int, family: str = "gauss") -> Model:
 
 
 def flexes(model: Model) -> Axes:
-    """What bends of every link."""
+    """The axes of every link."""
     return tuple(bend.flex if bend else "rigid" for bend in model)
 
 
-def most_axes(scene: Scene) -> Axes:
-    """All that physics lets bend: every link with a section, about all three axes."""
+def all_axes(scene: Scene) -> Axes:
+    """All axes that can bend: all three of every link with a section."""
     return tuple("xyz" if is_beam(link) else "rigid" for link in scene.arm.links)
 
 
 def is_beam(link: Link) -> bool:
-    """Whether a link has all that it takes to bend."""
+    """Whether a link has a material, a section and a length, so that it can bend."""
     return link.material is not None and link.section is not None and link.beam.length > 0
 
 
-def judged(scene: Scene) -> Scene:
-    """The scene, if it says nothing that holds for one model only.
+def checked_scene(scene: Scene) -> Scene:
+    """The scene, if it can be run with any model.
 
     Raises
     ------
     SceneError
-        It starts from the joints of one model, or nothing happens in it, or no link has a section.
+        It starts from the coordinates of one model, has no duration, or no link with a section.
     """
     for name in ("q", "qd"):
         value = getattr(scene.initial, name)
         if value is not None:
             raise SceneError(
-                f"initial.{name} = {truncated(value)}: are the joints of one model; advice compares models, and needs "
+                f"initial.{name} = {truncated(value)}: holds for one model only, and advice compares models; give "
                 "initial.joint_deg, rate_deg and passive"
             )
     if scene.run.duration == 0:
-        raise SceneError(f"run.duration = {scene.run.duration!r}: nothing happens; advice needs a motion")
+        raise SceneError(f"run.duration = {scene.run.duration!r}: advice needs a motion; give a duration > 0")
     if not any(map(is_beam, scene.arm.links)):
-        raise SceneError("link: none has a material and a section, so that none can bend; advice has nothing to choose")
+        raise SceneError(
+            "link: none can bend, so that advice has nothing to choose; give a link a material and a section"
+        )
     return scene
 
 
-def is_scene(scene: Scene, model: Model) -> bool:
-    """Whether anything at all moves in the scene with this model."""
+def can_move(scene: Scene, model: Model) -> bool:
+    """Whether anything can move in the scene with this model."""
     links = zip(scene.arm.links, model, strict=True)
     return any(bend or not link.joint.locked or link.joint.gear_stiffness for link, bend in links)
 
 
 def with_model(scene: Scene, model: Model) -> Scene:
-    """The scene with its links cut as the model says."""
-    links = tuple(_cut(link, bend) for link, bend in zip(scene.arm.links, model, strict=True))
+    """The scene with its links divided as in the model."""
+    links = tuple(_divided(link, bend) for link, bend in zip(scene.arm.links, model, strict=True))
     return replace(scene, arm=replace(scene.arm, links=links))
 
 
-def _cut(link: Link, bend: Bend | None) -> Link:
+def _divided(link: Link, bend: Bend | None) -> Link:
     if bend is None:
         return replace(link, flex="rigid", segments=1, lumping="gauss") if link.flex != "rigid" else link
     return replace(link, flex=bend.flex, segments=bend.hinges + 1, lumping=bend.rule)
 
 
 @functools.cache
-def lesser(flex: str) -> tuple[str, ...]:
-    """What bends less than this, and bends: z of yz, z and yz of xyz."""
+def fewer_axes(flex: str) -> tuple[str, ...]:
+    """Choices with fewer axes that bend: z for yz, z and yz for xyz."""
     return FLEX[1 : FLEX.index(flex)]
 
 
-def capped(axes: Sequence[str], top: str) -> Axes:
-    """The same with no link bending more than `top`."""
+def limited_axes(axes: Sequence[str], top: str) -> Axes:
+    """The axes of every link, limited to those of `top`."""
     return tuple(FLEX[min(FLEX.index(flex), FLEX.index(top))] for flex in axes)

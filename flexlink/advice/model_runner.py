@@ -1,4 +1,4 @@
-"""Runs of a scene with one model or another, each once, counted, and with the steps that they take."""
+"""Runs a scene with different models and steps, each once, within a budget of CPU time, and counts them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from flexlink.advice.cost_model import bodies_of, price, prices
+from flexlink.advice.evaluation_cost import bodies_of, evaluation_cost, run_cost
 from flexlink.advice.model import Bend, Model, with_model
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -30,27 +30,18 @@ from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
 
-POSTURES = 5
-"""Along a run, at which the stable step is found: the initial one alone has diverged."""
+STABLE_SHARE = 0.9
+"""Share of the smallest stable step over several postures that fixed steps take."""
 
-OF_STABLE = 0.9
-"""Part of the smallest of them that is taken."""
+PERTURBATION = 10.0
+"""Least initial distance of a perturbed run, over the tolerance of steps: well above the errors of the steps."""
 
-MOST_DIVISIONS = 1000
-"""Of the time between samples, tried for steps on which every time of a held table falls."""
-
-NUDGE = 10.0
-"""Tolerances of its steps that a twin starts apart from a run, at least: well above what the steps themselves do."""
-
-GROWN = 0.1
-"""Part of the motion up to which two runs part in proportion to what they started with."""
-
-REACH = 2.78
-"""|h λ| up to which RK4 is stable, in whatever direction, within some per cent: for what is not run yet."""
+PROPORTIONAL = 0.1
+"""Distance of two runs, over the travel, up to which it is proportional to the initial distance."""
 
 
 class Stepping(NamedTuple):
-    """Fixed steps of RK4 [s], or a tolerance [m] of a method."""
+    """Fixed steps [s] of a method, or steps by a tolerance [m]."""
 
     method: str
     step: float | None = None
@@ -61,27 +52,27 @@ class Stepping(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What became of a run."""
+    """Result of a run."""
 
-    tip: Array  # (samples, 3) [m], nan from where it ended early
-    seconds: float  # of CPU, by its evaluations
+    tip: Array  # (samples, 3) [m]; nan from where the run ended early
+    seconds: float  # CPU time [s], by its evaluations
     run: Trajectory | None
     stepping: Stepping
-    why: str = ""  # it ended early
-    dear: bool = False  # because it would have taken more than the budget
+    reason: str = ""  # why it ended early, or empty
+    over_budget: bool = False  # it ended because it used up the budget
 
     @property
-    def whole(self) -> bool:
-        """Whether it came to its end."""
-        return not self.why
+    def completed(self) -> bool:
+        """Whether the run reached its end."""
+        return not self.reason
 
 
-class TooLongError(FlexlinkError):
-    """A run has used up its budget."""
+class OverBudgetError(FlexlinkError):
+    """A run has used up its budget of CPU time."""
 
 
 class Posture(NamedTuple):
-    """Of the joints at a time [s]: angles [rad] and rates [rad/s] by link."""
+    """Angles [rad] and rates [rad/s] of the joints at a time [s], by link."""
 
     time: float
     angles: dict[int, float]
@@ -89,14 +80,14 @@ class Posture(NamedTuple):
 
 
 class ModelRunner:
-    """Runs of one scene; `count` and `seconds` of all of them."""
+    """Runs of one scene, their `count` and CPU `seconds`."""
 
     def __init__(self, scene: Scene, budget: float) -> None:
         self.scene, self.budget = scene, budget
         self.count, self.seconds = 0, 0.0
-        self.along: list[Posture] = []
+        self.postures: list[Posture] = []
         self._chains: dict[Model, Chain] = {}
-        self._stable: dict[Model, float] = {}
+        self._stable_steps: dict[Model, float] = {}
         self._outcomes: dict[tuple[Model, Stepping], Outcome] = {}
 
     def chain(self, model: Model) -> Chain:
@@ -118,13 +109,13 @@ class ModelRunner:
         )  # fmt: skip
 
     def run(self, model: Model, stepping: Stepping) -> Outcome:
-        """Run it, unless it was run before."""
+        """Run a model, or return its earlier run."""
         if (model, stepping) not in self._outcomes:
             self._outcomes[model, stepping] = self._run(model, stepping)
         return self._outcomes[model, stepping]
 
-    def twin(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
-        """The same with every joint that is free turned by an angle [rad] at the start; None if there is none."""
+    def perturbed_run(self, model: Model, stepping: Stepping, angle: float) -> Outcome | None:
+        """The run with all free joints turned by an angle [rad] at the start; None if no joint is free."""
         scene = self.scene
         held = {scene.arm.number(motion.link) for motion in scene.motion}
         held |= {k for k, link in enumerate(scene.arm.links, 1) if link.joint.locked}
@@ -134,67 +125,69 @@ class ModelRunner:
         return self.run_from(replace(scene.initial, joint_deg=tuple(turned)), model, stepping)
 
     def run_from(self, initial: InitialState, model: Model, stepping: Stepping) -> Outcome:
-        """The same from somewhere else, run anew."""
+        """The run from other initial conditions."""
         return self._run(model, stepping, initial)
 
     def _run(self, model: Model, stepping: Stepping, initial: InitialState | None = None) -> Outcome:
         tip = np.full((self.scene.run.samples, 3), np.nan)
-        why, dear, run = "", False, None
+        reason, over_budget, run = "", False, None
         try:
             scene = self.scene_of(model, stepping)
             scene = scene if initial is None else replace(scene, initial=initial)
             with deferred() as stop:
                 run = self._finish(SingleRun(scene, prepare(scene, self.chain(model))), stop)
         except DivergenceError as error:
-            run, why = error.trajectory, str(error)
+            run, reason = error.trajectory, str(error)
         except FlexlinkError as error:
-            why, dear = str(error), isinstance(error, TooLongError)
+            reason, over_budget = str(error), isinstance(error, OverBudgetError)
         seconds = 0.0
         if run is not None and run.steps is not None:
             tip[: len(run.tip)] = run.tip
-            seconds = price(run.chain, run.steps.method, run.steps.evaluations)
+            seconds = run_cost(run.chain, run.steps.method, run.steps.evaluations)
         self.count += 1
         self.seconds += seconds
-        return Outcome(tip, seconds, run, stepping, why, dear)
+        return Outcome(tip, seconds, run, stepping, reason, over_budget)
 
     def _finish(self, single: SingleRun, stop: Stop) -> Trajectory:
-        """Run it to its end, unless that takes more than the budget."""
+        """Run to the end, or until the budget is used up."""
         chain = single.watch.record.chain
 
-        def check(part: float) -> None:
+        def check(fraction: float) -> None:
             steps = single.steps.steps
-            spent = price(chain, steps.method, steps.evaluations)
+            spent = run_cost(chain, steps.method, steps.evaluations)
             if spent > self.budget:
                 self.seconds += spent
-                raise TooLongError(f"{single.scene.name}: {part:.0%} of a run took the budget of {self.budget:g} s")
+                raise OverBudgetError(
+                    f"{single.scene.name}: {fraction:.0%} of a run took the budget of {self.budget:g} s"
+                )
 
         return single.finish(stop, check, compared=False)
 
-    def pass_along(self, run: Trajectory) -> None:
-        """Let the postures and rates of the joints in a run be those at which stable steps are found."""
-        rows = np.linspace(0, len(run.t) - 1, POSTURES).astype(int)
+    def sample_postures(self, run: Trajectory) -> None:
+        """Take five postures of a run for stable steps: those of the initial one alone have diverged."""
+        rows = np.linspace(0, len(run.t) - 1, 5).astype(int)
         joints = {run.chain.coordinate(int(k)).link: k for k in run.chain.active}
-        self.along = [
+        self.postures = [
             Posture(float(run.t[row]), {i: run.q[row, k] for i, k in joints.items()},
                     {i: run.qd[row, k] for i, k in joints.items()})
             for row in rows
         ]  # fmt: skip
 
     def states(self, chain: Chain) -> list[tuple[float, Array, Array]]:
-        """Time, angles and rates of a chain with straight links, its joints as in the run that was passed along."""
-        found = []
-        for time, angles, rates in self.along or [Posture(self.scene.initial.time, {}, {})]:
+        """Times, angles and rates of a chain with straight links at the sampled postures."""
+        states = []
+        for time, angles, rates in self.postures or [Posture(self.scene.initial.time, {}, {})]:
             q, qd = np.zeros((2, chain.n))
             for k in chain.active:
                 link = chain.coordinate(int(k)).link
                 initial = math.radians(self.scene.initial.joint_deg[link - 1])
                 q[k], qd[k] = angles.get(link, initial), rates.get(link, 0.0)
-            found.append((time, q, qd))
-        return found
+            states.append((time, q, qd))
+        return states
 
-    def stable(self, model: Model) -> float:
-        """RK4's largest stable step [s] at all of the postures; 0 where one has none."""
-        if model not in self._stable:
+    def stable_step(self, model: Model) -> float:
+        """RK4's largest step [s] that is stable at all postures; 0 if one of them has none."""
+        if model not in self._stable_steps:
             chain = self.chain(model)
             inputs = input_arrays(self.scene, chain)
             try:
@@ -204,19 +197,19 @@ class ModelRunner:
                     steps.append(stable_step(chain, q, qd, tip_wrench=wrench, frame=frame, gains=gains))
             except FlexlinkError:
                 steps = [0.0]
-            self._stable[model] = min(steps)
-        return self._stable[model]
+            self._stable_steps[model] = min(steps)
+        return self._stable_steps[model]
 
     def estimated_step(self, link: int, bend: Bend) -> float:
-        """About RK4's stable step [s] where this link alone bends, which is about its own where others do, too."""
+        """Estimate of RK4's stable step [s] if this link alone bends; others hardly change it."""
         model = tuple(bend if k == link else None for k in range(len(self.scene.arm.links)))
         chain = self.chain(model)
         _, q, _ = self.states(chain)[0]
         fastest = max(fastest_frequency(chain, q), fastest_decay(chain, q))
-        return REACH / fastest if fastest else np.inf
+        return 2.78 / fastest if fastest else np.inf  # |h λ| of RK4, within some per cent in every direction
 
-    def fixed(self, largest: float) -> Stepping | None:
-        """RK4 with steps of at most this length [s], so many to a sample; None if no such steps fit the scene."""
+    def fixed_steps(self, largest: float) -> Stepping | None:
+        """RK4 with a whole number of steps a sample, at most this long [s]; None if no such steps fit the scene."""
         if not largest > 0:
             return None
         sample, group = self.scene.run.sample, self._divisions
@@ -227,9 +220,9 @@ class ModelRunner:
 
     @functools.cached_property
     def _divisions(self) -> int:
-        """Least number of fixed steps to a sample that fit the scene, its held tables and kinks; 0 if there is none."""
+        """Least number of fixed steps a sample that fit the scene, its held tables and kinks; 0 if none up to 1000."""
         run = self.scene.run
-        for parts in range(1, MOST_DIVISIONS + 1):
+        for parts in range(1, 1001):
             try:
                 replace(self.scene, run=self._settings(Stepping("RK4", run.sample / parts)))
             except FlexlinkError:
@@ -237,13 +230,13 @@ class ModelRunner:
             return parts
         return 0
 
-    def fixed_cost(self, model: Model, stepping: Stepping) -> float:
-        """CPU time of fixed steps [s], before they are taken."""
+    def fixed_steps_cost(self, model: Model, stepping: Stepping) -> float:
+        """Predicted CPU time of a run with fixed steps [s]."""
         assert stepping.step is not None
         evaluations = method(stepping.method).stages * round(self.scene.run.duration / stepping.step)
-        return price(self.chain(model), stepping.method, evaluations)
+        return run_cost(self.chain(model), stepping.method, evaluations)
 
-    def evaluation(self, model: Model, *, explicit: bool) -> float:
+    def evaluation_cost(self, model: Model, *, explicit: bool) -> float:
         """CPU time of one evaluation [s]."""
         chain = self.chain(model)
-        return prices().evaluation(bodies_of(chain), planar=chain.is_planar, explicit=explicit)
+        return evaluation_cost(bodies_of(chain), planar=chain.is_planar, explicit=explicit)

@@ -1,12 +1,12 @@
-"""Is rigid enough? Told without any run of a flexible arm: by the loads that the rigid run puts on the springs.
+"""Estimate of the error of rigid links without a flexible run: from the loads of the rigid run on the springs.
 
-    θ = −(M q̈ + T_GC) / k        of the hinges that the links would have, from the rigid run's q, q̇, q̈
-    u = p(q, θ) − p(q, 0)        how far they bend the tip away, if they followed at once
-    ÿ + ω² (y − u) = 0           how far it swings, ω the lowest frequency of the springs, from where it starts
-    d                            how far the joints go by a bend that they start with (`release`)
+    θ = −(M q̈ + T_GC) / k        angles of the hinges that the links would have, from q, q̇, q̈ of the rigid run
+    u = p(q, θ) − p(q, 0)        quasi-static deflection of the tip
+    ÿ + ω² (y − u) = 0           its vibration, ω the lowest frequency of the springs
+    d                            drift of the tip where springs that are bent at the start are let go (`release`)
 
-None is a bound by itself: joints give way, loads meet other modes. Measured on 22 scenes of arms that are driven,
-led, fall, hit resonance: the error of a rigid model is at most 0.8 of `SAFE` times the largest.
+None is a bound by itself: joints give way, loads excite other modes. On 22 scenes of arms that are driven, prescribed,
+fall or are in resonance, the error of the rigid model was at most 0.8 of the estimate, 2.5 times the largest of them.
 """
 
 from __future__ import annotations
@@ -17,125 +17,118 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import OF_STEPS, Goal, Ruler, farthest, least_tolerance
-from flexlink.advice.model import Axes, Model, is_scene, uniform
-from flexlink.advice.model_runner import GROWN, NUDGE, ModelRunner, Outcome, Stepping
+from flexlink.advice.goal import REFERENCE_STEP_SHARE, Goal, TipErrorNorm, least_tolerance
+from flexlink.advice.model import Axes, Model, can_move, uniform
+from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner, Outcome, Stepping
 from flexlink.advice.release import release
+from flexlink.advice.step_options import STEPS_EXPONENT
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import slowest_frequency
+from flexlink.results.tip_motion import largest_distance, tip_travel
 
 Array = NDArray[np.float64]
 
-SAFE = 2.5
-"""Over the largest of u, y and d."""
+MODEST_GROWTH = 10.0
+"""Growth of errors that the safety factor of the estimate covers."""
 
-TAME = 10.0
-"""Growth of an error up to which it is contained in `SAFE`."""
+HINGES = 2
+"""Of each link, at Gauss points: exact for the deflection under loads that are linear along it."""
 
-METHOD = "Radau5"
-"""Of the run that others are measured by."""
+FIRST_GUESS = 0.1
+"""Assumed travel of the tip over the reach, before the first run."""
 
-LOOSE = (100.0, 10.0)
-"""Tolerances of steps over what is allowed: of smooth motion long steps have much smaller errors than they tell."""
-
-FALL = 0.25
-"""Power of the tolerance by which an implicit method of order 5 with an estimate of order 4 takes fewer steps."""
-
-FIRST_GUESS, AGAIN = 0.1, 1.5
-"""Motion over reach before anything has moved, and times too large that this may be before a run is run again."""
-
-COARSE = 2
-"""Hinges of each link, at Gauss points: exact for the deflection under loads that are linear along it."""
-
-LARGEST_ANGLE = 1.0
-"""Of a hinge [rad], beyond which a linear spring's angle says no more than that it is large."""
+RERUN_FACTOR = 1.5
+"""Error of an assumed travel, and so of the tolerance of steps, from which a run is repeated."""
 
 
-class Guess(NamedTuple):
-    """What a rigid model may be off by [m], and the lowest frequency of the springs [Hz]."""
+class RigidError(NamedTuple):
+    """Estimated error of rigid links [m], and the lowest frequency of the springs [Hz]."""
 
     error: float
     hertz: float
 
 
-def rigid_model(bench: ModelRunner) -> Model:
+def rigid_model(runner: ModelRunner) -> Model:
     """All links rigid."""
-    return (None,) * len(bench.scene.arm.links)
+    return (None,) * len(runner.scene.arm.links)
 
 
-def rigid_run(bench: ModelRunner, goal: Goal, reach: float) -> Outcome | None:
-    """The run of the rigid arm with steps whose errors are small beside what is allowed.
+def rigid_run(runner: ModelRunner, goal: Goal, reach: float) -> Outcome | None:
+    """The run of the rigid arm with steps whose errors are far below the allowed error.
 
-    None where nothing moves, or where the rigid arm is not a model.
+    None where nothing can move, or where the run fails.
     """
-    model, motion = rigid_model(bench), FIRST_GUESS * reach
-    if not is_scene(bench.scene, model):
+    model, motion = rigid_model(runner), FIRST_GUESS * reach
+    if not can_move(runner.scene, model):
         return None
     while True:
-        outcome = bench.run(model, Stepping(METHOD, tolerance=_of_steps(goal.tolerance(motion, motion), reach)))
-        if not outcome.whole:
+        outcome = runner.run(model, Stepping("Radau5", tolerance=_of_steps(goal.tolerance(motion, motion), reach)))
+        if not outcome.completed:
             return None
-        assumed, motion = motion, farthest(outcome.tip)
-        if assumed <= AGAIN * motion or outcome.stepping.tolerance == _of_steps(goal.tolerance(motion, motion), reach):
+        assumed, motion = motion, tip_travel(outcome.tip)
+        if assumed <= RERUN_FACTOR * motion or outcome.stepping.tolerance == _of_steps(
+            goal.tolerance(motion, motion), reach
+        ):
             return outcome
 
 
 def _of_steps(allowed: float, reach: float) -> float:
-    return max(OF_STEPS * allowed, least_tolerance(reach))
+    return max(REFERENCE_STEP_SHARE * allowed, least_tolerance(reach))
 
 
-def loosest(bench: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
-    """The run of the rigid arm that is expected to be the cheapest of those whose tip has no larger `error` [m]."""
-    for stepping in _steppings(bench, strict, allowed):
-        outcome = bench.run(rigid_model(bench), stepping)
-        if outcome.whole and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
+def cheapest_run(runner: ModelRunner, strict: Outcome, allowed: float, error: Callable[[Array], float]) -> Outcome:
+    """The first run of the rigid arm, in order of expected cost, whose `error` at the tip [m] is allowed."""
+    for stepping in _steppings(runner, strict, allowed):
+        outcome = runner.run(rigid_model(runner), stepping)
+        if outcome.completed and error(outcome.tip) <= allowed and outcome.seconds < strict.seconds:
             return outcome
     return strict
 
 
-def _steppings(bench: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
-    """Steps that may be cheaper than those of a strict run, at their expected cost."""
+def _steppings(runner: ModelRunner, strict: Outcome, allowed: float) -> list[Stepping]:
+    """Steps expected to be cheaper than those of a strict run, cheapest first."""
     assert strict.stepping.tolerance is not None
+    loose = (100.0, 10.0)  # tolerances over the allowed error: of smooth motion the errors are far below the tolerance
     costs = {
-        Stepping(METHOD, tolerance=factor * allowed): strict.seconds
-        * (factor * allowed / strict.stepping.tolerance) ** -FALL
-        for factor in LOOSE
+        Stepping("Radau5", tolerance=factor * allowed): strict.seconds
+        * (factor * allowed / strict.stepping.tolerance) ** -STEPS_EXPONENT
+        for factor in loose
     }
-    fixed = bench.fixed(bench.scene.run.sample)
+    fixed = runner.fixed_steps(runner.scene.run.sample)
     if fixed is not None:
-        costs[fixed] = bench.fixed_cost(rigid_model(bench), fixed)
+        costs[fixed] = runner.fixed_steps_cost(rigid_model(runner), fixed)
     return sorted((stepping for stepping, cost in costs.items() if cost < strict.seconds), key=lambda s: costs[s])
 
 
-def guess(bench: ModelRunner, strict: Outcome, axes: Axes, ruler: Ruler) -> Guess:
-    """What bending that is left out would do to the tip, swung up; without the growth of errors."""
-    run, model = strict.run, uniform(axes, COARSE)
+def estimate(runner: ModelRunner, strict: Outcome, axes: Axes, norm: TipErrorNorm) -> RigidError:
+    """The error of the tip if links are rigid: vibration included, growth of errors not."""
+    run, model = strict.run, uniform(axes, HINGES)
     assert run is not None
-    chain = bench.chain(model)
+    chain = runner.chain(model)
     q, qd, qdd = (_spread(run.chain, chain, values) for values in (run.q, run.qd, run.qdd))
     loads = inverse_dynamics(chain, q, qd, qdd, tip_wrench=run.tip_wrench)
     bent = np.array([c.segment > 0 for c in chain.coordinates])
     θ = np.zeros_like(q)
-    θ[:, bent] = np.clip(-loads[:, bent] / chain.stiffness[bent], -LARGEST_ANGLE, LARGEST_ANGLE)
+    θ[:, bent] = np.clip(-loads[:, bent] / chain.stiffness[bent], -1.0, 1.0)  # [rad]; beyond, just large
     u = tip_position(chain, q + θ) - run.tip
     ω = slowest_frequency(chain, q[0])
-    released = release(bench, strict, model, q[0])
-    y = swung(u, ω, bench.scene.run.sample, released.start)
-    return Guess(SAFE * max(ruler(u), ruler(y), ruler(released.drift)), ω / (2 * np.pi))
+    released = release(runner, strict, model, q[0])
+    y = oscillator_response(u, ω, runner.scene.run.sample, released.start)
+    return RigidError(2.5 * max(norm(u), norm(y), norm(released.drift)), ω / (2 * np.pi))
 
 
 def _spread(rigid: Chain, chain: Chain, values: Array) -> Array:
-    """Numbers of the joints of the rigid chain, put on those of another; zero on its hinges."""
+    """Values of the joints of the rigid chain on the coordinates of another one; zero on its hinges."""
     out = np.zeros((len(values), chain.n))
     for k, coordinate in enumerate(rigid.coordinates):
         out[:, chain.index(*coordinate)] = values[:, k]
     return out
 
 
-def swung(u: Array, ω: float, Δ: float, start: Array) -> Array:
-    """y of ÿ + ω² (y − u) = 0 from y(0) = `start` at rest, u linear between samples Δ apart, exactly.
+def oscillator_response(u: Array, ω: float, Δ: float, start: Array) -> Array:
+    """Exact y of ÿ + ω² (y − u) = 0, from rest at y(0) = `start`, u linear between samples Δ apart.
 
     With slope s of u, e = y − u and v = (ẏ − s)/ω make z = e + i v turn at the rate −ω, and v jump where s does.
     """
@@ -145,16 +138,16 @@ def swung(u: Array, ω: float, Δ: float, start: Array) -> Array:
     return np.asarray(u + (np.cumsum(turn * jumps, axis=0) / turn).real)
 
 
-def growth(bench: ModelRunner, outcome: Outcome, error: float) -> float:
-    """How many times an error [m] of where the arm starts grows at the tip, at most, in the rigid run of an outcome.
+def growth(runner: ModelRunner, outcome: Outcome, error: float) -> float:
+    """Factor by which an initial error of the tip [m] grows, at most, in the rigid run of an outcome.
 
-    Told by a twin that starts so far off; inf where they part by too much for any proportion.
+    Measured by a run with perturbed initial angles; inf where the two differ too much for proportion.
     """
     assert outcome.stepping.tolerance is not None
-    reach = bench.chain(rigid_model(bench)).reach
-    start = max(error, NUDGE * outcome.stepping.tolerance)
-    twin = bench.twin(rigid_model(bench), outcome.stepping, start / reach)
-    if twin is None:
+    reach = runner.chain(rigid_model(runner)).reach
+    start = max(error, PERTURBATION * outcome.stepping.tolerance)
+    perturbed = runner.perturbed_run(rigid_model(runner), outcome.stepping, start / reach)
+    if perturbed is None:
         return 1.0
-    apart = np.linalg.norm(twin.tip - outcome.tip, axis=1).max()
-    return float(apart / start) if apart <= GROWN * max(farthest(outcome.tip), TAME * start) else np.inf
+    apart = largest_distance(perturbed.tip, outcome.tip)
+    return apart / start if apart <= PROPORTIONAL * max(tip_travel(outcome.tip), MODEST_GROWTH * start) else np.inf

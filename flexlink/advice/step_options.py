@@ -1,7 +1,7 @@
-"""Ways to step, and what each costs and does to the tip: measured on one model, and taken to be so on others.
+"""Options for the steps of a run, and what each costs and does to the tip: measured on one model, used for all.
 
-How many steps an implicit method takes by a tolerance, and what they do to the tip, depends on the motion and on which
-of its vibrations the tolerance lets be damped away, but hardly on how many hinges there are.
+The number of steps that an implicit method takes by a tolerance, and their error at the tip, depend on the motion and
+on the vibrations that the tolerance lets be damped, but hardly on the number of hinges.
 """
 
 from __future__ import annotations
@@ -13,107 +13,100 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import Ruler
+from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import Model
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.spec import Positive, Spec, decode
 
 Array = NDArray[np.float64]
-WAYS = Path(__file__).parent / "data" / "ways.toml"
+STEPS_EXPONENT = 0.25
+"""Steps of an implicit method of order 5 with an error estimate of order 4 are proportional to tolerance^-0.25."""
 
-FALL = 0.25
-"""Power of the tolerance by which an implicit method of order 5 with an estimate of order 4 takes fewer steps."""
+PROMISING_ERROR = 1.3
+"""Error of steps over the allowed one up to which looser steps are tried: errors of model and steps may cancel."""
 
-
-PROMISING = 1.3
-"""Of what is allowed, up to which steps may do it to the tip, and looser ones are worth a thought: where a model is off
-the other way, the two are less."""
-
-
-FURTHER = 3.0
-"""Times the largest tolerance that was measured, up to which what steps do is told by orders."""
+EXTRAPOLATED_TOLERANCE = 3.0
+"""Largest tolerance over the largest measured one for which the effect of steps is extrapolated."""
 
 
-class Way(Spec, frozen=True):
-    """A method with its fixed steps, parts of the stable one, or its tolerances, over what is allowed."""
+class StepOption(Spec, frozen=True):
+    """A method with its fixed steps over the stable step, or its tolerances over the allowed error."""
 
     method: str
     of_stable: tuple[Positive, ...] = ()
     tolerances: tuple[Positive, ...] = ()
-    probed: tuple[Positive, ...] = ()  # of the tolerances, upwards
-
-
-class _Ways(Spec, frozen=True):
-    way: tuple[Way, ...]
+    probed: tuple[Positive, ...] = ()  # tolerances that are measured, ascending
 
 
 @functools.cache
-def ways() -> tuple[Way, ...]:
-    """Those that are thought of."""
-    return decode(read_toml(WAYS), _Ways).way
+def step_options() -> tuple[StepOption, ...]:
+    """All options."""
+    return decode(read_toml(Path(__file__).parent / "data" / "step_options.toml")["option"], tuple[StepOption, ...])
 
 
-def fixed_ways() -> list[tuple[str, float]]:
-    """Methods of fixed steps with their parts of the stable step, from the largest on."""
-    return [(way.method, factor) for way in ways() for factor in way.of_stable]
+def fixed_step_options() -> list[tuple[str, float]]:
+    """Methods of fixed steps with their steps over the stable one, largest first."""
+    return [(option.method, factor) for option in step_options() for factor in option.of_stable]
 
 
-class Steps(NamedTuple):
-    """What a way to step takes and does."""
+class StepEffect(NamedTuple):
+    """Cost and error of an option."""
 
     evaluations: float
     size: float  # largest error of the tip [m]
 
 
-class Probes:
-    """Steps by (method, tolerance over what is allowed); `runs` are those that were taken to tell them.
+class MeasuredSteps:
+    """Effect of steps by (method, tolerance over the allowed error), measured by `runs`.
 
-    Tolerances are probed upwards, while steps get fewer and what they do to the tip may be allowed.
+    Tolerances are measured upwards while steps get fewer and their error may be allowed.
 
     Parameters
     ----------
-    bench, ruler
-        Of the scene.
+    runner, norm
+        Runs of the scene, and the norm of their tip errors.
     model, tip
-        That is run, and its path with steps without error (samples, 3) [m].
+        The model that is run, and its tip path with accurate steps (samples, 3) [m].
     allowed, largest
-        Error at the tip, and the largest tolerance that makes sense [m].
+        Allowed error at the tip, and the largest tolerance that makes sense [m].
     """
 
     def __init__(
-        self, bench: ModelRunner, ruler: Ruler, model: Model, tip: Array, allowed: float, largest: float
+        self, runner: ModelRunner, norm: TipErrorNorm, model: Model, tip: Array, allowed: float, largest: float
     ) -> None:
-        self.steps: dict[tuple[str, float], Steps] = {}
+        self.steps: dict[tuple[str, float], StepEffect] = {}
         self.runs: list[Outcome] = []
-        for way in ways():
-            measured: dict[float, Steps] = {}
-            for factor in way.probed:
-                if measured and (factor * allowed > largest or measured[max(measured)].size > PROMISING * allowed):
+        for option in step_options():
+            measured: dict[float, StepEffect] = {}
+            for factor in option.probed:
+                if measured and (
+                    factor * allowed > largest or measured[max(measured)].size > PROMISING_ERROR * allowed
+                ):
                     break
-                outcome = bench.run(model, Stepping(way.method, tolerance=factor * allowed))
-                if not outcome.whole or outcome.run is None or outcome.run.steps is None:
+                outcome = runner.run(model, Stepping(option.method, tolerance=factor * allowed))
+                if not outcome.completed or outcome.run is None or outcome.run.steps is None:
                     continue
                 self.runs.append(outcome)
                 count = outcome.run.steps.evaluations
                 if measured and count >= measured[max(measured)].evaluations:
                     break
-                measured[factor] = Steps(count, ruler(outcome.tip - tip))
-            for factor in way.tolerances:
-                if measured and factor <= FURTHER * max(measured):
-                    self.steps[way.method, factor] = _between(measured, factor)
+                measured[factor] = StepEffect(count, norm(outcome.tip - tip))
+            for factor in option.tolerances:
+                if measured and factor <= EXTRAPOLATED_TOLERANCE * max(measured):
+                    self.steps[option.method, factor] = _between(measured, factor)
 
 
-def _between(measured: dict[float, Steps], factor: float) -> Steps:
-    """Of a tolerance: by powers between those that were measured, by orders beyond them."""
+def _between(measured: dict[float, StepEffect], factor: float) -> StepEffect:
+    """Effect of a tolerance: interpolated between measured ones by powers, extrapolated by the method's orders."""
     if factor in measured:
         return measured[factor]
     if not min(measured) < factor < max(measured):
         nearest = min(measured, key=lambda known: abs(np.log(known / factor)))
         part = factor / nearest
-        return Steps(measured[nearest].evaluations * part**-FALL, part * measured[nearest].size)
+        return StepEffect(measured[nearest].evaluations * part**-STEPS_EXPONENT, part * measured[nearest].size)
     coarse = measured[above := min(known for known in measured if known > factor)]
     fine = measured[below := max(known for known in measured if known < factor)]
     weight = np.log(factor / below) / np.log(above / below)
     count, size = (a ** (1 - weight) * b**weight for a, b in zip(fine, coarse, strict=True))
-    return Steps(count, size)
+    return StepEffect(count, size)

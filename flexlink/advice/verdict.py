@@ -1,70 +1,58 @@
-"""What advice says: the model, its error, what it costs, and why, a line a choice."""
+"""The result of advice: the model, its error and cost, and the reasons, one line for each choice."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.notebook import html_table
 from flexlink.describe.scene import Scene
-
-Array = NDArray[np.float64]
-
-
-class Limit(NamedTuple):
-    """What the tip's path converges to with more and more hinges: better than any one model, and known so well."""
-
-    tip: Array  # (samples, 3), frame 0 [m]
-    error: float  # [m]
+from flexlink.results.convergence import Limit
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Advice:
-    """The cheapest model that was found for a scene, an accuracy and a motion.
+    """The cheapest model found for a scene, its motion and an accuracy.
 
     Attributes
     ----------
     met
-        Whether its error is within the tolerance.
+        Whether the error is within the tolerance.
     scene
         The scene with this model and its steps, ready to run and to save (`scene.to_toml()`).
     error, tolerance
-        Largest error of the tip at any sample, as far as it can be, and the one that is allowed [m].
-    motion
-        How far the tip gets from its start [m].
-    seconds
-        CPU time of its run [s], by its evaluations.
-    limit
-        What finer and finer models converge to; None where rigid is enough and no other was run.
+        Bound of the largest error of the tip at any sample, and the allowed one [m].
+    tip_travel
+        Largest distance of the tip from its start [m].
+    run_time
+        CPU time of a run of the model [s], by its evaluations.
+    converged_tip
+        The tip's path that finer and finer models converge to, with its error; None where rigid links are enough.
     horizon
         Time up to which the tolerance holds [s]: the end if it is met.
-    runs, effort
+    runs, compute_time
         Number of runs that the advice took, and their CPU time [s], by their evaluations.
     lines
-        What was decided, with its numbers, a line a choice: `print(advice)`.
+        The choices with their numbers, one line each: `print(advice)`.
     """
 
     met: bool
     scene: Scene
     error: float
     tolerance: float
-    motion: float
-    seconds: float
-    limit: Limit | None
+    tip_travel: float
+    run_time: float
+    converged_tip: Limit | None
     horizon: float
     runs: int
-    effort: float
+    compute_time: float
     lines: tuple[str, ...]
 
     def __str__(self) -> str:
         return "\n".join(self.lines)
 
     def __repr__(self) -> str:
-        said = f"error {self.error:.2g} m of {self.tolerance:.2g} m"
-        return f"<Advice {self.scene.name!r}: {'met' if self.met else 'cannot'}, {said}, {self.runs} runs>"
+        error = f"error {self.error:.2g} m of {self.tolerance:.2g} m"
+        return f"<Advice {self.scene.name!r}: {'met' if self.met else 'cannot'}, {error}, {self.runs} runs>"
 
     def _repr_html_(self) -> str:
         rows = [(word, text.strip()) for word, _, text in (line.partition(" ") for line in self.lines)]

@@ -13,20 +13,20 @@ from pathlib import Path
 
 import numpy as np
 
+from flexlink.advice.evaluation_cost import machine_factor, step_cost
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.cli.modes import print_modes
+from flexlink.cli.modes import first_elastic, print_modes
 from flexlink.cli.shared import prefix_errors, varied_scene
-from flexlink.common.types import Complex
+from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.hints import notes
 from flexlink.dynamics.vibration.extremes import slowest_frequency
-from flexlink.dynamics.vibration.modal import modes
+from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
-from flexlink.motion.cost import cost, evaluation_time, step_time
 
 LISTED = 100  # coordinates that `info` names
 SLOW = 10_000  # joints beyond which the largest eigenvalues take more than a few seconds
@@ -60,22 +60,34 @@ def _show(scene: Scene) -> None:
     if chain.n > SLOW:
         print(f"computing the fastest modes of {chain.n} joints …", file=sys.stderr)
     λ = fastest_eigenvalues(chain, q0)
-    hertz = np.unique(np.abs(λ).round(9)) / (2 * np.pi)
-    elastic = hertz[hertz > 1e-6 * hertz.max()] if hertz.any() else hertz
-    print(f"elastic frequencies at the start [Hz]: {_some(elastic)}")
-    slowest = slowest_frequency(chain, q0)
+    found = None
+    if chain.n <= LARGEST_MODAL:
+        wrench, frame = initial_wrench(scene, chain)
+        found = modes(chain, q0, tip_wrench=wrench, frame=frame)
+    _show_frequencies(scene, chain, q0, λ, found)
+    bare = _without_structural_damping(chain)
+    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
+    _show_steps(chain, machine_factor(scene, chain), λ, free)
+    if bare is not chain and found is not None:
+        print("structural damping about the start, with gravity:")
+        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
+
+
+def _show_frequencies(scene: Scene, chain: Chain, q0: Array, λ: Complex, found: Modes | None) -> None:
+    """Frequencies about the start by kind, the first elastic one at rest, and the stiffness ratio."""
+    if found is None:
+        slowest = slowest_frequency(chain, q0)
+    else:
+        slowest = 2 * np.pi * found.first_elastic_hertz
+        for kind in ("elastic", "pendulum"):
+            hertz = found.hertz[[k == kind for k in found.kinds]]
+            if len(hertz):
+                print(f"{kind} frequencies at the start, joints free [Hz]: {_some(hertz)}")
+        print(first_elastic(scene, chain, q0))
     if np.isfinite(slowest):
         fastest = np.abs(λ).max()
         ends = f"fastest eigenvalue {fastest:.4g} 1/s, slowest elastic mode {slowest:.4g} rad/s with free joints"
         print(f"stiffness ratio {fastest / slowest:.3g}: {ends}")
-    bare = _without_structural_damping(chain)
-    free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(evaluation_time(scene, chain), chain.is_planar, λ, free)
-    if bare is not chain and chain.n <= LARGEST_MODAL:
-        wrench, frame = initial_wrench(scene, chain)
-        found = modes(chain, q0, tip_wrench=wrench, frame=frame)
-        print("structural damping about the start, with gravity:")
-        print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])
 
 
 def _kind(chain: Chain, k: int) -> str:
@@ -86,15 +98,15 @@ def _kind(chain: Chain, k: int) -> str:
     return f"driven, {lower:.6g}° … {upper:.6g}°" if np.isfinite(lower) else "driven"
 
 
-def _show_steps(evaluation: float, planar: bool, λ: Complex, free: Complex) -> None:
-    """Largest stable steps, also without structural damping, and what they cost if an evaluation takes so long [s]."""
-    costs = {method: cost(method, λ, evaluation, planar=planar) for method in data_files.names("methods")}
-    rk4 = costs["RK4"].seconds
-    for method, (h, seconds) in costs.items():
-        price = f"; {seconds:.2g} s of CPU per second of motion" if np.isfinite(seconds) else ""
-        if np.isfinite(rk4) and not price:
-            number = rk4 / step_time(method, evaluation, planar=planar)
-            price = f"; costs as much as RK4 at {number:.0f} steps/s"
+def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None:
+    """Largest stable steps, also without structural damping, and their CPU time, `factor` times the listed one."""
+    rk4 = step_cost(chain, "RK4") / stable_step_of(λ, "RK4")
+    for method in data_files.names("methods"):
+        h, cost, price = stable_step_of(λ, method), step_cost(chain, method), ""
+        if np.isfinite(h):
+            price = f", {factor * cost / h:.2g} s of CPU time for one second of motion"
+        elif rk4 > 0:
+            price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps a second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
         print(f"stable step, {method:<6} {_step(h)}{price}{without}")
@@ -111,6 +123,6 @@ def _step(h: float) -> str:
     return f"at most {h:.4g} s" if np.isfinite(h) else "no limit"
 
 
-def _some(values: np.ndarray) -> str:
+def _some(values: Array) -> str:
     shown = [f"{value:.4g}" for value in values]
     return ", ".join(shown if len(shown) <= 8 else [*shown[:4], "…", *shown[-2:]])

@@ -10,14 +10,21 @@ import argparse
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import draw, prefix_errors, require_picture, varied_scene
-from flexlink.common.errors import ArgumentError
+from flexlink.common.errors import ArgumentError, ConvergenceError
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting
+
+Array = NDArray[np.float64]
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -29,14 +36,25 @@ def add_options(command: argparse.ArgumentParser) -> None:
 
 
 def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
-    """Frequency, damping ratio, and beside it what the links' damping asks for at that frequency, η ω/2."""
+    """Frequency, damping ratio, kind, and the damping ratio that the links ask for at that frequency, η ω/2."""
     η = [scene.arm.loss_time(link) for link in scene.arm.links if link.flex != "rigid"]
     asks = any(η)
-    print("mode  frequency [Hz]  damping ratio" + "  asked" * asks)
+    print("mode  frequency [Hz]  damping ratio  kind" + "      asked" * asks)
     for k in which:
-        line = f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}"
+        line = f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}  {found.kinds[k]:<8}"
         bounds = [f"{bound(η) * found.frequencies[k] / 2:.4g}" for bound in (min, max)] if asks else []
         print("  ".join([line, " … ".join(dict.fromkeys(bounds))]).rstrip())
+
+
+def first_elastic(scene: Scene, chain: Chain, q: Array) -> str:
+    """The first elastic frequency of the arm, as the report has it."""
+    wrench, frame = initial_wrench(scene, chain)
+    try:
+        hertz = first_elastic_frequency(chain, q, tip_wrench=wrench, frame=frame)
+    except ConvergenceError:
+        return "first elastic frequency: unknown; with the driven joints held, no equilibrium is found"
+    value = f"{hertz:.6g} Hz" if np.isfinite(hertz) else "none"
+    return f"first elastic frequency: {value}, at rest with the driven joints held"
 
 
 def run_command(options: argparse.Namespace) -> int:
@@ -52,7 +70,9 @@ def run_command(options: argparse.Namespace) -> int:
         wrench, frame = initial_wrench(scene, chain)
         posture = initial_state(scene, chain)[0]
         found = modes(chain, posture, locked=locked, tip_wrench=wrench, frame=frame)
+        first = first_elastic(scene, chain, posture)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
+    print(first)
     if options.plot is not None:
         draw(plotting().plot_modes(found, scene.name, options.count), options.plot)
     return 0

@@ -17,13 +17,13 @@ from msgspec.structs import replace
 from flexlink.chain.arguments import integer
 from flexlink.cli.shared import assignments, prefix_errors, require_writable
 from flexlink.common.progress import Progress, clock
-from flexlink.sweeps.fingerprint import identity
+from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, load_sweep
-from flexlink.sweeps.preflight import require_possible
+from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.run import fill
 from flexlink.sweeps.store import Store
-from flexlink.sweeps.table import FORMATS, export, require_parquet
-from flexlink.sweeps.workers import MOST
+from flexlink.sweeps.table import EXPORT_FORMATS, export, require_parquet
+from flexlink.sweeps.workers import MAX_WORKERS
 
 
 def add_options(command: argparse.ArgumentParser) -> None:
@@ -34,7 +34,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     )
     command.add_argument("--workers", type=int, default=1, metavar="N", help="number of processes; default: 1")
     command.add_argument("--dask", metavar="ADDRESS", help="address of a Dask scheduler, whose workers run the members")
-    command.add_argument("--export", choices=FORMATS, help="also write all rows to such a file beside the database")
+    command.add_argument(
+        "--export", choices=EXPORT_FORMATS, help="also write all rows to such a file beside the database"
+    )
     command.add_argument("--fresh", action="store_true", help="delete the rows of the database and start again")
 
 
@@ -43,10 +45,10 @@ def run_command(options: argparse.Namespace) -> int:
     plan = _planned(options)
     out = options.out or Path(options.sweep.stem + ".db")
     require_writable(out)
-    integer("--workers", options.workers, 1, MOST)
+    integer("--workers", options.workers, 1, MAX_WORKERS)
     if options.export == "parquet":
         require_parquet()
-    with Store(out, plan, identity(plan.sweep), fresh=options.fresh) as store:
+    with Store(out, plan, fingerprint(plan.sweep), fresh=options.fresh) as store:
         done, begun = store.count(), time.perf_counter()
         bar = Progress(plan.sweep.scene.name, done / plan.members)
         try:
@@ -67,7 +69,7 @@ def _planned(options: argparse.Namespace) -> Plan:
     said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with prefix_errors(options.sweep):
         plan = Plan(replace(sweep, set={**sweep.set, **said}))
-        require_possible(plan)
+        preflight(plan)
     return plan
 
 

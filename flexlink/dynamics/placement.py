@@ -140,3 +140,8 @@ def jacobian(chain: Chain, q: ArrayLike, *, body: int = -1, point: ArrayLike = (
 def hinge_bodies(chain: Chain) -> NDArray[np.intp]:
     """Number of the body that hangs on each hinge, whose origin is the hinge point, shape (n,)."""
     return np.repeat(np.arange(len(chain.bodies)), chain.bodies["stop"] - chain.bodies["first"])
+
+
+def unbent(chain: Chain, q: Array) -> Array:
+    """The same angles of joints without springs, with every spring at its angle at rest; shape as of `q`."""
+    return np.where(chain.stiffness > 0, chain.rest, q)

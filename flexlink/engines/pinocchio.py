@@ -197,7 +197,7 @@ class PinocchioEngine:
         return np.zeros(self.n) if wrench is None else self._wrench_torque(q, wrench(t), follows=wrench.follows)
 
     def _accelerations(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None, given: Array) -> Array:
-        """q̈, of the prescribed joints as `given`."""
+        """q̈, of the prescribed joints as `require_type`."""
         total = tau - self.elastic_torque(q) - self.friction_torque(qd) + self._wrench_torque(q, tip_wrench)
         p = self.prescribed
         if len(p) == 0:

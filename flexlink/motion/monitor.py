@@ -19,6 +19,7 @@ from flexlink.results import balance
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, Failure
+from flexlink.results.tip_motion import extent_of_motion
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -157,8 +158,8 @@ class RunMonitor:
 
     @property
     def moved(self) -> float:
-        """Extent of the tip's motion in the valid samples, the diagonal of their bounding box [m]."""
-        return float(np.linalg.norm(np.ptp(self.record.tip[: self.good], axis=0)))
+        """How far the tip moves in the good samples, its `extent_of_motion` [m]."""
+        return extent_of_motion(self.record.tip[: self.good])
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error to raise for a run that failed a check, or whose steps ended early."""

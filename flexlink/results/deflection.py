@@ -5,16 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.chain.chain import Chain
-from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.placement import tip_position, unbent
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
-
-
-def unbent(chain: Chain, q: Array) -> Array:
-    """The same angles of joints without springs, with every spring at its angle at rest; shape as of `q`."""
-    return np.where(chain.stiffness > 0, chain.rest, q)
 
 
 def deflections(run: Trajectory) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexlink.chain.arguments import positive, real, require_type, vector
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.spec import truncated
+from flexlink.results.tip_motion import centre_of_motion, distances, largest_distance
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after
     """
     after = real("after", after, "a time [s]")
     t, tip = _from(run, after)
-    outside = np.flatnonzero(_distance(tip, vector("target", target, 3)) > positive("tolerance", tolerance))
+    outside = np.flatnonzero(distances(tip, vector("target", target, 3)) > positive("tolerance", tolerance))
     first = outside[-1] + 1 if outside.size else 0
     return float(t[first]) - after if first < len(t) else math.inf
 
@@ -72,7 +73,7 @@ def overshoot(run: Trajectory, *, target: ArrayLike) -> float:
     """
     _, tip = _from(run, -math.inf)
     goal = vector("target", target, 3)
-    way = float(_distance(tip[:1], goal)[0])
+    way = largest_distance(tip[:1], goal)
     if way == 0:
         raise ArgumentError(
             f"target = {truncated(goal.tolist())}: is where the tip starts; there is no way to overshoot"
@@ -102,7 +103,7 @@ def residual_vibration(run: Trajectory, *, after: float) -> float:
         `after` is not a number, or less than two samples follow.
     """
     _, tip = _from(run, after, least=2)
-    return float(_distance(tip, (tip.min(axis=0) + tip.max(axis=0)) / 2).max())
+    return largest_distance(tip, centre_of_motion(tip))
 
 
 def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
@@ -115,7 +116,3 @@ def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
             f"after = {truncated(after)}: a {span} has {kept.sum()} samples from there on; needs {least}"
         )
     return t[kept], run.tip[kept]
-
-
-def _distance(tip: Array, place: Array) -> Array:
-    return np.asarray(np.linalg.norm(tip - place, axis=1))

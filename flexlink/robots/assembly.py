@@ -30,7 +30,7 @@ def origins_beyond(way: SerialPath) -> list[Array]:
     return [*(part.origin.p for part in way.parts[1:]), way.end.p]
 
 
-def assembled(
+def build_validated(
     name: str,
     way: SerialPath,
     flexible: Mapping[str, FlexibleLink],

@@ -9,7 +9,7 @@ from pathlib import Path
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.assembly import assembled, origins_beyond
+from flexlink.robots.assembly import build_validated, origins_beyond
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.robot_file import read_robot
@@ -111,7 +111,7 @@ def import_urdf(
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
-    scene, made = assembled(robot.name, way, flexible, armature, gravity)
+    scene, made = build_validated(robot.name, way, flexible, armature, gravity)
     for part in way.parts:
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:

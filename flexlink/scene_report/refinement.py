@@ -1,12 +1,12 @@
 """A scene's run beside others with more and fewer hinges, axes and steps: how far each is off, and what it costs.
 
-x* = x_b + (x_b − x_a) / (2^p − 1)        x_a, x_b the two finest cuts, b with twice the hinges of a
-
-p is the order that the three finest cuts show, between 1 and 4. Costs are evaluations times what one takes, here.
+Errors are those from the limit that `results.convergence` extrapolates from cuts with once, twice and four times the
+hinges, by the order that these show. CPU times are those of this machine.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cached_property
 from typing import NamedTuple
@@ -14,12 +14,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.cost_model import bodies_of, price, prices
-from flexlink.advice.model import FLEX, Bend, Model, capped, is_scene
+from flexlink.advice.evaluation_cost import machine_factor, run_cost
+from flexlink.advice.model import FLEX, Bend, Model, can_move, limited_axes
 from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
-from flexlink.motion.cost import evaluation_time
+from flexlink.results.convergence import Limit, extrapolated, observed_order
+from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
 
 Array = NDArray[np.float64]
@@ -33,8 +34,8 @@ OF_TRAVEL = 1e-5
 ENOUGH = 0.01
 """Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
 
-FALLS = 1.5
-"""Times by which the change from cut to cut must fall at least for an order to be told by it."""
+LOWEST_ORDER, HIGHEST_ORDER = math.log2(1.5), 4.0
+"""Observed orders of convergence below which none is believed, and at most."""
 
 OF_STEPS, OF_TOLERANCE = (2.0, 0.5), (10.0, 0.1)
 """Of the scene's steps, or of its tolerance, in the runs beside its own."""
@@ -51,20 +52,12 @@ class Choice(NamedTuple):
     seconds: float  # CPU time [s]
 
 
-class Limit(NamedTuple):
-    """What more and more hinges tend to."""
-
-    tip: Array  # (samples, 3) [m]
-    error: float  # how far it may itself be off [m]
-    order: float  # shown by the cuts; nan where their changes do not tell
-
-
 class Refinement:
     """Runs about one scene."""
 
     def __init__(self, study: Study) -> None:
-        self.study, self.scene, self.chain, self.run, self.bench = (
-            study, study.scene, study.chain, study.run, study.bench,
+        self.study, self.scene, self.chain, self.run, self.runner = (
+            study, study.scene, study.chain, study.run, study.runner,
         )  # fmt: skip
 
     @cached_property
@@ -91,8 +84,8 @@ class Refinement:
         if self.says_state or not any(self.model):
             return {}
         apart = {self.cut(factor): factor for factor in (*FACTORS, 1.0)}  # of one hinge, half as many are as many
-        runs = {factor: self.bench.run(model, self.strict) for model, factor in apart.items()}
-        return {factor: runs[factor] for factor in sorted(runs) if runs[factor].whole}
+        runs = {factor: self.runner.run(model, self.strict) for model, factor in apart.items()}
+        return {factor: runs[factor] for factor in sorted(runs) if runs[factor].completed}
 
     def cut(self, factor: float) -> Model:
         """The scene's cut with so many times the hinges; of fewer, about so many, as rules take them."""
@@ -105,31 +98,30 @@ class Refinement:
 
     @cached_property
     def limit(self) -> Limit | None:
-        """What the cuts tend to, the finest one where their changes do not fall; None if fewer than two ran."""
-        cuts = [self.cuts[factor] for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
+        """What the cuts converge to; the finest one where their changes do not fall, None if fewer than two ran."""
+        cuts = [(factor, self.cuts[factor].tip) for factor in (1.0, 2.0, 4.0) if factor in self.cuts]
         if len(cuts) < 2:
             return None
-        last = cuts[-1].tip - cuts[-2].tip
-        if len(cuts) == 2:
-            return Limit(cuts[-1].tip, far(last), math.nan)
-        before = far(cuts[-2].tip - cuts[-3].tip)
-        if before < FALLS * far(last):
-            return Limit(cuts[-1].tip, max(before, far(last)), math.nan)
-        order = min(math.log2(before / far(last)), 4.0) if far(last) > 0 else 4.0
-        change = last / (2.0**order - 1)
-        return Limit(cuts[-1].tip + change, far(change) + (self.strict.tolerance or 0.0), order)
+        order = min(observed_order(cuts), HIGHEST_ORDER) if len(cuts) == 3 else math.nan
+        finest = cuts[-1][1]
+        if not order >= LOWEST_ORDER:
+            changes = [largest_so_far(distances(b, a)) for (_, a), (_, b) in itertools.pairwise(cuts)]
+            return Limit(finest, np.maximum.reduce(changes))
+        limit = extrapolated(cuts, order)
+        errors = largest_so_far(distances(limit.tip, finest)) + (self.strict.tolerance or 0.0)
+        return limit._replace(errors=errors)
 
     def known_until(self, part: float) -> float:
         """Time [s] up to which the two finest cuts differ by less than this part of the tip's travel."""
         t, cuts = self.run.t, list(self.cuts.values())[-2:]
         if len(cuts) < 2:
             return float(t[0])
-        apart = np.linalg.norm(cuts[1].tip - cuts[0].tip, axis=1) > part * self.study.travel
+        apart = distances(cuts[1].tip, cuts[0].tip) > part * self.study.travel
         return float(t[apart.argmax()] if apart.any() else t[-1])
 
     def error(self, tip: Array) -> float:
         """How far a tip's path is from the limit at most [m]; nan where that is not known."""
-        return far(tip - self.limit.tip) if self.limit is not None and self.is_known else math.nan
+        return largest_distance(tip, self.limit.tip) if self.limit is not None and self.is_known else math.nan
 
     @property
     def is_known(self) -> bool:
@@ -145,11 +137,11 @@ class Refinement:
     def of_steps(self) -> float:
         """Error of the scene's own steps [m], by the run with finer ones; nan if that one does not end."""
         finer = self.factors[1]
-        outcome = self.bench.run(self.model, self.stepping(finer))
-        if not outcome.whole:
+        outcome = self.runner.run(self.model, self.stepping(finer))
+        if not outcome.completed:
             return math.nan
         order = 1 if self.scene.run.controlled else method(self.scene.run.method).order
-        return far(outcome.tip - self.run.tip) / (1 - finer**order)
+        return largest_distance(outcome.tip, self.run.tip) / (1 - finer**order)
 
     def stepping(self, factor: float) -> Stepping:
         """The scene's steps, or tolerance, times a factor."""
@@ -161,15 +153,14 @@ class Refinement:
 
     @cached_property
     def scale(self) -> float:
-        """What an evaluation takes here, over its price in the list."""
-        listed = prices().evaluation(bodies_of(self.chain), planar=self.chain.is_planar, explicit=True)
-        return evaluation_time(self.scene, self.chain) / listed
+        """CPU time of evaluations on this machine over that in the list of `advice.evaluation_cost`."""
+        return machine_factor(self.scene, self.chain)
 
     @cached_property
     def own(self) -> Choice:
         """The scene as it is."""
         steps = self.run.steps
-        seconds = self.scale * price(self.chain, steps.method, steps.evaluations) if steps else math.nan
+        seconds = self.scale * run_cost(self.chain, steps.method, steps.evaluations) if steps else math.nan
         outcome = Outcome(self.run.tip, seconds, self.run, self.stepping(1.0))
         return Choice("this scene", self.chain.n, self._said(outcome), outcome, self.error(self.run.tip), seconds)
 
@@ -184,22 +175,22 @@ class Refinement:
         if not controlled:
             found.append(self._choice("steps by a tolerance", self.model, self.strict))
         others = [(self.times_the_hinges(factor, _times(factor)), self.cut(factor)) for factor in FACTORS]
-        others += [(f"bending about {' and '.join(flex)} only", self.capped(flex)) for flex in FLEX[1:-1]]
+        others += [(f"bending about {' and '.join(flex)} only", self.limited_axes(flex)) for flex in FLEX[1:-1]]
         others.append(("rigid links", (None,) * len(self.model)))
         for label, model in others:
-            if model != self.model and is_scene(self.scene, model):
+            if model != self.model and can_move(self.scene, model):
                 found.append(self._choice(label, model, self.strict))
         return found
 
-    def capped(self, top: str) -> Model:
+    def limited_axes(self, top: str) -> Model:
         """The scene's cut with no link bending about more axes than these."""
-        axes = capped([bend.flex if bend else FLEX[0] for bend in self.model], top)
+        axes = limited_axes([bend.flex if bend else FLEX[0] for bend in self.model], top)
         return tuple(bend and bend._replace(flex=flex) for bend, flex in zip(self.model, axes, strict=True))
 
     def _choice(self, label: str, model: Model, stepping: Stepping) -> Choice:
-        outcome = self.bench.run(model, stepping)
+        outcome = self.runner.run(model, stepping)
         n = outcome.run.chain.n if outcome.run is not None else 0
-        error = self.error(outcome.tip) if outcome.whole else math.nan
+        error = self.error(outcome.tip) if outcome.completed else math.nan
         return Choice(label, n, self._said(outcome), outcome, error, self.scale * outcome.seconds)
 
     def _said(self, outcome: Outcome) -> str:
@@ -216,11 +207,6 @@ def scaled(bend: Bend, factor: float) -> Bend:
         nearest = sorted(range(bend.hinges, 0, -1), key=lambda count: abs(count - wanted))
         wanted = next(filter(lumping_rule(bend.rule).takes, nearest))
     return bend._replace(hinges=wanted)
-
-
-def far(difference: Array) -> float:
-    """Largest length at any sample [m]."""
-    return float(np.linalg.norm(difference, axis=1).max())
 
 
 def _times(factor: float) -> str:

@@ -9,18 +9,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.goal import farthest
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
-from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.equilibrium import Equilibrium
+from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.motion.simulate import simulate
-from flexlink.results.deflection import deflections, unbent
+from flexlink.results.deflection import deflections
+from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -79,7 +80,7 @@ class Study:
         return bool(self.chain.stiffness.any())
 
     @cached_property
-    def bench(self) -> ModelRunner:
+    def runner(self) -> ModelRunner:
         """Where other models of the scene are run, with a budget."""
         return ModelRunner(self.scene, BUDGET)
 
@@ -98,8 +99,8 @@ class Study:
 
     @cached_property
     def travel(self) -> float:
-        """How far the tip gets from its start [m]."""
-        return farthest(self.run.tip)
+        """Largest distance of the tip from its start [m]."""
+        return tip_travel(self.run.tip)
 
     @cached_property
     def moves(self) -> bool:
@@ -129,5 +130,4 @@ class Study:
             As of `solve_static`.
         """
         wrench, frame = initial_wrench(self.scene, self.chain)
-        held, start = self.chain.active.tolist(), unbent(self.chain, self.start[0])
-        return solve_static(self.chain, start, tip_wrench=wrench, frame=frame, locked=held)
+        return rest_of(self.chain, self.start[0], tip_wrench=wrench, frame=frame)

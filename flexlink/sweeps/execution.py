@@ -1,4 +1,4 @@
-"""Tasks on an executor: half a second each, as many as keep it busy, again where a worker died, until all are done."""
+"""Runs the members of a sweep on an executor, in tasks of half a second, and repeats those whose worker died."""
 
 from __future__ import annotations
 
@@ -13,75 +13,70 @@ from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.sweeps.fingerprint import version
-from flexlink.sweeps.members import Row, Rows, goes_side_by_side, greet, lost, rows_of
 from flexlink.sweeps.plan import Plan
-from flexlink.sweeps.workers import Pool
+from flexlink.sweeps.worker import Row, failed_row, goes_side_by_side, handshake, rows_of
+from flexlink.sweeps.workers import WorkerPool
 
-SECONDS = 0.5
-"""What a task is to take: far more than its way to a worker and back, and little to lose by a kill."""
+TASK_SECONDS = 0.5
+"""Duration of a task [s]: far more than its transfer to a worker and back, and little to lose if the worker dies."""
 
-LARGEST, FASTER = 1024, 4
-"""Members of a task; times as many as in the one before, which may have waited for machine code."""
-
-DEATHS = 3
-"""Workers that a member may take along, each time alone, before it is a row that says so."""
-
-BREATH = 0.2
-"""How often a signal is looked for while workers work [s]."""
+MAX_WORKER_DEATHS = 3
+"""A member that ended so many workers, each time alone in its task, gets a row that says so."""
 
 Numbers = list[int]
+Task = Future[tuple[list[Row], float]]
 
 
 class Execution:
     """The tasks of a sweep.
 
-    A task that has failed, or whose worker died, is tried again with nothing beside it, then by halves, so that the one
-    member that does it is found.
+    A task that fails, or whose worker dies, is repeated alone and then in halves, until the member that caused it is
+    found.
     """
 
-    def __init__(self, plan: Plan, pool: Pool, stop: Stop) -> None:
+    def __init__(self, plan: Plan, pool: WorkerPool, stop: Stop) -> None:
         self.plan, self.pool, self.stop = plan, pool, stop
         self.question = msgspec.json.encode(plan.sweep), version()
-        self.running: dict[Future[Rows], Numbers] = {}
+        self.running: dict[Task, Numbers] = {}
         self.suspects: deque[Numbers] = deque()
         self.deaths: Counter[int] = Counter()
         self.size = LANES
 
     def rows(self, missing: Iterator[int]) -> Iterator[list[Row]]:
-        """The rows of the missing members, task by task, in the order in which they are done.
+        """Rows of the missing members, task by task, in the order of completion.
 
         Raises
         ------
         EngineError
-            No worker can do anything: another version of flexlink, none that starts, none that is left.
+            Workers have another version of flexlink, do not start, or are all gone.
         """
-        self._greet()
+        self._handshake()
+        poll_interval = 0.2  # [s]; a signal is answered within it
         while not self.stop.asked:
             self._fill(missing)
             if not self.running:
                 return
-            for future in wait(self.running, BREATH, FIRST_COMPLETED).done:
+            for future in wait(self.running, poll_interval, FIRST_COMPLETED).done:
                 if future in self.running:
                     yield self._answer(future, self.running.pop(future))
-        for future in wait(self.running, 0).done:  # what was done when the signal came
+        for future in wait(self.running, 0).done:  # completed when the signal came
             if future.exception() is None:
-                yield future.result().rows
+                yield future.result()[0]
 
-    def _greet(self) -> None:
+    def _handshake(self) -> None:
         try:
-            self.pool.executor.submit(greet, *self.question).result()
+            self.pool.executor.submit(handshake, *self.question).result()
         except FlexlinkError:
             raise
         except BrokenExecutor:
             raise EngineError(
-                "workers ended while they started; a script that starts processes does so below "
-                "if __name__ == '__main__':"
+                "workers ended during their start; call sweep(workers=…) of a script below if __name__ == '__main__':"
             ) from None
         except Exception as error:
             raise EngineError(f"workers cannot run flexlink: {type(error).__name__}: {error}") from None
 
     def _fill(self, missing: Iterator[int]) -> None:
-        """Start as many tasks as there is room for; one alone while there are suspects."""
+        """Start tasks until all workers are busy; while there are suspects, one task at a time."""
         while self.suspects and not self.running:
             self._start(self.suspects.popleft())
         while not self.suspects and len(self.running) < self.pool.slots and not self.stop.asked:
@@ -105,7 +100,7 @@ class Execution:
             future.set_exception(error)
         self.running[future] = numbers
 
-    def _answer(self, future: Future[Rows], numbers: Numbers) -> list[Row]:
+    def _answer(self, future: Task, numbers: Numbers) -> list[Row]:
         try:
             rows, seconds = future.result()
         except FlexlinkError:
@@ -113,34 +108,34 @@ class Execution:
         except BrokenExecutor:
             return self._after_death(numbers)
         except CancelledError:
-            raise EngineError("the cluster is gone; all rows are kept, and the same command goes on") from None
-        except Exception as error:  # of one member, whatever it is
+            raise EngineError("the cluster is gone; all rows are kept: repeat the command to continue") from None
+        except Exception as error:  # any error of one member
             return self._after_failure(numbers, f"{type(error).__name__}: {error}")
-        wanted = len(numbers) * SECONDS / max(seconds, 1e-6)
-        self.size = int(min(wanted, FASTER * len(numbers), LARGEST))
-        if len(rows) < len(numbers) and not self.stop.asked:  # its worker was told to stop, and this sweep was not
+        size = len(numbers) * TASK_SECONDS / max(seconds, 1e-6)
+        self.size = int(min(size, 4 * len(numbers), 1024))  # growth is limited: the first task compiles
+        if len(rows) < len(numbers) and not self.stop.asked:  # its worker got a signal, this process did not
             self.suspects.append(sorted({*numbers} - {row.number for row in rows}))
         return rows
 
     def _after_death(self, numbers: Numbers) -> list[Row]:
-        """All that ran was lost; which of the tasks it was shows when each runs alone."""
+        """All running tasks are lost; each is repeated alone to find the one that ends its worker."""
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
-            raise EngineError("the executor is broken; all rows are kept, and the same call goes on with another one")
+            raise EngineError("the executor is broken; all rows are kept: repeat the call with another one")
         if len(lost_tasks) > 1:
             self.suspects += lost_tasks
             return []
         self.deaths.update(numbers)
-        if len(numbers) == 1 and self.deaths[numbers[0]] < DEATHS:
+        if len(numbers) == 1 and self.deaths[numbers[0]] < MAX_WORKER_DEATHS:
             self.suspects.appendleft(numbers)
             return []
-        return self._after_failure(numbers, f"the process that ran it ended {DEATHS} times")
+        return self._after_failure(numbers, f"the process that ran it ended {MAX_WORKER_DEATHS} times")
 
     def _after_failure(self, numbers: Numbers, reason: str) -> list[Row]:
-        """By halves, down to the one member whose row it is."""
+        """Repeat the task in halves, down to the one member that fails."""
         if len(numbers) == 1:
-            return [lost(self.plan, numbers[0], reason)]
+            return [failed_row(self.plan, numbers[0], reason)]
         middle = len(numbers) // 2
         self.suspects.extendleft([numbers[middle:], numbers[:middle]])
         return []

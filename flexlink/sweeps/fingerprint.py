@@ -1,4 +1,4 @@
-"""What the rows of a sweep depend on: the sweep, its scene, files that these name, and versions."""
+"""Fingerprint of a sweep: everything its rows depend on, the sweep, its scene, their files, and versions."""
 
 from __future__ import annotations
 
@@ -16,13 +16,7 @@ from flexlink.describe.data_files import is_user_file
 from flexlink.describe.spec import truncated
 from flexlink.sweeps.plan import Sweep
 
-PACKAGES = ("numpy", "scipy", "numba")
-"""Whose versions may change the last bit of a number, or the points of a sample."""
-
-TOLD = 3
-"""Differences that a message names."""
-
-Identity = dict[str, Any]
+Fingerprint = dict[str, Any]
 
 
 @functools.cache
@@ -36,21 +30,22 @@ def version() -> str:
     return f"{__version__} (sources {digest.hexdigest()[:12]})"
 
 
-def identity(sweep: Sweep) -> Identity:
-    """Everything that the rows depend on, as JSON has it; words about it left out."""
+def fingerprint(sweep: Sweep) -> Fingerprint:
+    """Everything that the rows depend on, as JSON; the descriptions (`prefix_errors`) left out."""
     parts: dict[str, Any] = msgspec.to_builtins(sweep)
     parts.pop("about")
     parts["scene"].pop("about")
     files = {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in sorted(set(_own_files(parts)))}
-    versions = {"flexlink": version(), **{name: importlib.metadata.version(name) for name in PACKAGES}}
+    packages = ("numpy", "scipy", "numba")  # may change the last bit of a number, or the points of a sample
+    versions = {"flexlink": version(), **{name: importlib.metadata.version(name) for name in packages}}
     return {**parts, "files": files, "versions": versions}
 
 
 def differences(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """What differs between two identities, in words; empty if nothing does."""
-    found = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(there, here)]
-    more = f" and {len(found) - TOLD} more" if len(found) > TOLD else ""
-    return "; ".join(found[:TOLD]) + more
+    """The first three differences of two fingerprints as text; empty if there are none."""
+    changes = [f"{path} was {truncated(a)} and is {truncated(b)}" for path, a, b in _different(there, here)]
+    more = f" and {len(changes) - 3} more" if len(changes) > 3 else ""
+    return "; ".join(changes[:3]) + more
 
 
 def _different(there: Any, here: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
@@ -65,7 +60,7 @@ def _different(there: Any, here: Any, path: str = "") -> Iterator[tuple[str, Any
 
 
 def _own_files(value: Any) -> Iterator[str]:
-    """Files of methods and rules, wherever they are named, that are there."""
+    """Existing files of methods and rules, wherever the sweep names them."""
     if isinstance(value, Mapping):
         for item in value.values():
             yield from _own_files(item)

@@ -1,9 +1,9 @@
-"""What is kept of each run: a column of its samples, reduced to one number, or how its tip comes to rest."""
+"""Outputs of a sweep: numbers of each run, a sampled column reduced to one value, or a measure of the whole run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +30,10 @@ REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
     "time of min": lambda t, x: t[np.argmin(x)],
     "time of max": lambda t, x: t[np.argmax(x)],
 }
-"""Of a column x, sampled at the times t."""
+"""Of a column x, sampled at times t."""
 
 DEFLECTION = "deflection [m]"
-"""How far the tip is from where it would be with all springs at rest, at the same angles of the joints."""
+"""Column of `results.deflection`: distance of the tip from where it is with all springs at rest."""
 
 
 class SweepOutput(Spec, frozen=True):
@@ -56,7 +56,7 @@ class SweepOutput(Spec, frozen=True):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        known = TAKES.get(self.of, {"take", "after"})
+        known = MEASURES[self.of].options if self.of in MEASURES else {"take", "after"}
         for name, value in (("take", self.take), ("after", self.after or None),
                             ("target", self.target), ("tolerance", self.tolerance)):  # fmt: skip
             if value is not None and name not in known:
@@ -74,7 +74,7 @@ class SweepOutput(Spec, frozen=True):
             The run has no such column, no sample from `after` on, or its tip no place of rest.
         """
         if self.of in MEASURES:
-            return float(MEASURES[self.of](self, run))
+            return float(MEASURES[self.of].value(self, run))
         column = column_of(run, self.of)
         first = int(np.searchsorted(run.t, self.after))
         if first == len(run.t):
@@ -115,35 +115,35 @@ def column_of(run: Trajectory, name: str) -> Array:
 def _count(name: str) -> Callable[[SweepOutput, Trajectory], float]:
     def count(_: SweepOutput, run: Trajectory) -> float:
         if run.steps is None:
-            raise ArgumentError(f"of = {name!r}: known of flexlink's own runs only")
+            raise ArgumentError(f"of = {name!r}: only runs of flexlink's own engine count them")
         return float(getattr(run.steps, {"steps": "taken"}.get(name, name)))
 
     return count
 
 
-MEASURES: Mapping[str, Callable[[SweepOutput, Trajectory], float]] = {
-    "steps": _count("steps"),
-    "evaluations": _count("evaluations"),
-    "settling time [s]": lambda quantity, run: settling_time(
-        run, target=quantity.place(run), tolerance=quantity.tolerance or 0.0, after=quantity.after
-    ),
-    "overshoot [m]": lambda quantity, run: overshoot(run, target=quantity.place(run)),
-    "residual vibration [m]": lambda quantity, run: residual_vibration(run, after=quantity.after),
-}
-"""What is no column."""
+class Measure(NamedTuple):
+    """A number of a whole run, and the options of `SweepOutput` that it takes."""
 
-TAKES: Mapping[str, set[str]] = {
-    "steps": set(),
-    "evaluations": set(),
-    "settling time [s]": {"target", "tolerance", "after"},
-    "overshoot [m]": {"target"},
-    "residual vibration [m]": {"after"},
+    value: Callable[[SweepOutput, Trajectory], float]
+    options: set[str]
+
+
+MEASURES: Mapping[str, Measure] = {
+    "steps": Measure(_count("steps"), set()),
+    "evaluations": Measure(_count("evaluations"), set()),
+    "settling time [s]": Measure(
+        lambda output, run: settling_time(
+            run, target=output.place(run), tolerance=output.tolerance or 0.0, after=output.after
+        ),
+        {"target", "tolerance", "after"},
+    ),
+    "overshoot [m]": Measure(lambda output, run: overshoot(run, target=output.place(run)), {"target"}),
+    "residual vibration [m]": Measure(lambda output, run: residual_vibration(run, after=output.after), {"after"}),
 }
-"""The keys that they take."""
 
 
 def measured(quantities: Mapping[str, SweepOutput], run: Trajectory) -> tuple[tuple[float | None, ...], str]:
-    """The numbers of a run, None where there is none, and why there is none."""
+    """The numbers of a run, None where one cannot be computed, and the reasons why not."""
     values: list[float | None] = []
     reasons = []
     for name, quantity in quantities.items():

@@ -1,4 +1,4 @@
-"""A sweep as data: a scene, what is set, what varies, what is wanted; strict TOML in, members by number out."""
+"""A sweep as data: a scene, what is set, what varies, which outputs; read from TOML, planned as numbered members."""
 
 from __future__ import annotations
 
@@ -17,24 +17,18 @@ from flexlink.describe.spec import Spec, check_keys, decode, did_you_mean, field
 from flexlink.describe.vary import apply_changes
 from flexlink.engines import ENGINES
 from flexlink.sweeps.measures import SweepOutput
-from flexlink.sweeps.ranges import MOST, Axis, RandomDesign, grid_axis, sample_axis, together_axis
+from flexlink.sweeps.ranges import MAX_MEMBERS, Axis, RandomDesign, grid_axis, sample_axis, together_axis
 
-ENGINE = "engine"
-"""The one key that is not the scene's: which engine integrates."""
-
-RESERVED = ("number", "status", "reason", "warnings")
-"""Columns of all rows."""
-
-SLOW = ("engine", "run", "drive", "motion", "wrench"), ("flex", "segments", "lumping", "locked", "axis")
-"""Beginnings and ends of keys in which members that run side by side are alike: they vary slowest."""
+ROW_COLUMNS = ("number", "status", "reason", "warnings")
+"""Columns of all rows, before those of keys and outputs."""
 
 
 class Sweep(Spec, frozen=True):
-    """Variants of one scene, and what is wanted of each.
+    """Variants of one scene, and the outputs of each run.
 
-    All keys are paths of `Scene.varied`, or "engine". `set` holds for all members. Every combination of the axes is a
-    member: each key of `grid` is an axis, all keys of `together` are one, number by number, and `sample` is one.
-    `quantity` names the numbers that are kept of each run.
+    All keys are paths of `Scene.varied`, or "engine". `set` applies to all members. Every combination of the axes is a
+    member: each key of `grid` is an axis, all keys of `together` are one axis, whose values are taken in step, and
+    `sample` is one. `quantity` names the numbers to keep of each run.
     """
 
     scene: Scene
@@ -72,7 +66,7 @@ class Plan:
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
-        axes = [grid_axis(key, said) for key, said in sweep.grid.items()]
+        axes = [grid_axis(key, values) for key, values in sweep.grid.items()]
         axes += [together_axis(sweep.together)] if sweep.together else []
         axes += [sample_axis(sweep.sample)] if sweep.sample else []
         self.axes = sorted(axes, key=lambda axis: not _is_slow(axis))
@@ -81,16 +75,16 @@ class Plan:
 
     def values(self, number: int) -> dict[str, Any]:
         """What varies of a member, by key; the last axis changes fastest."""
-        found: dict[str, Any] = {}
+        values: dict[str, Any] = {}
         for axis in reversed(self.axes):
             number, place = divmod(number, axis.count)
-            found |= zip(axis.keys, axis.at(place), strict=True)
-        return {key: found[key] for key in self.sweep.keys}
+            values |= zip(axis.keys, axis.at(place), strict=True)
+        return {key: values[key] for key in self.sweep.keys}
 
     def member(self, number: int) -> tuple[Scene, str]:
         """The scene of a member, and its engine; errors as in `Scene.varied`."""
         changes = {**self.sweep.set, **self.values(number)}
-        engine = changes.pop(ENGINE, "native")
+        engine = changes.pop("engine", "native")
         if engine not in ENGINES:
             allowed = ", ".join(ENGINES) + did_you_mean(engine, ENGINES)
             raise SceneError(f"engine = {truncated(engine)}: unknown; allowed are {allowed}")
@@ -101,38 +95,40 @@ class Plan:
         """Engines that members may name."""
         sweep = self.sweep
         drawn = sweep.sample.keys if sweep.sample else {}
-        said = [table[ENGINE] for table in (sweep.grid, sweep.together, drawn) if isinstance(table.get(ENGINE), list)]
-        return {str(name) for names in [*said, [sweep.set.get(ENGINE, "native")]] for name in names}
+        lists = [
+            table["engine"] for table in (sweep.grid, sweep.together, drawn) if isinstance(table.get("engine"), list)
+        ]
+        return {str(name) for names in [*lists, [sweep.set.get("engine", "native")]] for name in names}
 
     def check_paths(self) -> None:
-        """Know before the work that every key leads somewhere in the scene; whether a value fits is a member's matter.
+        """Check that every key is a path of the scene; whether a value is valid is checked member by member.
 
         Raises
         ------
         SceneError
-            A path leads nowhere; the message names what is allowed there.
+            A key is no path of the scene; the message names what is allowed.
         """
         changes = {**self.sweep.set, **self.values(0)}
-        changes.pop(ENGINE, None)
+        changes.pop("engine", None)
         apply_changes(self.sweep.scene.document(), FIELDS, changes)
 
     def _check(self) -> None:
         keys, wanted = self.sweep.keys, tuple(self.sweep.quantity)
         if not wanted:
-            raise SceneError("quantity: empty; name at least one number that is wanted of each run")
+            raise SceneError("quantity: empty; name at least one output of each run")
         twice = [key for key, count in Counter(keys).items() if count > 1]
         if twice:
             raise SceneError(f"{twice[0]}: varies twice; name it in one of grid, together and sample")
-        columns = Counter(name.casefold() for name in (*RESERVED, *keys, *wanted))
+        columns = Counter(name.casefold() for name in (*ROW_COLUMNS, *keys, *wanted))
         for name in (*keys, *wanted):
             if columns[name.casefold()] > 1:
                 raise SceneError(
-                    f"{name}: would name two columns of the rows, which small letters and capitals are not"
+                    f"{name}: would name two columns of the rows (capital and small letters are the same); rename one"
                 )
             if not name or not name.isprintable():
-                raise SceneError(f"{truncated(name)}: cannot be the name of a column")
-        if self.members > MOST:
-            raise SceneError(f"{self.members} members: a sweep has at most {MOST}")
+                raise SceneError(f"{truncated(name)}: is no name of a column; use printable characters")
+        if self.members > MAX_MEMBERS:
+            raise SceneError(f"{self.members} members: a sweep has at most {MAX_MEMBERS}")
 
 
 def load_sweep(path: str | Path) -> Sweep:
@@ -204,5 +200,6 @@ def _absolute(value: Any, folder: Path) -> Any:
 
 
 def _is_slow(axis: Axis) -> bool:
-    first, last = SLOW
-    return any(key.split(".")[0] in first or key.split(".")[-1] in last for key in axis.keys)
+    """Whether members that differ in it cannot run side by side, so that it varies slowest."""
+    tables, fields = {"engine", "run", "drive", "motion", "wrench"}, {"flex", "segments", "lumping", "locked", "axis"}
+    return any(key.split(".")[0] in tables or key.split(".")[-1] in fields for key in axis.keys)

@@ -1,4 +1,4 @@
-"""What can be known of a sweep before its first run: that keys lead somewhere, engines are there, columns exist."""
+"""Checks of a sweep before its first run: its keys, engines and output columns exist."""
 
 from __future__ import annotations
 
@@ -14,27 +14,25 @@ from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
 from flexlink.sweeps.plan import Plan
 
-OF_NATIVE = ("work [J]", "imbalance [J]")
-"""Columns that a run has, and a state has not."""
 
-
-def require_possible(plan: Plan) -> None:
-    """Refuse a sweep no member of which could have all its numbers; whether a value fits is a member's own matter.
+def preflight(plan: Plan) -> None:
+    """Refuse a sweep of which no member can have all outputs; whether a value is valid is checked member by member.
 
     Raises
     ------
     SceneError
-        A key leads nowhere, or a quantity is none of the first member and none of the last.
+        A key is no path of the scene, or an output is no column of the first member nor of the last.
     MissingDependencyError
         An engine that members name is not installed.
     """
     plan.check_paths()
     columns: list[str] = []
     for number in {0, plan.members - 1}:
-        with contextlib.suppress(FlexlinkError):  # that one is a row with its reason
+        with contextlib.suppress(FlexlinkError):  # this member gets a row with its reason
             columns += _columns(plan, number)
     if columns:
-        known = list(dict.fromkeys([*columns, *OF_NATIVE, DEFLECTION, *MEASURES]))
+        of_runs = ("work [J]", "imbalance [J]")  # a single state has no such columns
+        known = list(dict.fromkeys([*columns, *of_runs, DEFLECTION, *MEASURES]))
         for name, quantity in plan.sweep.quantity.items():
             if quantity.of not in known:
                 raise SceneError(
@@ -43,12 +41,12 @@ def require_possible(plan: Plan) -> None:
                 )
     chain = lump(plan.sweep.scene)
     for engine in plan.engines:
-        with contextlib.suppress(ArgumentError):  # it does not take this chain, or there is no such engine
+        with contextlib.suppress(ArgumentError):  # the engine is unknown or does not support this chain
             load(engine, chain)
 
 
 def _columns(plan: Plan, number: int) -> list[str]:
-    """Names of what is sampled of a member's state."""
+    """Names of the columns of a member's initial state."""
     scene, _ = plan.member(number)
     chain = lump(scene)
     q, qd = initial_state(scene, chain)

@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
 
-MOST = 10_000_000
-"""Members of a sweep: at a hundredth of a second each a day, and a sample of them fits into memory."""
+MAX_MEMBERS = 10_000_000
+"""Of a sweep: a day at a hundredth of a second each; a random sample of so many fits into memory."""
 
 
 class Range(Spec, frozen=True):
@@ -34,7 +34,7 @@ class Range(Spec, frozen=True):
     """
 
     between: tuple[float, float]
-    count: Annotated[int, msgspec.Meta(ge=1, le=MOST)] | None = None
+    count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)] | None = None
     step: Positive | None = None
     spacing: Spacing = "linear"
     whole: bool = False
@@ -43,11 +43,11 @@ class Range(Spec, frozen=True):
         super().__post_init__()
         _check_ends(self.between, self.spacing)
         if (self.count is None) == (self.step is None):
-            raise SceneError("count: a range takes count, how many numbers, or step, how far apart; one of both")
+            raise SceneError("count: a range takes count (how many numbers) or step (their distance); give one of them")
         if self.step is not None and self.spacing == "log":
             raise SceneError(f"step = {self.step!r}: with spacing = 'log' give count")
-        if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MOST:
-            raise SceneError(f"step = {self.step!r}: more than {MOST} numbers between {list(self.between)}")
+        if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
+            raise SceneError(f"step = {self.step!r}: more than {MAX_MEMBERS} numbers between {list(self.between)}")
 
     @property
     def values(self) -> list[float | int]:
@@ -79,11 +79,11 @@ class Spread(Spec, frozen=True):
         super().__post_init__()
         normal = self.mean is not None and self.deviation is not None
         if (self.between is None) != normal or (self.mean is None) != (self.deviation is None):
-            raise SceneError("between: a spread takes between = [least, most], or mean and deviation; one of both")
+            raise SceneError("between: a spread takes between = [least, most], or mean and deviation; give one of them")
         if normal and (self.whole or self.spacing == "log"):
-            raise SceneError("mean: a normal distribution is neither whole nor spaced by its logarithm")
+            raise SceneError("mean: a normal distribution takes neither whole nor spacing; leave them out")
         if self.whole and self.spacing == "log":
-            raise SceneError("whole = True: with spacing = 'log' there are no equally likely whole numbers")
+            raise SceneError("whole = True: not defined with spacing = 'log'; leave one of them out")
         if self.between is not None:
             _check_ends(self.between, self.spacing)
 
@@ -107,7 +107,7 @@ class RandomDesign(Spec, frozen=True):
     """
 
     keys: dict[str, Any]
-    count: Annotated[int, msgspec.Meta(ge=1, le=MOST)]
+    count: Annotated[int, msgspec.Meta(ge=1, le=MAX_MEMBERS)]
     method: Literal["latin", "random", "sobol", "halton"] = "latin"
     seed: Whole = 0
 
@@ -115,7 +115,8 @@ class RandomDesign(Spec, frozen=True):
 @functools.lru_cache(maxsize=2)
 def points(method: str, dimensions: int, count: int, seed: int) -> Array:
     """Points of the unit cube, shape (count, dimensions)."""
-    return POINTS[method](dimensions, count, seed)
+    draw = {"latin": _latin, "random": _random, "sobol": _sobol, "halton": _halton}[method]
+    return draw(dimensions, count, seed)
 
 
 def _latin(dimensions: int, count: int, seed: int) -> Array:
@@ -142,11 +143,6 @@ def _random(dimensions: int, count: int, seed: int) -> Array:
     return np.random.default_rng(seed).random((count, dimensions))
 
 
-POINTS: Mapping[str, Callable[[int, int, int], Array]] = {
-    "latin": _latin, "random": _random, "sobol": _sobol, "halton": _halton,
-}  # fmt: skip
-
-
 @dataclasses.dataclass(frozen=True)
 class Axis:
     """Keys that vary together: for each of `count` numbers, a value of every key."""
@@ -156,7 +152,7 @@ class Axis:
     at: Callable[[int], Sequence[Any]]
 
 
-def grid_axis(key: str, said: Any) -> Axis:
+def grid_axis(key: str, values: Any) -> Axis:
     """The axis of one key of a grid: a list of its values, or a range.
 
     Raises
@@ -164,16 +160,17 @@ def grid_axis(key: str, said: Any) -> Axis:
     SceneError
         It is neither, or empty.
     """
-    values = _listed(f"grid.{key}", said)
-    return Axis((key,), len(values), lambda k: (values[k],))
+    listed = _listed(f"grid.{key}", values)
+    return Axis((key,), len(listed), lambda k: (listed[k],))
 
 
-def together_axis(said: Mapping[str, Any]) -> Axis:
-    """The axis of keys that go together, number by number; errors as above, and where they are not equally many."""
-    lists = {key: _listed(f"together.{key}", value) for key, value in said.items()}
+def together_axis(table: Mapping[str, Any]) -> Axis:
+    """The axis of keys whose values are taken in step; errors as above, and if the lists differ in length."""
+    lists = {key: _listed(f"together.{key}", value) for key, value in table.items()}
     counts = {key: len(values) for key, values in lists.items()}
     if len(set(counts.values())) > 1:
-        raise SceneError(f"together: keys go together number by number, but there are {truncated(counts)} values")
+        counted = truncated(counts)
+        raise SceneError(f"together: lists of different length, {counted}; give every key equally many values")
     columns = list(lists.values())
     return Axis(tuple(lists), len(columns[0]), lambda k: tuple(values[k] for values in columns))
 
@@ -182,7 +179,7 @@ def sample_axis(sample: RandomDesign) -> Axis:
     """The axis of a sample; errors as above."""
     if not sample.keys:
         raise SceneError("sample.keys: empty; name at least one key and its spread")
-    spreads = [_spread(f"sample.keys.{key}", said) for key, said in sample.keys.items()]
+    spreads = [_spread(f"sample.keys.{key}", spread) for key, spread in sample.keys.items()]
 
     def at(k: int) -> tuple[Any, ...]:
         place = points(sample.method, len(spreads), sample.count, sample.seed)[k].tolist()
@@ -191,20 +188,21 @@ def sample_axis(sample: RandomDesign) -> Axis:
     return Axis(tuple(sample.keys), sample.count, at)
 
 
-def _listed(path: str, said: Any) -> list[Any]:
-    if isinstance(said, dict):
-        return cast("list[Any]", decode(said, Range, path).values)
-    if not isinstance(said, list | tuple):
-        raise SceneError(f"{path} = {truncated(said)}: expected a list of values, or {{ between = [a, b], count = n }}")
-    if not said:
+def _listed(path: str, values: Any) -> list[Any]:
+    if isinstance(values, dict):
+        return cast("list[Any]", decode(values, Range, path).values)
+    if not isinstance(values, list | tuple):
+        got = truncated(values)
+        raise SceneError(f"{path} = {got}: expected a list of values, or {{ between = [a, b], count = n }}")
+    if not values:
         raise SceneError(f"{path} = []: empty; a sweep needs at least one value of every key")
-    return list(said)
+    return list(values)
 
 
-def _spread(path: str, said: Any) -> Callable[[float], Any]:
-    if isinstance(said, dict):
-        return decode(said, Spread, path).value
-    values = _listed(path, said)
+def _spread(path: str, spread: Any) -> Callable[[float], Any]:
+    if isinstance(spread, dict):
+        return decode(spread, Spread, path).value
+    values = _listed(path, spread)
     return lambda u: values[int(u * len(values))]
 
 

@@ -1,4 +1,4 @@
-"""sweep(…): all members of a sweep, side by side and on as many workers as there are, into one table."""
+"""sweep(…): runs all members of a sweep, side by side and on several workers, into one table."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from flexlink.common.errors import InterruptedSweepError
 from flexlink.common.interruption import Stop, deferred, word
 from flexlink.describe.data_files import require_path
 from flexlink.sweeps.execution import Execution
-from flexlink.sweeps.fingerprint import identity
+from flexlink.sweeps.fingerprint import fingerprint
 from flexlink.sweeps.plan import Plan, Sweep, load_sweep
-from flexlink.sweeps.preflight import require_possible
+from flexlink.sweeps.preflight import preflight
 from flexlink.sweeps.store import Store
 from flexlink.sweeps.table import SweepRows
-from flexlink.sweeps.workers import MOST, pool_of
+from flexlink.sweeps.workers import MAX_WORKERS, pool_of
 
 
 def sweep(
@@ -30,30 +30,30 @@ def sweep(
     fresh: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> SweepRows:
-    """Run every member of a sweep, and keep the quantities that it names, one row a member.
+    """Run every member of a sweep, one row of outputs each.
 
-    Members that are alike run eight side by side. A member that is refused or diverges is a row with its reason, and so
-    is one that ends its process three times. Rows are the same to the bit whatever runs them: their numbers depend
-    neither on their neighbours nor on the executor, on machines whose processors are alike.
+    Members of the same structure run eight side by side. A member that is refused, diverges, or ends its process three
+    times has a row with the reason. Rows are equal to the bit whatever runs them, on processors of one kind: they
+    depend neither on their neighbours nor on the executor.
 
     Parameters
     ----------
     what
         The sweep, or the path of its file.
     out
-        SQLite database that the rows go to as they are done; after a stop, or a kill, the same call goes on from there.
-        None: they are kept in memory.
+        SQLite database for the rows, written as they are done; after a stop, or a kill, the same call continues.
+        None: rows are kept in memory.
     executor
-        Where members run: any `concurrent.futures.Executor`, or a function that makes one, which is asked again where
-        the one before has broken. None: as the next two say.
+        Where members run: any `concurrent.futures.Executor`, or a function that returns one, called again if the
+        executor breaks. None: see `workers` and `dask`.
     workers
         Number of processes; 1: in this one.
     dask
         Address of a Dask scheduler, such as "tcp://10.0.0.1:8786".
     fresh
-        Begin anew where `out` has rows.
+        Delete the rows that `out` has.
     progress
-        Called with the part of the members that have rows, now and then.
+        Called with the fraction of the members that have rows.
 
     Returns
     -------
@@ -63,22 +63,22 @@ def sweep(
     Raises
     ------
     ArgumentError
-        An argument is not what is expected, or `out` has rows of another sweep, scene or version.
+        An argument is out of range, or `out` has rows of another sweep, scene or version.
     SceneError
-        A key, a range or a quantity that cannot be.
+        A key, a range or an output is not valid.
     OutputError
-        `out` cannot be written, is no sweep's, or another process writes to it.
+        `out` cannot be written, is no database of a sweep, or another process writes to it.
     EngineError
-        No worker can run members, or none is left; rows are kept.
+        No worker can run members; rows are kept.
     InterruptedSweepError
         Ctrl-C or SIGTERM; rows are kept.
     """
     require_callable("progress", progress)
-    count = integer("workers", workers, 1, MOST)
+    count = integer("workers", workers, 1, MAX_WORKERS)
     plan = Plan(what if isinstance(what, Sweep) else load_sweep(what))
     place = None if out is None else require_path("out", out)
-    require_possible(plan)
-    with Store(place, plan, identity(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
+    preflight(plan)
+    with Store(place, plan, fingerprint(plan.sweep), fresh=require_bool("fresh", fresh)) as store:
         fill(store, executor, count, dask, progress or (lambda _: None))
         columns, rows = store.table()
         return SweepRows(tuple(columns), tuple(rows))
@@ -107,7 +107,7 @@ def fill(
 
 
 def _interrupted(store: Store, stop: Stop, done: int) -> InterruptedSweepError:
-    kept = "the same command goes on from there" if store.path else "and lost, for want of a file to keep them in"
+    kept = "repeat the command to continue" if store.path else "and lost: name a file to keep them"
     number = stop.signal or signal.SIGINT
     place = f" in {store.path}" if store.path else ""
     return InterruptedSweepError(f"{word(number)}; {done} of {store.plan.members} rows are{place}; {kept}", number)

@@ -1,10 +1,10 @@
-"""A sweep's rows in SQLite: on disk as soon as a task is done, each member once, never those of two sweeps.
+"""Rows of a sweep in SQLite: on disk as soon as a task is done, each member once, never of two sweeps.
 
-    about(name, value)                             the sweep's identity, as JSON
-    rows(number, status, reason, warnings, …)      one a member; then what varies, by key, and the quantities
+    about(name, value)                             the sweep's fingerprint, as JSON
+    rows(number, status, reason, warnings, …)      one for each member; then what varies, by key, and the outputs
 
-The journal is written ahead (WAL): what is committed outlives a kill at any moment, and others may read meanwhile. Who
-writes holds SQLite's lock on writing all the time, but for the moment of a commit, so that a second writer is told.
+With a write-ahead log (WAL), committed rows survive a kill at any moment, and others may read meanwhile. The writer
+holds SQLite's write lock except during a commit, so that a second writer gets an error.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from typing import Any
 import msgspec
 
 from flexlink.common.errors import ArgumentError, OutputError
-from flexlink.sweeps.fingerprint import Identity, differences
-from flexlink.sweeps.members import FAILED, Row
-from flexlink.sweeps.plan import RESERVED, Plan
+from flexlink.sweeps.fingerprint import Fingerprint, differences
+from flexlink.sweeps.plan import ROW_COLUMNS, Plan
+from flexlink.sweeps.worker import Row
 
-OURS = 0x666C7877
-"""SQLite's application_id of our databases, "flxw": others are left alone."""
+APPLICATION_ID = 0x666C7877
+"""SQLite's mark of our databases, "flxw": others are left alone."""
 
-WAIT = 1.0
-"""How long another's commit is waited for [s]; it takes milliseconds."""
+LOCK_TIMEOUT = 1.0
+"""For another process's commit [s], which takes milliseconds."""
 
 
 class Store:
@@ -41,14 +41,14 @@ class Store:
         It holds the rows of another sweep.
     """
 
-    def __init__(self, path: Path | None, plan: Plan, identity: Identity, *, fresh: bool = False) -> None:
+    def __init__(self, path: Path | None, plan: Plan, identity: Fingerprint, *, fresh: bool = False) -> None:
         self.path, self.plan = path, plan
         if fresh and path is not None and path.exists():
             self._remove(path)
-        with self._told():
-            self._db = sqlite3.connect(path or ":memory:", timeout=WAIT, isolation_level=None)
+        with self._translated_errors():
+            self._db = sqlite3.connect(path or ":memory:", timeout=LOCK_TIMEOUT, isolation_level=None)
         try:
-            with self._told():
+            with self._translated_errors():
                 self._open(json.dumps(identity, ensure_ascii=False))
         except BaseException:
             self._db.close()
@@ -58,10 +58,10 @@ class Store:
         run = self._db.execute
         run("BEGIN EXCLUSIVE")  # before the look: another sweep may be making the same file
         if not _is_ours(self._db):
-            names = (*RESERVED, *self.plan.sweep.keys, *self.plan.sweep.quantity)
+            names = (*ROW_COLUMNS, *self.plan.sweep.keys, *self.plan.sweep.quantity)
             kinds = ("INTEGER PRIMARY KEY", *["TEXT NOT NULL"] * 3, *[""] * (len(names) - 4))
             columns = ", ".join(f"{_quoted(name)} {kind}" for name, kind in zip(names, kinds, strict=True))
-            run(f"PRAGMA application_id = {OURS}")
+            run(f"PRAGMA application_id = {APPLICATION_ID}")
             run("CREATE TABLE about (name TEXT PRIMARY KEY, value TEXT NOT NULL)")
             run(f"CREATE TABLE rows ({columns})")
             run("INSERT INTO about VALUES ('identity', ?)", (identity,))
@@ -101,7 +101,7 @@ class Store:
         lines = [(*row[:4], *map(_kept, self.plan.values(row.number).values()), *row.values) for row in rows]
         if lines:
             marks = ", ".join("?" * len(lines[0]))
-            with self._told():
+            with self._translated_errors():
                 self._db.executemany(f"INSERT INTO rows VALUES ({marks})", lines)
                 self._commit()
 
@@ -122,9 +122,9 @@ class Store:
 
     def failures(self) -> tuple[int, str]:
         """How many members failed, and the reason of the first."""
-        count = self.count(FAILED)
+        count = self.count("failed")
         first = "SELECT number, reason FROM rows WHERE status = ? ORDER BY number LIMIT 1"
-        return count, "member {}: {}".format(*self._db.execute(first, (FAILED,)).fetchone()) if count else ""
+        return count, "member {}: {}".format(*self._db.execute(first, ("failed",)).fetchone()) if count else ""
 
     def table(self) -> tuple[list[str], Iterator[tuple[Any, ...]]]:
         """Names of the columns, and the rows in the order of their numbers."""
@@ -138,16 +138,16 @@ class Store:
 
     def _remove(self, path: Path) -> None:
         """Begin anew; not while another writes, and not where another program's data are."""
-        with self._told(), contextlib.closing(sqlite3.connect(path, timeout=WAIT)) as db:
+        with self._translated_errors(), contextlib.closing(sqlite3.connect(path, timeout=LOCK_TIMEOUT)) as db:
             db.execute("BEGIN IMMEDIATE")
             _is_ours(db)
-        with self._told():
+        with self._translated_errors():
             for end in ("", "-wal", "-shm"):
                 path.with_name(path.name + end).unlink(missing_ok=True)
 
     @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
-        """What SQLite says, as an error of the project, in one line."""
+    def _translated_errors(self) -> Iterator[None]:
+        """SQLite's errors as an OutputError, in one line."""
         try:
             yield
         except (sqlite3.Error, OSError) as error:
@@ -175,7 +175,7 @@ def _is_ours(db: sqlite3.Connection) -> bool:
     ForeignError
         It has something else.
     """
-    ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == OURS)
+    ours = bool(db.execute("PRAGMA application_id").fetchone()[0] == APPLICATION_ID)
     if not ours and db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
         raise ForeignError("another program's database")
     return ours

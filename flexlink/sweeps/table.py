@@ -1,4 +1,4 @@
-"""Rows of a sweep as they are handed on: to Python, to pandas, to files."""
+"""The rows of a sweep, for Python, for pandas, and as files."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ from typing import Any
 
 from flexlink.common.errors import MissingDependencyError
 from flexlink.common.output import write_whole
-from flexlink.sweeps.plan import RESERVED
+from flexlink.sweeps.plan import ROW_COLUMNS
 
-FORMATS = ("csv", "parquet")
-"""Files that rows are exported to."""
+EXPORT_FORMATS = ("csv", "parquet")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -24,9 +23,9 @@ class SweepRows:
     Attributes
     ----------
     columns
-        number, status ("done" or "failed"), reason, warnings, then what varies, by key, and the quantities.
+        number, status ("done" or "failed"), reason, warnings, then what varies, by key, and the outputs.
     rows
-        One tuple a member; a number that there is not is None.
+        One tuple for each member; None where an output could not be computed.
     """
 
     columns: tuple[str, ...]
@@ -42,11 +41,11 @@ class SweepRows:
 
     @property
     def failed(self) -> dict[int, str]:
-        """Why members have no, or not all, numbers, by their number."""
+        """Reasons of the members that lack outputs, by number."""
         return {row[0]: row[2] for row in self.rows if row[1] == "failed"}
 
     def to_pandas(self) -> Any:
-        """All rows as a pandas.DataFrame, whose index is the number.
+        """All rows as a pandas.DataFrame with the number as index.
 
         Raises
         ------
@@ -57,9 +56,9 @@ class SweepRows:
 
 
 def frame(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> Any:
-    """A DataFrame; texts and numbers each in columns of their own kind."""
+    """The rows as a DataFrame."""
     pandas = _package("pandas", "pandas")
-    return pandas.DataFrame(list(rows), columns=list(columns)).set_index(RESERVED[0])
+    return pandas.DataFrame(list(rows), columns=list(columns)).set_index(ROW_COLUMNS[0])
 
 
 def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -81,13 +80,13 @@ def export(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) ->
 
 
 def require_parquet() -> None:
-    """Know before the work that Parquet files can be written; errors as above."""
+    """Check that Parquet files can be written; errors as above."""
     for name in ("pandas", "pyarrow"):
         _package(name, "pandas pyarrow")
 
 
 def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Numbers as Python writes them, which read back exactly; None as nothing."""
+    """Numbers with all their digits, None as an empty field."""
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)

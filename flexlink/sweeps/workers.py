@@ -1,4 +1,4 @@
-"""Executors that a sweep runs on: here, in processes of its own, on a Dask cluster, or the caller's."""
+"""Executors of a sweep: this thread, own processes, a Dask cluster, or the caller's."""
 
 from __future__ import annotations
 
@@ -11,30 +11,27 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing.connection import Connection
 from threading import Thread
-from typing import ParamSpec, TypeVar
+from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
 from flexlink.describe.spec import truncated
 
-P = ParamSpec("P")
-T = TypeVar("T")
+TASKS_PER_WORKER = 2
+"""So that a worker has its next task when one is done."""
 
-AHEAD = 2
-"""Tasks for each that works: one is there when another is done."""
+MAX_WORKERS = 1024
+"""Processes of a sweep: more than a machine has cores, and some hundred gigabytes."""
 
-MOST = 1024
-"""Processes that a sweep starts, all at once: more than a machine has cores, and a hundred gigabytes."""
-
-PATIENCE = 10
-"""How long a scheduler, and its first worker, are waited for [s]."""
+DASK_TIMEOUT = 10
+"""For a scheduler's answer and its first worker [s]."""
 
 
-class Here(Executor):
-    """Runs what it is given in this thread, at once."""
+class InThread(Executor):
+    """Runs tasks in the calling thread, at once."""
 
-    def submit(self, task: Callable[P, T], /, *arguments: P.args, **named: P.kwargs) -> Future[T]:
-        """Run it: the future that comes back is done."""
-        future: Future[T] = Future()
+    def submit(self, task: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        """Run a task; its future is done."""
+        future: Future[Any] = Future()
         try:
             future.set_result(task(*arguments, **named))
         except Exception as error:
@@ -43,10 +40,10 @@ class Here(Executor):
 
 
 class Workers(ProcessPoolExecutor):
-    """Processes that end with their parent, however that ends, and at once when they are told to.
+    """Processes that end with their parent, however that ends, and at once on `shutdown`.
 
-    Each waits for the other end of a pipe to be closed, which this process alone holds: by `shutdown`, or by its own
-    end. Ctrl-C in a terminal goes to all processes; workers leave the answer to their parent.
+    Each watches a pipe whose other end only this process has: it closes on `shutdown`, or when this process ends.
+    Ctrl-C in a terminal goes to all processes; workers ignore it, their parent handles it.
     """
 
     def __init__(self, count: int) -> None:
@@ -66,15 +63,15 @@ def end_with(watched: Connection) -> None:
     Thread(target=lambda: (watched.poll(None), os._exit(1)), daemon=True).start()
 
 
-class Pool:
-    """An executor, and how it is replaced.
+class WorkerPool:
+    """An executor, and how to replace it.
 
     Attributes
     ----------
     executor
-        What takes tasks.
+        Runs tasks.
     slots
-        How many tasks keep it busy.
+        Number of tasks that keep it busy.
     """
 
     def __init__(self, make: Callable[[], Executor], slots: int, *, again: bool = False) -> None:
@@ -82,7 +79,7 @@ class Pool:
         self.executor = make()
 
     def replace(self) -> bool:
-        """Put another executor in the place of a broken one; whether there is one."""
+        """Replace a broken executor; False if it cannot be replaced."""
         if self.again:
             self.executor.shutdown(wait=False, cancel_futures=True)
             self.executor = self.make()
@@ -90,23 +87,23 @@ class Pool:
 
 
 @contextlib.contextmanager
-def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[Pool]:
-    """Where a sweep runs: the caller's executor or one that the caller's function makes, or else what is named."""
-    if isinstance(executor, Executor):  # it stays its owner's
-        yield Pool(lambda: executor, AHEAD * _count_of(executor))
+def pool_of(executor: Executor | Callable[[], Executor] | None, workers: int, dask: str | None) -> Iterator[WorkerPool]:
+    """The executor of a sweep: the caller's, one that the caller's function returns, or what `dask`, `workers` say."""
+    if isinstance(executor, Executor):  # its owner shuts it down
+        yield WorkerPool(lambda: executor, TASKS_PER_WORKER * _count_of(executor))
     elif callable(executor):
-        yield from _own(Pool(executor, AHEAD * (os.cpu_count() or 1), again=True))
+        yield from _own(WorkerPool(executor, TASKS_PER_WORKER * (os.cpu_count() or 1), again=True))
     elif executor is not None:
         raise ArgumentError(f"executor = {truncated(executor)}: expected a concurrent.futures.Executor, or a function")
     elif dask is not None:
         yield from _on_cluster(dask)
     elif workers > 1:
-        yield from _own(Pool(lambda: Workers(workers), AHEAD * workers, again=True))
+        yield from _own(WorkerPool(lambda: Workers(workers), TASKS_PER_WORKER * workers, again=True))
     else:
-        yield Pool(Here, 1)
+        yield WorkerPool(InThread, 1)
 
 
-def _own(pool: Pool) -> Iterator[Pool]:
+def _own(pool: WorkerPool) -> Iterator[WorkerPool]:
     try:
         yield pool
     finally:
@@ -114,11 +111,11 @@ def _own(pool: Pool) -> Iterator[Pool]:
 
 
 def _count_of(executor: Executor) -> int:
-    """How many work in it; of one that does not say, as many as there are cores."""
+    """Number of workers of an executor; the number of cores if it does not tell."""
     return int(getattr(executor, "_max_workers", 0) or os.cpu_count() or 1)
 
 
-def _on_cluster(address: str) -> Iterator[Pool]:
+def _on_cluster(address: str) -> Iterator[WorkerPool]:
     """On the cluster of a Dask scheduler, such as tcp://10.0.0.1:8786.
 
     Raises
@@ -135,14 +132,14 @@ def _on_cluster(address: str) -> Iterator[Pool]:
             "a Dask cluster needs distributed; install it with: python -m pip install 'flexlink[dask]'"
         ) from None
     try:
-        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+        client = distributed.Client(address, timeout=DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise EngineError(f"{address}: no Dask scheduler answers: {error}") from None
     with client:
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=DASK_TIMEOUT)
         except TimeoutError:
             raise EngineError(
                 f"{address}: the scheduler has no workers; start some with: dask worker {address}"
             ) from None
-        yield Pool(client.get_executor, AHEAD * max(4, sum(client.nthreads().values())))
+        yield WorkerPool(client.get_executor, TASKS_PER_WORKER * max(4, sum(client.nthreads().values())))

@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
-from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Stepping
+from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
+from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner, Stepping
 from flexlink.describe.scene import Scene
+from flexlink.results.convergence import change_of_limit, extrapolated
+from flexlink.results.tip_motion import distances, largest_distance, largest_so_far, tip_travel
 
 Array = NDArray[np.float64]
 
@@ -63,48 +65,43 @@ def truth(scene: Scene, within: float, budget: float) -> Truth:
 
 def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
     """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
-    bench, axes = ModelRunner(scene, budget), most_axes(scene)
-    tips: list[tuple[int, Array]] = []
-    limits: list[Array] = []
+    runner, axes = ModelRunner(scene, budget), all_axes(scene)
+    levels: list[tuple[int, Array]] = []
     motion, errors = 1.0, np.full(scene.run.samples, np.inf)
     for hinges in LEVELS:
-        tip = _tip_of(bench, uniform(axes, hinges), of_motion * motion)
+        tip = _tip_of(runner, uniform(axes, hinges), of_motion * motion)
         if tip is None:
             break
-        tips.append((hinges, tip))
-        motion = float(np.linalg.norm(tip - tip[0], axis=1).max())
-        if len(tips) > 1:
-            (Na, a), (Nb, b) = tips[-2:]
-            limits.append(b + (b - a) / ((Nb / Na) ** 2 - 1))
-        if len(limits) > 1:
-            errors = _up_to(limits[-1] - limits[-2])
+        levels.append((hinges, tip))
+        motion = tip_travel(tip)
+        if len(levels) > 2:
+            errors = largest_so_far(distances(change_of_limit(levels), np.zeros(3)))
             if errors[-1] <= within * motion:
                 break
-    strict = _tip_of(bench, uniform(axes, CHECKED), of_motion * STRICTER * motion)
-    tip = limits[-1] if limits else np.full((scene.run.samples, 3), np.nan)
-    checked = [tip for hinges, tip in tips if hinges == CHECKED]
-    of_steps = _up_to(strict - checked[0]) if checked and strict is not None else np.full(len(tip), np.inf)
+    strict = _tip_of(runner, uniform(axes, CHECKED), of_motion * STRICTER * motion)
+    tip = extrapolated(levels).tip if len(levels) > 1 else np.full((scene.run.samples, 3), np.nan)
+    checked = [tip for hinges, tip in levels if hinges == CHECKED]
+    of_steps = (
+        largest_so_far(distances(strict, checked[0]))
+        if checked and strict is not None
+        else np.full_like(errors, np.inf)
+    )
     return Truth(tip, motion, errors), of_steps
 
 
-def _up_to(difference: Array) -> Array:
-    """Largest length up to every sample (samples,) [m]."""
-    return np.asarray(np.maximum.accumulate(np.linalg.norm(difference, axis=1)))
-
-
-def _tip_of(bench: ModelRunner, model: Model, tolerance: float) -> Array | None:
+def _tip_of(runner: ModelRunner, model: Model, tolerance: float) -> Array | None:
     for method in (METHOD, "auto"):
-        outcome = bench.run(model, Stepping(method, tolerance=tolerance))
-        if outcome.whole:
+        outcome = runner.run(model, Stepping(method, tolerance=tolerance))
+        if outcome.completed:
             return outcome.tip
     return None
 
 
 def naive_cost(scene: Scene) -> float:
     """CPU time of the careless model [s], by its evaluations, without running it."""
-    bench, model = ModelRunner(scene, np.inf), uniform(most_axes(scene), NAIVE)
-    stepping = bench.fixed(OF_STABLE * bench.stable(model))
-    return np.inf if stepping is None else bench.fixed_cost(model, stepping)
+    runner, model = ModelRunner(scene, np.inf), uniform(all_axes(scene), NAIVE)
+    stepping = runner.fixed_steps(STABLE_SHARE * runner.stable_step(model))
+    return np.inf if stepping is None else runner.fixed_steps_cost(model, stepping)
 
 
 def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes) -> dict[float, float]:
@@ -116,12 +113,12 @@ def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes)
     best = dict(allowed)
     for model in _grid(scene, axes):
         for stepping in _steppings(scene, model, best):
-            bench = ModelRunner(scene, max(best.values()))
-            if stepping.step is not None and bench.fixed_cost(model, stepping) >= bench.budget:
+            runner = ModelRunner(scene, max(best.values()))
+            if stepping.step is not None and runner.fixed_steps_cost(model, stepping) >= runner.budget:
                 continue
-            outcome = bench.run(model, stepping)
-            if outcome.whole:
-                error = float(np.linalg.norm(outcome.tip - true.tip, axis=1).max())
+            outcome = runner.run(model, stepping)
+            if outcome.completed:
+                error = largest_distance(outcome.tip, true.tip)
                 best |= {
                     tolerance: min(cost, outcome.seconds) for tolerance, cost in best.items() if error <= tolerance
                 }
@@ -133,15 +130,15 @@ def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
         [None] + [Bend(flex, rule, n) for rule, counts in GRID.items() for n in counts if flex != "rigid"]
         for flex in axes
     ]
-    models = [model for model in itertools.product(*choices) if is_scene(scene, model)]
+    models = [model for model in itertools.product(*choices) if can_move(scene, model)]
     return iter(sorted(models, key=lambda model: sum(bend.hinges for bend in model if bend)))
 
 
 def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
-    bench = ModelRunner(scene, np.inf)
-    stable = bench.stable(model)
+    runner = ModelRunner(scene, np.inf)
+    stable = runner.stable_step(model)
     for factor in FACTORS:
-        stepping = bench.fixed(factor * OF_STABLE * stable)
+        stepping = runner.fixed_steps(factor * STABLE_SHARE * stable)
         if stepping is not None:
             yield stepping
     for method, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):

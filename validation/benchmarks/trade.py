@@ -20,8 +20,8 @@ from flexlink.chain.chain import Chain
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
-from flexlink.dynamics.placement import tip_position
-from flexlink.results.deflection import unbent
+from flexlink.dynamics.placement import tip_position, unbent
+from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks.first_order import FirstOrder
 from validation.benchmarks.formulas import INPUTS
 from validation.benchmarks.reference_values import reference_array
@@ -123,11 +123,6 @@ def reference(name: str) -> Seen:
     return Seen(*(reference_array(reference_name(name), part) for part in Seen._fields))
 
 
-def motion_of(tip: Array) -> float:
-    """Largest distance of the tip from its start [m]."""
-    return float(np.linalg.norm(tip - tip[0], axis=1).max())
-
-
 class Errors(NamedTuple):
     """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
 
@@ -138,7 +133,7 @@ class Errors(NamedTuple):
 def errors(name: str, found: Seen) -> Errors:
     """How far a run is from the reference."""
     exact = reference(name)
-    sizes = motion_of(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
+    sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
     apart = (np.linalg.norm(ours - theirs, axis=1).max() for ours, theirs in zip(found, exact, strict=True))
     parts = (float(part / size) for part, size in zip(apart, sizes, strict=True))
     return Errors(*(part if np.isfinite(part) else np.inf for part in parts))

@@ -22,8 +22,9 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
+from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks.reference_values import FOLDER, look_up
-from validation.benchmarks.trade import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
+from validation.benchmarks.trade import Seen, is_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
@@ -63,7 +64,7 @@ def compute(name: str) -> float:
     for halvings in range(HALVINGS):
         tenth, step10 = _run(scene, "RK10", 2**halvings)
         fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
-        apart = float(np.linalg.norm(tenth.tip - fourth.tip, axis=1).max()) / motion_of(tenth.tip)
+        apart = float(np.linalg.norm(tenth.tip - fourth.tip, axis=1).max()) / tip_travel(tenth.tip)
         if apart <= AGREE:
             methods = {"RK10": step10, "RK4": step4}
             _store(name, scene, tenth, apart, methods, time.process_time() - start)

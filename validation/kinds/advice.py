@@ -128,11 +128,11 @@ def _rows(cell: Cell, facts: Facts) -> Iterator[Measured]:
     word = "met" if advice.met else "cannot"
     note = f"{word}; {advice.runs} runs; {advice.lines[-2]}" + ("" if _is_known(cell) else "; the truth is not known")
     yield Measured("true error", cell.error / cell.true.motion, kept, varied=facts, note=note)
-    if advice.met and advice.limit is not None and _is_known(cell):
+    if advice.met and advice.converged_tip is not None and _is_known(cell):
         yield Measured("stated over true error", advice.error / cell.error, kept, varied=facts)
     if advice.met:
-        yield Measured("naive over advised cost", cell.naive / advice.seconds, kept, varied=facts)
-    yield Measured("advice over naive cost", advice.effort / cell.naive, kept, varied=facts)
+        yield Measured("naive over advised cost", cell.naive / advice.run_time, kept, varied=facts)
+    yield Measured("advice over naive cost", advice.compute_time / cell.naive, kept, varied=facts)
 
 
 def _beside_the_grid(scene: Scene, true: Truth, cells: list[Cell]) -> Iterator[tuple[float, float]]:
@@ -141,9 +141,9 @@ def _beside_the_grid(scene: Scene, true: Truth, cells: list[Cell]) -> Iterator[t
         return
     finest = max(met.values(), key=lambda cell: -cell.tolerance)
     axes = tuple(link.flex for link in finest.advice.scene.arm.links)
-    best = cheapest(scene, true, {tolerance: cell.advice.seconds for tolerance, cell in met.items()}, axes)
+    best = cheapest(scene, true, {tolerance: cell.advice.run_time for tolerance, cell in met.items()}, axes)
     for tolerance, cell in met.items():
-        yield cell.advice.seconds / best[tolerance], cell.tolerance
+        yield cell.advice.run_time / best[tolerance], cell.tolerance
 
 
 def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
@@ -153,15 +153,15 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
     yield Measured("cells", len(cells))
     yield Measured("cells judged", len(known))
     yield Measured("cells met", sum(cell.advice.met for cell in cells))
-    stated = [c for c in known if c.advice.met and c.advice.limit is not None]
+    stated = [c for c in known if c.advice.met and c.advice.converged_tip is not None]
     yield from _spread("stated over true error", [c.advice.error / c.error for c in stated])
     yield Measured("stated too little", sum(c.advice.error < c.error - c.true.error for c in stated))
     most = max((c.advice.error / (c.error + c.true.error) for c in stated), default=1.0)
     yield Measured("stated too much", most)
-    yield from _spread("advice over naive cost", [cell.advice.effort / cell.naive for cell in cells])
+    yield from _spread("advice over naive cost", [cell.advice.compute_time / cell.naive for cell in cells])
     yield from _spread("advice's time over naive cost", [cell.seconds / cell.naive for cell in cells])
     for tolerance in sorted({cell.tolerance for cell in cells}, reverse=True):
-        ratios = [c.naive / c.advice.seconds for c in cells if c.advice.met and c.tolerance == tolerance]
+        ratios = [c.naive / c.advice.run_time for c in cells if c.advice.met and c.tolerance == tolerance]
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
     short = [cell for cell in cells if not cell.advice.met]

@@ -15,8 +15,8 @@ from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks.error_parts import Fine, Path, Setup, Type, apart
-from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.timing.work_precision import Point, cost
@@ -84,7 +84,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, list[Point]], float]:
     """Errors as parts of the motion, evaluations in place of seconds, by method; and the reference's own error."""
     truth = settings.exact.in_time(scene, cut)
-    return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / motion_of(
+    return {m: list(_ladder(scene, cut, m, k, truth)) for m, k in settings.halvings.items()}, truth.own / tip_travel(
         truth.tip
     )
 
@@ -98,7 +98,7 @@ def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -
         setup = replace(cut, method=method, step=scene.run.sample / steps)
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
-            error = apart(setup.tip(scene), truth.tip) / motion_of(truth.tip)
+            error = apart(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
         except fl.FlexlinkError:  # a posture passed later has a shorter stable step
             error = math.inf
         yield Point(scene.run.sample / steps, error, evaluations)

@@ -20,8 +20,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
+from flexlink.results.tip_motion import tip_travel
 from validation.benchmarks.error_parts import Fine, Setup, Type, apart
-from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured
 from validation.store import Series, table
 from validation.timing.native_trade import OF_STABLE, timed_run
@@ -107,7 +107,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     for name, grid in settings.scene.items():
         scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
         truth = grid.fine.limit(scene, grid.true)
-        motion = motion_of(truth.tip)
+        motion = tip_travel(truth.tip)
         yield Measured("own error / smallest error", truth.own / (motion * min(settings.errors)), scene.name)
         setups = grid.setups(scene, motion)
         made = [run for setup in setups if (run := _made(scene, setup, truth.tip, motion, settings.budget))]

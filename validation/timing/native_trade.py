@@ -19,7 +19,8 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import SingleRun
-from validation.benchmarks.trade import OUTPUTS, Seen, errors, motion_of, reference, seen, trade_scene
+from flexlink.results.tip_motion import tip_travel
+from validation.benchmarks.trade import OUTPUTS, Seen, errors, reference, seen, trade_scene
 from validation.timing.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
@@ -64,7 +65,7 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list
 
     Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
     """
-    scene, points, motion, rung = trade_scene(name), list[Point](), motion_of(reference(name).tip), 0
+    scene, points, motion, rung = trade_scene(name), list[Point](), tip_travel(reference(name).tip), 0
     while rung < RUNGS:
         tolerance = COARSEST * motion * FINER**rung
         try:

@@ -26,6 +26,7 @@ from flexlink.dynamics.result import SavedResult
 from flexlink.dynamics.tangent import gyroscopic_matrix, point_jacobian, tangent, unlocked
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
+from flexlink.dynamics.vibration.mode_kinds import mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
 
 Array = NDArray[np.float64]
@@ -49,6 +50,11 @@ class Modes(SavedResult):
         Body origins and tip at the posture itself, frame 0, shape (bodies, 3) [m].
     rounding
         How far rounding may have moved each λ [1/s], shape (modes,); 0 where the sign of its real part is certain.
+    kinds
+        "elastic" if springs hold most of a mode's energy, "pendulum" if gravity and loads do, "rigid" if nothing holds
+        it.
+    elastic_shares
+        Share of the springs in its energy, shape (modes,), as in `vibration.mode_kinds`.
     """
 
     eigenvalues: Complex
@@ -56,6 +62,8 @@ class Modes(SavedResult):
     paths: NDArray[np.inexact]
     points: Array
     rounding: Array
+    kinds: tuple[str, ...]
+    elastic_shares: Array
 
     def __repr__(self) -> str:
         told = short_list([f"{f:.4g}" for f in self.hertz])
@@ -88,6 +96,12 @@ class Modes(SavedResult):
     def hertz(self) -> Array:
         """`frequencies` / 2π [Hz]."""
         return self.frequencies / (2 * np.pi)
+
+    @property
+    def first_elastic_hertz(self) -> float:
+        """Lowest frequency of an elastic mode [Hz]; nan if there is none."""
+        elastic = self.hertz[[kind == "elastic" for kind in self.kinds]]
+        return float(elastic[0]) if len(elastic) else np.nan
 
     @property
     def damping_ratios(self) -> Array:
@@ -147,14 +161,17 @@ def modes(
     rates = np.zeros(n) if qd is None else vector("qd", qd, n)
     wrench = wrench_vector(tip_wrench)
     free = unlocked(chain, locked)
-    C = (gyroscopic_matrix(chain, q, rates) + np.diag(damping_slope(chain)))[np.ix_(free, free)]
+    friction = damping_slope(chain)
+    C = (gyroscopic_matrix(chain, q, rates) + np.diag(friction))[np.ix_(free, free)]
     M, L = factored_mass(chain, q, free)
-    λ, vectors, rounding = eigenproblem.solve(M, L, C, tangent(chain, q, rates, wrench, free, follower))
+    K = tangent(chain, q, rates, wrench, free, follower)
+    λ, vectors, rounding = eigenproblem.solve(M, L, C, K)
     shapes = np.zeros((len(λ), n), dtype=vectors.dtype)
     largest = vectors[np.abs(vectors).argmax(axis=0), np.arange(len(λ))]
     shapes[:, free] = (vectors / largest).T
     paths = np.einsum("mk,bkx->mbx", shapes, point_jacobian(chain, q))
-    return Modes(λ, shapes, paths, frames(chain, q).points, rounding)
+    kinds, shares = mode_kinds(λ, shapes[:, free], K, chain.stiffness[free], friction[free])
+    return Modes(λ, shapes, paths, frames(chain, q).points, rounding, kinds, shares)
 
 
 def natural_frequencies(

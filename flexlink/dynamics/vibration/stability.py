@@ -242,7 +242,7 @@ def stable_step(
     gains: Gains | None = None,
     method: str = "RK4",
 ) -> float:
-    """Largest step [s] at which `method` does not blow up on this chain about a state (default: straight, at rest).
+    """Largest step [s] at which `method` does not blow up on this chain about a state.
 
     The largest h with |R(h'λ)| ≤ 1 + 1e-6 for all `eigenvalues` λ of the chain and all h' ≤ h; a motion that grows by
     itself, Re λ > 0, is judged as one that swings at the rate |λ|. Motion to other postures and rates shifts the
@@ -253,7 +253,7 @@ def stable_step(
     chain
         The chain.
     q, qd
-        Posture [rad] and rates [rad/s], shape (n,); default: straight, at rest.
+        Posture [rad] and rates [rad/s], shape (n,); default: springs slack, joints at zero, as in `modes`; at rest.
     tip_wrench, frame, gains
         As in `eigenvalues`.
     method
@@ -273,7 +273,7 @@ def stable_step(
     SingularMassError
         A coordinate moves no inertia of its own at this posture.
     """
-    q = np.zeros(require_type("chain", chain, Chain).n) if q is None else q
+    q = require_type("chain", chain, Chain).rest if q is None else q
     λ = fastest_eigenvalues(chain, q, qd, tip_wrench=tip_wrench, frame=frame, gains=gains)
     return stable_step_of(λ, method)
 

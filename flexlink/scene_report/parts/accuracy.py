@@ -65,8 +65,8 @@ def _of_the_cut(about: Refinement) -> list[str]:
 
 
 def _early(about: Refinement) -> list[tuple[float, str]]:
-    outcomes = {factor: about.bench.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
-    return [(factor, outcome.why) for factor, outcome in outcomes.items() if not outcome.whole]
+    outcomes = {factor: about.runner.run(about.cut(factor), about.strict) for factor in (1.0, 2.0, 4.0)}
+    return [(factor, outcome.reason) for factor, outcome in outcomes.items() if not outcome.completed]
 
 
 def _of_the_steps(about: Refinement) -> str:
@@ -84,7 +84,7 @@ def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
         f"The run takes {_seconds(own.seconds)} of CPU here, {number(duration / own.seconds)} times faster than the "
         "arm moves."
     )
-    known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.whole]
+    known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
     if math.isfinite(own.error) and known:
         better = [one for one in known if one.error < own.error]
@@ -127,7 +127,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
     lines = tuple(
         (one.label, one.n or None, one.stepping, one.error if math.isfinite(one.error) else None,
          one.seconds or None, duration / one.seconds if one.seconds else None,
-         "" if one.outcome.whole else one.outcome.why)
+         "" if one.outcome.completed else one.outcome.reason)
         for one in choices
     )  # fmt: skip
     return Sheet("choices", "This scene's choices, and others beside them", heads, lines)

@@ -8,14 +8,13 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
-from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
+from flexlink.dynamics.vibration.at_rest import rest_of
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, INK, stacked_axes, tidy_logs
 from flexlink.pages.tables import Sheet, table_csv
-from flexlink.results.deflection import unbent
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
@@ -36,7 +35,7 @@ def made(study: Study) -> Part | None:
     wrench, frame = initial_wrench(study.scene, chain)
     at = run.q[-1].copy()
     at[chain.active] = angles
-    rest = solve_static(chain, unbent(chain, at), tip_wrench=wrench, frame=frame, locked=chain.active.tolist())
+    rest = rest_of(chain, at, tip_wrench=wrench, frame=frame)
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
         return Part((

@@ -7,14 +7,13 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.equilibrium import buckling_loads
-from flexlink.dynamics.placement import frames, tip_position
+from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Sheet, table_csv
-from flexlink.results.deflection import unbent
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
 from flexlink.scene_report.views import draw_arm, draw_shadow, panels, views_of

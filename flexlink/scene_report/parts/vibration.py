@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexlink.dynamics.vibration.modal import Modes, modes
+from flexlink.dynamics.vibration.at_rest import modes_at_rest
+from flexlink.dynamics.vibration.modal import Modes
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
@@ -29,23 +30,29 @@ def made(study: Study) -> Part | None:
         return None
     chain, rest = study.chain, study.rest
     wrench, frame = initial_wrench(study.scene, chain)
-    found = modes(chain, rest.q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist())
-    slow = found.hertz[0]
+    found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
     sentences = (
-        "Small vibrations about the arm at rest, its driven joints held; gravity counts. "
-        f"The slowest is {number(float(slow))} Hz, with a damping ratio of {number(float(found.damping_ratios[0]))}.",
+        "Small vibrations about the arm at rest, its driven joints held; gravity counts. " + _first(found),
         "" if found.stable else "Not all of them die out: about this posture the arm is not stable.",
     )
-    heads = ("mode", "frequency [Hz]", "damping ratio", "tip moves most along")
+    heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along")
     lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
     table = Sheet("modes", "Modes, slowest first", heads, lines, to_look_up=len(lines) > LISTED)
     return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
 
 
+def _first(found: Modes) -> str:
+    if "elastic" not in found.kinds:
+        return "None of them is elastic: loads, not springs, hold the arm."
+    k = found.kinds.index("elastic")
+    ratio = number(float(found.damping_ratios[k]))
+    return f"The first elastic frequency is {number(float(found.hertz[k]))} Hz, with a damping ratio of {ratio}."
+
+
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
     tip = np.abs(found.paths[k, -1])
     axis = "xyz"[int(np.argmax(tip))] if tip.any() else ""
-    return k + 1, float(found.hertz[k]), float(found.damping_ratios[k]), axis
+    return k + 1, float(found.hertz[k]), float(found.damping_ratios[k]), found.kinds[k], axis
 
 
 def _picture(study: Study, found: Modes) -> Picture:

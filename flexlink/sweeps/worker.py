@@ -1,11 +1,11 @@
-"""What is done with members, wherever they run: scenes from their numbers, runs side by side, one row each."""
+"""The task of a worker: scenes of members from their numbers, runs side by side, one row each."""
 
 from __future__ import annotations
 
 import functools
 import time
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -24,58 +24,49 @@ from flexlink.sweeps.fingerprint import version
 from flexlink.sweeps.measures import measured
 from flexlink.sweeps.plan import Plan, Sweep
 
-DONE, FAILED = "done", "failed"
-
 
 class Row(NamedTuple):
-    """What is kept of a member."""
+    """The row of a member."""
 
     number: int
-    status: str
-    reason: str  # of one that failed
+    status: Literal["done", "failed"]
+    reason: str  # why it failed, or empty
     warnings: str
     values: tuple[float | None, ...]  # in the order of the quantities
 
 
-class Rows(NamedTuple):
-    """What a task has done, and how long that took."""
-
-    rows: list[Row]
-    seconds: float
-
-
-def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> Rows:
-    """The rows of members: the task of a worker.
+def rows_of(text: bytes, theirs: str, numbers: Sequence[int]) -> tuple[list[Row], float]:
+    """The task of a worker: rows of members, and the time they took [s].
 
     Parameters
     ----------
     text
         The sweep, as `msgspec.json` encodes it: decoded once in a process.
     theirs
-        The version of flexlink that asks; rows of two versions are not mixed.
+        Version of flexlink that started the sweep; rows of two versions are not mixed.
     numbers
-        The members. Those that are asked to stop have no row.
+        The members. Those that a signal stops have no row.
 
     Raises
     ------
     EngineError
         flexlink is another version here.
     """
-    begun = time.perf_counter()
-    greet(text, theirs)
+    started = time.perf_counter()
+    handshake(text, theirs)
     plan = plan_of(text)
     with deferred() as stop:
-        found = _outcomes(plan, numbers, stop)
+        results = _outcomes(plan, numbers, stop)
         rows = [
             _row(plan, number, outcome)
-            for number, outcome in zip(numbers, found, strict=True)
+            for number, outcome in zip(numbers, results, strict=True)
             if not isinstance(outcome, InterruptedRunError)
         ]
-    return Rows(rows, time.perf_counter() - begun)
+    return rows, time.perf_counter() - started
 
 
-def greet(text: bytes, theirs: str) -> None:
-    """What a worker is asked first: whether it has the version that asks, and can read the sweep.
+def handshake(text: bytes, theirs: str) -> None:
+    """Check that a worker has the same version as the process that started the sweep, and can read the sweep.
 
     Raises
     ------
@@ -83,7 +74,9 @@ def greet(text: bytes, theirs: str) -> None:
         flexlink is another version here.
     """
     if theirs != version():
-        raise EngineError(f"a worker has flexlink {version()}, but flexlink {theirs} has started the sweep")
+        raise EngineError(
+            f"a worker has flexlink {version()}, but the sweep was started by flexlink {theirs}; install one version"
+        )
     plan_of(text)
 
 
@@ -93,13 +86,13 @@ def plan_of(text: bytes) -> Plan:
     return Plan(msgspec.json.decode(text, type=Sweep))
 
 
-def lost(plan: Plan, number: int, reason: str) -> Row:
-    """The row of a member without numbers."""
-    return Row(number, FAILED, reason, "", (None,) * len(plan.sweep.quantity))
+def failed_row(plan: Plan, number: int, reason: str) -> Row:
+    """The row of a member that has no numbers."""
+    return Row(number, "failed", reason, "", (None,) * len(plan.sweep.quantity))
 
 
 def goes_side_by_side(plan: Plan, number: int) -> bool:
-    """Whether a member shares a pass of the kernel with its neighbours, so that eight of them cost little more."""
+    """Whether the kernel runs a member together with its neighbours, eight at little more than the cost of one."""
     try:
         scene, engine = plan.member(number)
     except FlexlinkError:
@@ -109,7 +102,7 @@ def goes_side_by_side(plan: Plan, number: int) -> bool:
 
 
 def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
-    found: dict[int, Outcome] = {}
+    results: dict[int, Outcome] = {}
     native: dict[int, Scene] = {}
     for number in numbers:
         try:
@@ -117,11 +110,11 @@ def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
             if engine == "native":
                 native[number] = scene
             else:
-                found[number] = _integrated(scene, engine)
+                results[number] = _integrated(scene, engine)
         except FlexlinkError as error:
-            found[number] = error
-    found |= zip(native, outcomes(list(native.values()), stop), strict=True)
-    return [found[number] for number in numbers]
+            results[number] = error
+    results |= zip(native, outcomes(list(native.values()), stop), strict=True)
+    return [results[number] for number in numbers]
 
 
 def _integrated(scene: Scene, engine: str) -> Trajectory:
@@ -132,6 +125,6 @@ def _integrated(scene: Scene, engine: str) -> Trajectory:
 
 def _row(plan: Plan, number: int, outcome: Outcome) -> Row:
     if not isinstance(outcome, Trajectory):
-        return lost(plan, number, f"{type(outcome).__name__}: {outcome}")
+        return failed_row(plan, number, f"{type(outcome).__name__}: {outcome}")
     values, reason = measured(plan.sweep.quantity, outcome)
-    return Row(number, FAILED if reason else DONE, reason, "\n".join(outcome.warnings), values)
+    return Row(number, "failed" if reason else "done", reason, "\n".join(outcome.warnings), values)

@@ -1,0 +1,94 @@
+"""CPU time of runs: number of evaluations times the cost of one, from a list of what each body of a chain adds.
+
+An evaluation is a stage of an explicit method, or a stage in one pass of Newton's iteration of an implicit one. Costs
+are those of the machine that the list was measured on; `machine_factor` scales them to this one.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.data_files import read_toml
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.describe.spec import NonNegative, Spec, decode
+from flexlink.dynamics.accelerations import solver_for
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
+
+Bodies = NDArray[np.intp]
+"""Number of bodies with 0, 1, 2, 3 hinges, shape (4,)."""
+
+NEWTON_PASSES = {"plane": 2.0, "space": 5.0}
+"""Typical passes of Newton's iteration a step: a step costs 2.7 to 6.8 explicit evaluations a stage in a plane and 4.9
+to 15 in space, measured on the trade's 16 scenes with 7 tolerances; most where dry friction changes its direction."""
+
+
+class Rate(Spec, frozen=True):
+    """Cost of one evaluation: `start`, and `body` for each body with 0, 1, … hinges [µs]."""
+
+    start: NonNegative
+    body: tuple[NonNegative, ...]
+
+
+@functools.cache
+def rates() -> dict[str, dict[str, Rate]]:
+    """The measured rates of `explicit` and `implicit` methods, for chains in a `plane` and in `space`."""
+    return decode(read_toml(Path(__file__).parent / "data" / "evaluation_costs.toml"), dict[str, dict[str, Rate]])
+
+
+def bodies_of(chain: Chain) -> Bodies:
+    """How many bodies of a chain have 0, 1, 2, 3 hinges, the tip frame not counted."""
+    hinges = (chain.bodies["stop"] - chain.bodies["first"])[:-1]
+    return np.bincount(np.minimum(hinges, 3), minlength=4)
+
+
+def evaluation_cost(bodies: Bodies, *, planar: bool, explicit: bool) -> float:
+    """CPU time of one evaluation [s] of a chain with these bodies."""
+    rate = rates()["explicit" if explicit else "implicit"]["plane" if planar else "space"]
+    return 1e-6 * (rate.start + float(np.dot(rate.body, bodies[: len(rate.body)])))
+
+
+def run_cost(chain: Chain, name: str, evaluations: float) -> float:
+    """CPU time [s] of so many evaluations by the method of this name."""
+    one = evaluation_cost(bodies_of(chain), planar=chain.is_planar, explicit=method(name).explicit)
+    return evaluations * one
+
+
+def step_cost(chain: Chain, name: str) -> float:
+    """CPU time of one step [s]; of an implicit method within about a factor of two."""
+    rule = method(name)
+    passes = 1.0 if rule.explicit else NEWTON_PASSES["plane" if chain.is_planar else "space"]
+    return run_cost(chain, name, passes * rule.stages)
+
+
+def machine_factor(scene: Scene, chain: Chain) -> float:
+    """How many times the listed cost an evaluation takes on this machine, measured in about 30 ms."""
+    return evaluation_time(scene, chain) / run_cost(chain, "RK4", 1)
+
+
+def evaluation_time(scene: Scene, chain: Chain) -> float:
+    """Measured CPU time [s] of one stage of an explicit method in its compiled loop: the shortest of five times."""
+    q, qd = initial_state(scene, chain)
+    state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
+    work = solver_for(chain, scene.run.solver).workspace(chain.arrays)
+    rule = method("RK2")
+    steps_of_no_length = work, rule.arrays, input_arrays(scene, chain), 0.0
+
+    def taken(steps: int) -> float:
+        started = time.thread_time()
+        integrate(*steps_of_no_length, 0, 0, steps, NEVER, state, none)
+        return time.thread_time() - started
+
+    taken(1)  # compiles
+    steps = 1
+    while taken(steps) < 2e-3:  # [s], a thousand times the resolution of the clock
+        steps *= 2
+    return min(taken(steps) for _ in range(5)) / (steps * rule.stages)

@@ -1,0 +1,43 @@
+"""The arm at rest with its driven joints held: its sag, its modes, and its first elastic frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import Frame
+from flexlink.dynamics.equilibrium import Equilibrium, solve_static
+from flexlink.dynamics.placement import unbent
+from flexlink.dynamics.vibration.modal import Modes, modes
+
+Array = NDArray[np.float64]
+
+
+def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:
+    """Static equilibrium with the driven joints held at their angles in a posture q, shape (n,) [rad].
+
+    Errors as of `solve_static`.
+    """
+    held = chain.active.tolist()
+    return solve_static(chain, unbent(chain, q), tip_wrench=tip_wrench, frame=frame, locked=held)
+
+
+def modes_at_rest(
+    chain: Chain, rest: Equilibrium, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
+) -> Modes:
+    """Modes about such an equilibrium, the driven joints held."""
+    return modes(chain, rest.q, tip_wrench=tip_wrench, frame=frame, locked=chain.active.tolist())
+
+
+def first_elastic_frequency(
+    chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world"
+) -> float:
+    """The lowest elastic frequency of the arm at rest [Hz], its driven joints held at their angles in q; nan if none.
+
+    Errors as of `solve_static`.
+    """
+    if not (chain.stiffness[chain.hinges["prescribed"] == 0] > 0).any():
+        return np.nan
+    rest = rest_of(chain, q, tip_wrench=tip_wrench, frame=frame)
+    return modes_at_rest(chain, rest, tip_wrench=tip_wrench, frame=frame).first_elastic_hertz
