@@ -12,7 +12,7 @@ from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.files import read_regular
 from flexlink.engines import load_here
 from flexlink.engines.base import Array, Engine, File, Reader
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines.child_process import IsolatedEngine
 
 ROOTS = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
@@ -62,7 +62,7 @@ def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = Fal
         loaded.read_back().require_sound()
     except ArgumentError as error:
         raise DataFileError(f"{path}: {error}") from error
-    return Loaded(form, loaded, tuple(loaded.complaints) if isinstance(loaded, IsolatedEngine) else ())
+    return Loaded(form, loaded, tuple(loaded.stderr_errors) if isinstance(loaded, IsolatedEngine) else ())
 
 
 def _format(path: Path, n: int) -> str:

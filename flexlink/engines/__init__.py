@@ -9,7 +9,7 @@ from flexlink.chain.arguments import choice, given
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
 from flexlink.engines.base import Engine, File
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines.child_process import IsolatedEngine
 
 
 class Adapter(NamedTuple):

@@ -1,4 +1,4 @@
-"""Drake, from the exported SDF; it runs in a process of its own, because some files abort it (`engines.isolated`).
+"""Drake, from the exported SDF; it runs in a process of its own, because some files abort it (`engines.child_process`).
 
 M, T_GC, springs, dampers, rotors and q̈ are Drake's own. It ignores the world's gravity and dry friction, both of which
 the file holds: gravity is set, and the smooth Coulomb law c tanh(q̇/w) joins the drive in a system of ours that every
