@@ -19,7 +19,7 @@ from flexlink import (
     lump,
     mass_matrix,
 )
-from flexlink.diagnosis.states import BALANCE, State, mixed_states, random_states
+from flexlink.diagnosis.states import IMBALANCE, State, mixed_states, random_states
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
 
@@ -53,7 +53,7 @@ def test_a_quarter_of_the_states_is_balanced_to_a_millionth_but_not_exactly(chai
     for q, qd, tau, wrench in balanced:
         held = gravity_torque(chain, q) + elastic_torque(chain, q)
         off = np.abs(tau / held - 1)
-        assert 0 < off.max() <= BALANCE
+        assert 0 < off.max() <= IMBALANCE
         assert not qd.any() and not wrench.any()
 
 

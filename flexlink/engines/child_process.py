@@ -26,7 +26,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError
 from flexlink.common.processes import exit_when_closed
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import File, Samples
+from flexlink.engines.base import ForeignFile, Samples
 
 CALL_TIMEOUT = 300.0
 """Longest time of a call [s]. A call takes milliseconds, but a first run may have to compile our kernels."""
@@ -145,7 +145,7 @@ class IsolatedEngine:
         The engine raises another error, its process crashes, or it does not answer in time.
     """
 
-    def __init__(self, name: str, source: Chain | File) -> None:
+    def __init__(self, name: str, source: Chain | ForeignFile) -> None:
         self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)
         self._child = ChildProcess()
         try:
@@ -179,7 +179,7 @@ class IsolatedEngine:
 _loaded: dict[str, Any] = {}  # of the child: its engine
 
 
-def _load(name: str, source: Chain | File) -> tuple[str, int]:
+def _load(name: str, source: Chain | ForeignFile) -> tuple[str, int]:
     engine = _loaded["engine"] = engines.load_here(name, source)
     return engine.version, engine.n
 
