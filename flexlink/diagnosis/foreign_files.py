@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 from flexlink.chain.arguments import choice
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.files import read_regular
 from flexlink.engines import load_here
-from flexlink.engines.base import Engine, ForeignFile
+from flexlink.engines.base import FileEngine, ForeignFile
 from flexlink.engines.child_process import IsolatedEngine
-from flexlink.engines.read_back import Array
 
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
 """Engines that read a format, the default first."""
-
-
-class FileEngine(Engine, Protocol):
-    """An engine with a foreign file."""
-
-    def fill_missing(self, fields: Mapping[str, Array]) -> None:
-        """Set fields of `ReadBack` that the file does not specify."""
-
-    def neutralize_settings(self) -> None:
-        """Disable all that acts beside gravity, springs and dampers."""
 
 
 class LoadedFile(NamedTuple):

@@ -8,7 +8,7 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -73,6 +73,16 @@ class Engine(Protocol):
 
     def read_back(self) -> ReadBack:
         """The arm as this engine has read it."""
+
+
+class FileEngine(Engine, Protocol):
+    """An engine with a foreign file."""
+
+    def fill_missing(self, fields: Mapping[str, Array]) -> None:
+        """Set fields of `ReadBack` that the file does not specify."""
+
+    def neutralize_settings(self) -> None:
+        """Disable all that acts beside gravity, springs and dampers."""
 
 
 class ForeignFile(NamedTuple):

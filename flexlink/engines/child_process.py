@@ -26,7 +26,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError
 from flexlink.common.processes import exit_when_closed
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import ForeignFile, Samples
+from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
 
 CALL_TIMEOUT = 300.0
 """Longest time of a call [s]. A call takes milliseconds, but a first run may have to compile our kernels."""
@@ -134,6 +134,16 @@ def _serve(file_descriptor: int) -> None:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
+def _in_child(method: Any) -> Any:
+    """The method of an `IsolatedEngine` that calls the method of the engine in the child."""
+
+    @functools.wraps(method)
+    def call(engine: Any, *arguments: Any, **named: Any) -> Any:
+        return engine._call(method.__name__, _run, method.__name__, *arguments, **named)
+
+    return call
+
+
 class IsolatedEngine:
     """The engine `name` with a chain or a file, as the protocol `Engine`; every method runs in a child process.
 
@@ -153,11 +163,15 @@ class IsolatedEngine:
         except ArgumentError as error:
             raise ArgumentError("; ".join([str(error), *self.stderr_errors])) from None
 
-    def __getattr__(self, method: str) -> Any:
-        """A method of the engine."""
-        if method.startswith("_"):  # also what `copy` and others look for before there is a child
-            raise AttributeError(method)
-        return functools.partial(self._call, method, _run, method)
+    mass_matrix = _in_child(Engine.mass_matrix)
+    bias_torque = _in_child(Engine.bias_torque)
+    gravity_torque = _in_child(Engine.gravity_torque)
+    elastic_torque = _in_child(Engine.elastic_torque)
+    friction_torque = _in_child(Engine.friction_torque)
+    forward_dynamics = _in_child(Engine.forward_dynamics)
+    read_back = _in_child(Engine.read_back)
+    fill_missing = _in_child(FileEngine.fill_missing)
+    neutralize_settings = _in_child(FileEngine.neutralize_settings)
 
     def integrate(self, scene: Scene) -> Samples:
         """Run the scene; the time limit grows with the number of steps."""
