@@ -1,15 +1,15 @@
 """Drake, from the exported SDF; it runs in a child process, because some files abort it (`engines.child_process`).
 
 M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file:
-gravity is set, and the smooth Coulomb law c tanh(q̇/w) and the drive are the output of a `LeafSystem`, which Drake's
-integrators evaluate at every stage. The tip wrench is an external force on the last link, of another `LeafSystem`.
+gravity is set, and the smooth Coulomb law c tanh(q̇/w) and the drive are an output of a `LeafSystem`, which Drake's
+integrators evaluate at every stage. The tip wrench is an external force on the last link, another output of it.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Self
 from xml.etree import ElementTree as ET
 
@@ -141,13 +141,13 @@ class DrakeEngine:
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: what they are more at rates, negative, and the Coulomb law with the file's numbers."""
-        return self._coulomb(qd) - self._joint_forces(self.rest, qd)
+        return self.coulomb_torque(qd) - self._joint_forces(self.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
         self._place(q, qd)
         plant, context = self.plant, self.context
-        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self._coulomb(qd))
+        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self.coulomb_torque(qd))
         force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
         return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
@@ -189,16 +189,13 @@ class DrakeEngine:
         """A simulator of a plant with the scene's drive and tip wrench and with Coulomb friction, and that plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
-        drive = base.drive_function(scene)
+        drive, wrench = base.drive_function(scene), base.wrench_function(scene)
+        inputs = builder.AddSystem(_Inputs(self, drive, wrench))
+        builder.Connect(plant.get_state_output_port(), inputs.state)
         if drive is not None or self.coulomb.any():
-            torques = builder.AddSystem(_Torques(self.n, drive, self._coulomb))
-            builder.Connect(plant.get_state_output_port(), torques.get_input_port())
-            builder.Connect(torques.get_output_port(), plant.get_applied_generalized_force_input_port())
-        wrench = base.wrench_function(scene)
+            builder.Connect(inputs.torque, plant.get_applied_generalized_force_input_port())
         if wrench is not None:
-            force = builder.AddSystem(_TipForce(self, wrench))
-            builder.Connect(plant.get_state_output_port(), force.get_input_port())
-            builder.Connect(force.get_output_port(), plant.get_applied_spatial_force_input_port())
+            builder.Connect(inputs.force, plant.get_applied_spatial_force_input_port())
         return Simulator(builder.Build()), plant
 
     def _place(self, q: Array, qd: Array) -> None:
@@ -225,39 +222,34 @@ class DrakeEngine:
         self._place(q, np.zeros(self.n))
         return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
-    def _coulomb(self, qd: Array) -> Array:
+    def coulomb_torque(self, qd: Array) -> Array:
+        """c tanh(q̇/w) with the numbers of the file."""
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
 
 
-class _Torques(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
-    """Drive less Coulomb friction."""
+class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
+    """Drive less Coulomb friction, and the force on the tip."""
 
-    def __init__(self, n: int, drive: base.DriveTorque | None, coulomb: Callable[[Array], Array]) -> None:
+    def __init__(self, engine: DrakeEngine, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> None:
         super().__init__()
-        self._n, self._drive, self._coulomb = n, drive, coulomb
-        self.DeclareVectorInputPort("state", 2 * n)
-        self.DeclareVectorOutputPort("torque", n, self._write)
+        self._engine, self._drive, self._wrench = engine, drive, wrench
+        self.state = self.DeclareVectorInputPort("state", 2 * engine.n)
+        self.torque = self.DeclareVectorOutputPort("torque", engine.n, self._write_torque)
+        forces = Value[list[ExternallyAppliedSpatialForce]]
+        self.force = self.DeclareAbstractOutputPort("forces", forces, self._write_force)
 
-    def _write(self, context: Context, output: BasicVector) -> None:
-        q, qd = np.split(self.get_input_port().Eval(context), 2)
-        torque = -self._coulomb(qd)
+    def _write_torque(self, context: Context, output: BasicVector) -> None:
+        q, qd = np.split(self.state.Eval(context), 2)
+        torque = -self._engine.coulomb_torque(qd)
         if self._drive is not None:
             torque += self._drive(context.get_time(), q, qd)
         output.SetFromVector(torque)
 
-
-class _TipForce(LeafSystem):  # type: ignore[misc]
-    """Force and moment on the tip."""
-
-    def __init__(self, engine: DrakeEngine, wrench: base.TipWrench) -> None:
-        super().__init__()
-        self._engine, self._wrench = engine, wrench
-        self.DeclareVectorInputPort("state", 2 * engine.n)
-        self.DeclareAbstractOutputPort("forces", Value[list[ExternallyAppliedSpatialForce]], self._write)
-
-    def _write(self, context: Context, output: Any) -> None:
-        now, engine = self._wrench(context.get_time()), self._engine
-        if self._wrench.follows:
-            now = base.rotate_wrench(engine.tip_rotation(self.get_input_port().Eval(context)[: engine.n]), now)
-        output.set_value([engine.tip_force(now)])
+    def _write_force(self, context: Context, output: Any) -> None:
+        wrench, engine = np.zeros(6), self._engine
+        if self._wrench is not None:
+            wrench = self._wrench(context.get_time())
+            if self._wrench.follows:
+                wrench = base.rotate_wrench(engine.tip_rotation(self.state.Eval(context)[: engine.n]), wrench)
+        output.set_value([engine.tip_force(wrench)])

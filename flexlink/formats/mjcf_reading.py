@@ -15,25 +15,7 @@ from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate
 
 
 def read_mjcf(text: str | bytes, *, what: str = "the MJCF") -> Chain:
-    """Read an MJCF file that `to_mjcf` has written back to its chain.
-
-    Parameters
-    ----------
-    text
-        The document; its numbers may have been edited.
-    what
-        Its name for messages, such as its path.
-
-    Returns
-    -------
-    Chain
-        The chain, with exactly the numbers and rotations of the one that was written.
-
-    Raises
-    ------
-    DataFileError
-        The text is not a MJCF of ours, a number is missing, not finite or negative, or contradicts another one.
-    """
+    """Read an MJCF file that `to_mjcf` has written back to its chain; arguments and errors as in `read_urdf`."""
     not_of_chain = frozenset({"geom", "asset", "keyframe", "option.timestep"})
     return read(text, what, tag="mujoco", to_chain=_chain, write=to_mjcf, ignored=not_of_chain, canonical=_without_axes)
 

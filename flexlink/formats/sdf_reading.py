@@ -16,25 +16,7 @@ OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
 
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
-    """Read an SDF that `to_sdf` has written back to its chain.
-
-    Parameters
-    ----------
-    text
-        The document; its numbers may have been edited.
-    what
-        Its name for messages, such as its path.
-
-    Returns
-    -------
-    Chain
-        The chain, with exactly the numbers and rotations of the one that was written.
-
-    Raises
-    ------
-    DataFileError
-        The text is not a SDF of ours, a number is missing, not finite or negative, or contradicts another one.
-    """
+    """Read an SDF file that `to_sdf` has written back to its chain; arguments and errors as in `read_urdf`."""
     return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 
