@@ -114,7 +114,7 @@ def compare(
     if file is not None:
         path = given_path("file", file)
         if names is not None and len(names) != 1:
-            raise ArgumentError(f"engines = {names}: a file is read by one engine")
+            raise ArgumentError(f"engines = {names}: a file is read by one engine; name one")
         engine_of_file = load_file(path, chain.n, names[0] if names else None)
         states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
         diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)

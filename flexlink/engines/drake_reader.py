@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
-from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, no_actuators, not_a_hinge
+from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, no_actuators, require_hinges
 
 
 def hinges(plant: Any) -> list[Any]:
@@ -22,11 +21,8 @@ def hinges(plant: Any) -> list[Any]:
     """
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    for joint in moving:
-        if not isinstance(joint, RevoluteJoint):
-            raise not_a_hinge(joint.name(), joint.type_name())
-    if not moving:
-        raise ArgumentError("the file has no movable joint")
+    kinds = ["" if isinstance(joint, RevoluteJoint) else joint.type_name() for joint in moving]
+    require_hinges([(joint.name(), kind) for joint, kind in zip(moving, kinds, strict=True)])
     return moving
 
 

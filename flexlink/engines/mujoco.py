@@ -71,7 +71,6 @@ class MujocoEngine:
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
             raise ArgumentError(f"MuJoCo cannot load the file: {error}") from error
-        mujoco_reader.require_hinges(model)
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec)
         if file.format == "urdf":

@@ -8,29 +8,14 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.common.errors import ArgumentError
 from flexlink.engines import mujoco_actuators
-from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, not_a_hinge
-
-
-def require_hinges(model: Any) -> None:
-    """Refuse a model with other joints than hinges.
-
-    Raises
-    ------
-    ArgumentError
-        A joint is not a hinge, or there is none.
-    """
-    for k, kind in enumerate(model.jnt_type):
-        if kind != mujoco.mjtJoint.mjJNT_HINGE:
-            name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-            raise not_a_hinge(_joint(model, k), name)
-    if model.njnt == 0:
-        raise ArgumentError("the file has no movable joint")
+from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, require_hinges
 
 
 def read(model: Any, spec: Any = None) -> ReadBack:
     """The record of a model of hinges; its MjSpec, if there is one, tells which settings have changed numbers."""
+    kinds = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
+    require_hinges([(_joint(model, k), "" if kind == "hinge" else kind) for k, kind in enumerate(kinds)])
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     mujoco.mj_kinematics(model, data)

@@ -95,7 +95,7 @@ class PinocchioEngine:
     def _parse(self, text: str) -> None:
         robot = ET.fromstring(text)
         self.model = model = pin.buildModelFromXML(text)
-        pinocchio_reader.require_hinges(model)
+        pinocchio_reader.require_hinges_of(model)
         if model.nv > 600:  # pinocchio.Data holds four arrays of n³ numbers, for second derivatives: 7 GB
             raise ArgumentError(
                 f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "

@@ -10,24 +10,15 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Parts, ReadBack, merge_bodies, no_actuators, not_a_hinge
+from flexlink.engines.read_back import Array, Parts, ReadBack, merge_bodies, no_actuators, require_hinges
 from flexlink.formats.urdf import LIMIT
 
 
-def require_hinges(model: Any) -> None:
-    """Refuse a model with other joints than hinges.
-
-    Raises
-    ------
-    ArgumentError
-        A joint is not a hinge, or there is none.
-    """
-    for k in range(1, model.njoints):
-        kind = model.joints[k].shortname()
-        if not kind.startswith(("JointModelR", "JointModelRevolute")) or model.joints[k].nq != 1:
-            raise not_a_hinge(model.names[k], kind)
-    if model.njoints == 1:
-        raise ArgumentError("the file has no movable joint")
+def require_hinges_of(model: Any) -> None:
+    """Refuse a model with other joints than hinges; see `require_hinges`."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    kinds = [(name, joint.shortname(), joint.nq) for name, joint in joints]
+    require_hinges([(name, "" if kind.startswith("JointModelR") and nq == 1 else kind) for name, kind, nq in kinds])
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:

@@ -7,7 +7,7 @@ of a joint lies.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -148,9 +148,24 @@ def no_actuators(n: int) -> dict[str, Any]:
     return {field: np.zeros(n) for field in ACTUATOR_FIELDS[:-1]} | {"effort": no_limits(n)}
 
 
-def not_a_hinge(joint: str, kind: str) -> ArgumentError:
-    """The error of a file with another kind of joint, such as a gripper's, or a floating base."""
-    return ArgumentError(f"joint {joint!r} is of type {kind}: only revolute joints are supported; make it fixed")
+def require_hinges(joints: Sequence[tuple[str, str]]) -> None:
+    """Refuse other joints than hinges, such as a gripper's, or a floating base.
+
+    Parameters
+    ----------
+    joints
+        Name and type of every movable joint; type "" for a hinge.
+
+    Raises
+    ------
+    ArgumentError
+        A joint is not a hinge, or there is none.
+    """
+    for name, kind in joints:
+        if kind:
+            raise ArgumentError(f"joint {name!r} is of type {kind}: only revolute joints are supported; make it fixed")
+    if not joints:
+        raise ArgumentError("the file has no movable joint")
 
 
 def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:

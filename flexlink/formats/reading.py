@@ -188,7 +188,9 @@ def _require_sound(hinge: Hinge) -> None:
     if hinge.numbers["coulomb_width"] <= 0:
         raise hinge.node.error(f"coulomb_width = {hinge.numbers['coulomb_width']!r}: must be > 0")
     if not hinge.numbers["lower"] <= hinge.numbers["upper"]:
-        raise hinge.node.error(f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: must not decrease")
+        raise hinge.node.error(
+            f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: lower must not exceed upper"
+        )
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
