@@ -69,11 +69,8 @@ def differences(ours: ReadBack, theirs: ReadBack, format: str) -> tuple[Match | 
     findings = _numbers(ours, match.record, format)
     if match.reordered:
         order = f"{_names(match.reordered)} in another order along the chain"
-        likely, remedy = (
-            "rotations about one point do not commute",
-            "correct the order of joints in a body, or of links",
-        )
-        findings.insert(0, Finding(order, likely, remedy))
+        likely = "rotations about one point do not commute"
+        findings.insert(0, Finding(order, likely, "correct the order of joints in a body, or of links"))
     settings = [
         Finding(what.format(value=theirs.settings[name]), "", remedy, counts=counts)
         for name, (what, remedy, counts) in SETTINGS.items()
@@ -103,12 +100,9 @@ def _joined(ours: ReadBack, group: list[Finding]) -> Finding:
     """Findings with one cause as one, whose faulty record has the mistake in all their fields."""
     records = [finding.faulty for finding in reversed(group) if finding.faulty is not None]
     names = [field.name for field in dataclasses.fields(ReadBack)]
-    fields: dict[str, Any] = {
-        name: value
-        for record in records
-        for name in names
-        if (value := getattr(record, name)) is not getattr(ours, name)
-    }
+    fields: dict[str, Any] = {}
+    for record in records:
+        fields |= {name: value for name in names if (value := getattr(record, name)) is not getattr(ours, name)}
     what = "; ".join(finding.what for finding in group)
     return dataclasses.replace(group[0], what=what, faulty=dataclasses.replace(ours, **fields))
 
