@@ -10,7 +10,7 @@ import pytest
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.common.errors import ArgumentError
-from flexlink.diagnosis.comparison import MOST_SAMPLES, Comparison, compare
+from flexlink.diagnosis.comparison import MAX_SAMPLES, Comparison, compare
 from flexlink.diagnosis.diagnosis import diagnose
 from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
 from flexlink.diagnosis.states import mixed_states, random_states
@@ -79,7 +79,7 @@ def test_a_stiffness_wrong_by_1e_9_in_an_engine_s_file_is_found(scene, k, engine
     told = capsys.readouterr().out
     name = fl.lump(fl.load_scene(path).varied({"motion": ()})).joint_name(k)
     assert f"1. spring stiffness of joint {name!r}: " in told
-    assert "N m/rad, off by 1e-09 of it: another value; by itself it changes T_FL" in told
+    assert "N m/rad, relative error 1e-09: another value; affects T_FL" in told
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
@@ -130,7 +130,7 @@ def test_a_tip_frame_a_micrometre_off_shows_under_a_tip_wrench_only(chain):
     bodies[-1]["translation"][1] += 1e-6
     comparison = against(chain, load("native", dataclasses.replace(chain, bodies=bodies)))
     assert failing(comparison) == {"T_GC with tip wrench"}
-    assert "the tip frame is placed elsewhere; by itself it changes T_GC with tip wrench" in comparison.diagnosis
+    assert "the tip frame is misplaced; affects T_GC with tip wrench" in comparison.diagnosis
 
 
 def test_a_chain_agrees_with_itself_exactly(chain):
@@ -144,7 +144,7 @@ def found(comparison):
     (diagnosis,) = comparison.diagnoses
     assert diagnosis.explained
     (finding,) = diagnosis.findings
-    assert set(finding.alone) == failing(comparison)
+    assert set(finding.affects) == failing(comparison)
     return str(finding)
 
 
@@ -197,7 +197,10 @@ def test_an_engine_that_computes_otherwise_what_it_has_read_right_is_told_so(cha
     engine.friction_torque = lambda qd: 2 * native.friction_torque(qd)
     (diagnosis,) = against(chain, engine).diagnoses
     assert diagnosis.findings == () and diagnosis.explained is False
-    assert "in T_FR: the engine computes it otherwise, or something else acts" in str(diagnosis)
+    assert "What the engine has read does not explain all differences; the largest is in T_FR at joint" in str(
+        diagnosis
+    )
+    assert ": the engine computes it differently, or something else acts" in str(diagnosis)
 
 
 def test_numbers_that_are_not_finite_never_pass(chain):
@@ -205,7 +208,7 @@ def test_numbers_that_are_not_finite_never_pass(chain):
     engine.friction_torque = lambda qd: np.where(np.arange(len(qd)) == 2, np.nan, qd)
     comparison = against(chain, engine)
     assert failing(comparison) == {"T_FR"}
-    told = f"of T_FR the engine returns numbers that are not finite, first at joint '{chain.joint_name(2)}'"
+    told = f"T_FR: the engine returns numbers that are not finite, first at joint '{chain.joint_name(2)}'"
     assert told in comparison.diagnosis
 
 
@@ -224,8 +227,8 @@ def test_one_state_of_many_that_is_not_finite_does_not_pass(number, chain):
 def test_the_table_reads_alike_in_every_row(chain):
     table = str(against(chain, load("native", chain)))
     first, head, *rows = table.splitlines()
-    assert "up to 1, rounding explains the difference" in first
-    assert "error / what rounding explains" in head
+    assert "difference from native / rounding bound, equal if ≤ 1" in first
+    assert "difference / bound" in head
     assert [row.split()[0] for row in rows] == ["native"] * len(QUANTITIES) + ["native:"]
     assert table.endswith("all 7 quantities agree")
 
@@ -248,7 +251,7 @@ def test_bad_arguments_are_named(arguments, message):
 
 def test_an_absurd_number_of_samples_is_refused_in_one_line(capsys):
     assert main(["compare", str(MODELS / "paper_fig5.toml"), "--samples", "99999999999"]) == 2
-    assert capsys.readouterr().err.endswith(f"1 … {MOST_SAMPLES}\n")
+    assert capsys.readouterr().err.endswith(f"1 … {MAX_SAMPLES}\n")
 
 
 def test_an_arm_that_an_engine_cannot_hold_is_named_in_one_line(tmp_path, capsys):

@@ -192,7 +192,7 @@ def test_other_methods_give_the_same_motion(name: str, method: str, step: float)
 )
 def test_an_engine_says_which_methods_it_has(name: str, has: str) -> None:
     scene = shortened(make_scene(flexible("arm")), 0.01, method="RK10")
-    with pytest.raises(ArgumentError, match=rf"method = 'RK10': of .*explicit methods .*{has}"):
+    with pytest.raises(ArgumentError, match=f"method = 'RK10': {has}; set run.method"):
         load(name, lump(scene)).integrate(scene)
 
 
@@ -224,7 +224,7 @@ def test_a_run_that_diverges_is_an_error_that_keeps_its_samples_and_writes_no_fi
 ) -> None:
     monkeypatch.chdir(tmp_path)
     scene = of(name, torn(late=20))
-    with pytest.raises(DivergenceError, match=f"{name} is no longer finite at t = ") as caught:
+    with pytest.raises(DivergenceError, match=f"the state in {name} is no longer finite at t = ") as caught:
         load(name, lump(scene)).integrate(scene)
     kept = caught.value.trajectory
     assert 20 <= len(kept.t) < 40 and np.isfinite(kept.q).all() and np.isfinite(kept.qd).all()
@@ -285,7 +285,7 @@ def test_pinocchio_holds_a_prescribed_joint_at_its_rate() -> None:
 )
 def test_a_prescribed_joint_is_refused_with_what_to_do(name: str, title: str) -> None:
     scene = moved(flexible("upper"))
-    expected = f"motion of joint 'upper' is prescribed, which {title} does not know; use native or pinocchio"
+    expected = f"motion of joint 'upper' is prescribed, which {title} does not support; use native or pinocchio"
     with pytest.raises(ArgumentError, match=expected):
         load(name, lump(scene))
     free = lump(scene.varied({"motion": ()}))
@@ -344,11 +344,11 @@ def test_a_missing_engine_names_what_to_install(name: str, monkeypatch: pytest.M
 def test_engines_refuse_what_is_no_fixed_step_of_an_explicit_method(settings: dict[str, object]) -> None:
     scene = load_scene(ROOT / "models" / "paper_fig5.toml").varied({"run.duration": 0.01} | settings)
     for name in ("pinocchio", "mujoco"):
-        with pytest.raises(ArgumentError, match=r"take fixed steps of an explicit method|only 'RK4'"):
+        with pytest.raises(ArgumentError, match=r"need fixed steps of an explicit method|only 'RK4'"):
             load(name, lump(scene)).integrate(scene)
 
 
 def test_pinocchio_refuses_a_chain_whose_data_would_fill_the_memory() -> None:
     chain = lump(make_scene(flexible("boom", "z", 700)))
-    with pytest.raises(ArgumentError, match=r"^700 joints: Pinocchio's data would take 11 GB; allowed are 600 joints"):
+    with pytest.raises(ArgumentError, match=r"^700 joints: Pinocchio's data would take 11 GB; at most 600 joints"):
         load("pinocchio", chain)

@@ -19,8 +19,8 @@ from conftest import flexible, make_scene, random_state
 from numpy.testing import assert_array_equal
 
 from flexlink import Drive, Scene, lump
-from flexlink.engines import isolated, load
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines import child_process, load
+from flexlink.engines.child_process import IsolatedEngine
 from flexlink.errors import ArgumentError, DivergenceError, EngineError, MissingDependencyError
 
 pytestmark = pytest.mark.slow  # every test starts a process
@@ -29,7 +29,7 @@ SCENE = make_scene(flexible("arm")).varied({"run.duration": 0.02})
 
 
 def process_of(engine: IsolatedEngine) -> subprocess.Popen[bytes]:
-    return engine._process
+    return engine._child.process
 
 
 def test_it_answers_as_in_this_process(rng: np.random.Generator) -> None:
@@ -61,8 +61,8 @@ def test_errors_of_the_engine_come_through_with_what_they_hold() -> None:
     assert np.isfinite(caught.value.trajectory.q).all()
     with pytest.raises(ArgumentError, match=r"q has shape \(1,\)"):
         engine.mass_matrix(np.zeros(1))
-    with pytest.raises(EngineError, match="native, asked to no such question: AttributeError: "):
-        engine._ask("no_such_question")
+    with pytest.raises(EngineError, match="native: no_such_method of test: AttributeError: "):
+        engine._call("no_such_method", child_process._run, "no_such_method")
     assert engine.mass_matrix(np.zeros(engine.n)).shape == (engine.n, engine.n)
 
 
@@ -71,27 +71,38 @@ def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(numb
     engine = IsolatedEngine("native", lump(SCENE))
     os.kill(process_of(engine).pid, number)
     for _ in range(2):
-        told = rf"native, asked to mass matrix \(test\): its process was ended by {number.name}; its last words: none"
-        with pytest.raises(EngineError, match=told):
+        with pytest.raises(
+            EngineError, match=f"^native: mass_matrix of test: .* was killed by {number.name}; .*: none$"
+        ):
             engine.mass_matrix(np.zeros(engine.n))
 
 
 def test_a_process_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(EngineError, match=r"asked to load .*exit code 1; its last words: no numba today$"):
+    with pytest.raises(EngineError, match=r"load of test: .*exit code 1; last line of its output: no numba today$"):
         IsolatedEngine("native", lump(SCENE))
 
 
 def test_no_answer_in_time_ends_the_process(monkeypatch: pytest.MonkeyPatch) -> None:
     engine = IsolatedEngine("native", lump(SCENE))
-    monkeypatch.setattr(isolated, "SECONDS", 0.05)
-    monkeypatch.setattr(isolated, "SECONDS_PER_STEP", 0.0)
-    with pytest.raises(
-        EngineError, match=r"asked to integrate \(test\): no answer within 0\.05 s; its process was ended"
-    ):
+    monkeypatch.setattr(child_process, "CALL_TIMEOUT", 0.05)
+    monkeypatch.setattr(child_process, "TIMEOUT_PER_STEP", 0.0)
+    with pytest.raises(EngineError, match=r"integrate of test: no result within 0\.05 s; the child process was killed"):
         engine.integrate(SCENE.varied({"run.duration": 1000.0}))
     assert process_of(engine).returncode == -signal.SIGALRM
+
+
+def test_a_script_without_a_main_guard_is_not_run_again_in_the_child(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import os\nfrom flexlink.engines.child_process import ChildProcess\n"
+        "print(os.getpid(), ChildProcess().call('number', 60.0, os.getpid))\n"
+    )
+    path = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    told = subprocess.run([sys.executable, script], capture_output=True, text=True, env=path, check=True).stdout
+    here, child = told.split()
+    assert here != child
 
 
 def test_ctrl_c_ends_the_process_and_is_not_swallowed() -> None:
@@ -130,10 +141,10 @@ PARENT = """
 import os
 from conftest import flexible, make_scene
 from flexlink import lump
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines.child_process import IsolatedEngine
 scene = make_scene(flexible("arm")).varied({"run.duration": 1000.0})
 engine = IsolatedEngine("native", lump(scene))
-print(engine._process.pid, flush=True)
+print(engine._child.process.pid, flush=True)
 engine.integrate(scene)
 """
 

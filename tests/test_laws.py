@@ -384,8 +384,8 @@ def test_what_no_law_has_cannot_be_sampled() -> None:
 
 @pytest.mark.parametrize("engine", ["drake", "exudyn"])
 def test_engines_that_show_no_steps_refuse_a_sampled_law_by_name(engine: str) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=rf"drive\.rate = 1000\.0: {engine} cannot follow it"):
-        base.refuse_held(engine, arm({**PD, "rate": 1000.0}))
+    with pytest.raises(fl.errors.ArgumentError, match=rf"drive\.rate = 1000\.0: not supported by {engine}"):
+        base.refuse_sampled_inputs(engine, arm({**PD, "rate": 1000.0}))
 
 
 def test_a_simulator_that_cannot_go_on_remembers_what_its_law_gave_before() -> None:

@@ -214,7 +214,7 @@ def test_a_rotation_that_is_stretched_or_mirrored_is_refused(format) -> None:
                 R = [repr(factor * float(word)) for word in words[first:]]
                 text, refused = (
                     " ".join([*words[:first], *R]),
-                    pytest.raises(fl.errors.DataFileError, match="no rotation matrix"),
+                    pytest.raises(fl.errors.DataFileError, match="not a rotation matrix"),
                 )
                 with said(element, key, text), refused:
                     format.read(text_of(root))

@@ -12,16 +12,16 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.diagnosis import shapes
 from flexlink.diagnosis.differences import differences
-from flexlink.diagnosis.shapes import Seen
+from flexlink.diagnosis.shapes import Discrepancy
 from flexlink.engines.read_back import ReadBack, of_chain
 
 ARM = make_scene(flexible("a", "yz", 3), flexible("b", "z", 3), gravity=(0.0, -9.81, 0.0))
 OURS = of_chain(fl.lump(ARM))
 
 
-def seen(ours: list[float], theirs: list[float]) -> Seen:
+def seen(ours: list[float], theirs: list[float]) -> Discrepancy:
     nowhere = cast("Any", None)
-    return Seen(np.array(ours), np.array(theirs), np.arange(len(ours)), nowhere, nowhere)
+    return Discrepancy(np.array(ours), np.array(theirs), np.arange(len(ours)), nowhere, nowhere)
 
 
 def fields(theirs: ReadBack) -> list[str]:
@@ -33,19 +33,19 @@ def fields(theirs: ReadBack) -> list[str]:
 def test_a_shape_fits_up_to_rounding_and_not_up_to_digits_of_a_file(apart: float, same: bool) -> None:
     ours = [1.0, 3.0, 2.0]
     twice = [2.0, 6.0 * (1 + apart), 4.0]
-    assert shapes.times(2.0)(seen(ours, twice)) == same
+    assert shapes.scaled_by(2.0)(seen(ours, twice)) == same
     assert shapes.proportional(seen(ours, twice)) == same
-    assert shapes.moved(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
+    assert shapes.permuted(seen(ours, [3.0, 1.0 + apart, 2.0])) == same
 
 
 def test_a_shape_is_what_its_name_says() -> None:
     nothing = [0.0, 0.0]
-    assert shapes.missing(seen([1.0, 2.0], nothing))
-    assert not shapes.missing(seen([1.0, 2.0], [0.0, 1.0]))
-    assert shapes.extra(seen(nothing, [0.0, 1.0]))
-    assert not shapes.extra(seen([0.0, 1.0], [0.0, 1.0]))
-    assert shapes.larger(seen([1.0, 2.0], [1.1, 2.1]))
-    assert not shapes.larger(seen([1.0, 2.0], [1.1, 1.9]))
+    assert shapes.all_zero(seen([1.0, 2.0], nothing))
+    assert not shapes.all_zero(seen([1.0, 2.0], [0.0, 1.0]))
+    assert shapes.none_expected(seen(nothing, [0.0, 1.0]))
+    assert not shapes.none_expected(seen([0.0, 1.0], [0.0, 1.0]))
+    assert shapes.all_larger(seen([1.0, 2.0], [1.1, 2.1]))
+    assert not shapes.all_larger(seen([1.0, 2.0], [1.1, 1.9]))
     assert shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.988]))
     assert not shapes.fewer_digits(seen([1.23456, 0.98765], [1.23, 0.98]))
 
@@ -58,7 +58,7 @@ def test_the_ball_that_drake_takes_is_one_of_water() -> None:
     where = np.array([0])
     for moment, is_ball in ((0.016755160819145562, True), (0.02792526803190927, False)):  # 2/3 m r²: a hollow one
         theirs = moment * np.eye(3)[None]
-        assert shapes.ball_of_water(Seen(OURS.inertias[where], theirs, where, OURS, them)) == is_ball
+        assert shapes.water_sphere(Discrepancy(OURS.inertias[where], theirs, where, OURS, them)) == is_ball
 
 
 def test_our_own_record_has_no_difference() -> None:

@@ -7,7 +7,7 @@ import pytest
 from conftest import MODELS, flexible, make_scene
 
 from flexlink import Chain, Joint, Link, Mount, RigidBody, elastic_torque, gravity_torque, load_scene, lump, mass_matrix
-from flexlink.diagnosis.states import BALANCE, State, mixed_states, random_states
+from flexlink.diagnosis.states import IMBALANCE, State, mixed_states, random_states
 from flexlink.errors import SingularMassError
 
 T3 = next(path for path in MODELS if path.stem == "t3_spatial")
@@ -42,7 +42,7 @@ def test_a_quarter_of_the_states_is_balanced_to_a_millionth_but_not_exactly(chai
     for q, qd, tau, wrench in balanced:
         held = gravity_torque(chain, q) + elastic_torque(chain, q)
         off = np.abs(tau / held - 1)
-        assert 0 < off.max() <= BALANCE
+        assert 0 < off.max() <= IMBALANCE
         assert not qd.any() and not wrench.any()
 
 

@@ -11,7 +11,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.cli.main import main
 from flexlink.diagnosis import native, trajectories
-from flexlink.diagnosis.trajectories import AGREE, TWINS
+from flexlink.diagnosis.trajectories import ANGLE_TOLERANCE, CROSS_CHECK_FACTOR
 
 pytestmark = pytest.mark.slow
 SPATIAL = Path(__file__).parent.parent / "models" / "t3_spatial.toml"
@@ -56,7 +56,7 @@ def test_a_scene_with_a_tolerance_is_compared_in_stable_steps_and_says_so(engine
         found = fl.compare_trajectories(scene, engines=engines[:1])
         assert found.passed
         assert "RK4 steps of" in found.steps
-        assert "of the largest stable one (the scene: " in found.steps
+        assert "of the stability limit (the scene has " in found.steps
 
 
 def test_an_engine_that_cannot_run_a_scene_is_named_with_the_reason(engines) -> None:
@@ -89,19 +89,19 @@ def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypa
     scene = fl.load_scene(SPATIAL)
     ours, other = (fl.simulate(scene, duration=0.01, solver=name) for name in ("articulated", "lu"))
     apart = np.abs(other.q - ours.q).max()
-    assert 0 < apart < AGREE
+    assert 0 < apart < ANGLE_TOLERANCE
     monkeypatch.setattr(native.NativeEngine, "integrate", lambda *_: (other.t, other.q, other.qd))
     with monkeypatch.context() as without:
-        without.setattr(trajectories, "_twin", lambda *_: pytest.fail("a twin where no engine is off"))
+        without.setattr(trajectories, "_cross_check", lambda *_: pytest.fail("a cross-check where no engine is off"))
         calm = fl.compare_trajectories(scene, engines=["native"], duration=0.01)
-    assert calm.rows[0].explained == AGREE
-    monkeypatch.setattr(trajectories, "AGREE", 0.0)
+    assert calm.rows[0].explained == ANGLE_TOLERANCE
+    monkeypatch.setattr(trajectories, "ANGLE_TOLERANCE", 0.0)
     twins = fl.compare_trajectories(scene, engines=["native"], duration=0.01)
-    assert twins.rows[0].explained == TWINS * apart
+    assert twins.rows[0].explained == CROSS_CHECK_FACTOR * apart
     assert twins.passed
-    assert "doubtful" not in str(twins)
-    monkeypatch.setattr(trajectories, "LITTLE", 0.0)
-    assert "doubtful: this motion multiplies rounding so far" in str(twins)
+    assert "warning" not in str(twins)
+    monkeypatch.setattr(trajectories, "MEANINGFUL_TOLERANCE", 0.0)
+    assert "warning: this motion amplifies rounding so much" in str(twins)
 
 
 @pytest.mark.parametrize(

@@ -248,7 +248,7 @@ def test_drake_and_exudyn_feel_it_too_or_say_that_they_cannot(name: str, module:
     engine = load(name, fl.lump(scene))
     if scene.wrench.hold:
         with pytest.raises(
-            fl.errors.ArgumentError, match=r"wrench\.hold = True: .* cannot follow it; use native, pinocchio or"
+            fl.errors.ArgumentError, match=r"wrench\.hold = True: not supported by .*; use native, pinocchio or"
         ):
             engine.integrate(scene)
         return

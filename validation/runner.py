@@ -13,11 +13,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from multiprocessing.connection import wait
-from threading import Thread
 from typing import Any
 
 from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, SceneError
+from flexlink.common.processes import exit_when_closed
 from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
@@ -159,8 +158,7 @@ def _end_with_parent() -> None:
     """A worker ends when the study does, even one that was killed and can tell nobody."""
     parent = multiprocessing.parent_process()
     if parent is not None:
-        watch = Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True)
-        watch.start()
+        exit_when_closed(parent.sentinel)
 
 
 def _results_of(done: Future[list[Row | Series]]) -> Iterator[Row | Series]:

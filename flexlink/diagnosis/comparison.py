@@ -1,4 +1,4 @@
-"""compare(scene) → Comparison: the same arm in several engines, or in a file of somebody else's, term by term."""
+"""compare(scene) → Comparison: the same arm in several engines, or in a foreign file, term by term."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from flexlink.chain.arguments import integer, require_each, require_type
-from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.notebook import html_table
@@ -21,13 +20,12 @@ from flexlink.diagnosis.quantities import Difference, compare_engines
 from flexlink.diagnosis.states import mixed_states
 from flexlink.engines import load
 
-MOST_SAMPLES = 100_000  # at some milliseconds each
-DEFAULT = ("pinocchio", "mujoco")
+MAX_SAMPLES = 100_000  # some milliseconds each
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Comparison:
-    """A `Diagnosis` of every engine on one scene; prints as a table of their rows with what they say below."""
+    """A `Diagnosis` of every engine on one scene; prints as a table of their rows, and the diagnoses below."""
 
     scene: str
     samples: int
@@ -44,12 +42,12 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Rounding explains every difference, and nothing was read that runs differ by."""
+        """Every difference is within the rounding bound, and no finding counts."""
         return all(diagnosis.passed for diagnosis in self.diagnoses)
 
     @property
     def diagnosis(self) -> str:
-        """Of each engine what agrees, what differs, and the likely mistakes."""
+        """For each engine what agrees, what differs, and the likely mistakes."""
         return "\n".join(map(str, self.diagnoses))
 
     def _repr_html_(self) -> str:
@@ -57,12 +55,12 @@ class Comparison:
         return html_table(repr(self), ("engine", "quantity", "error / what rounding explains", "", "worst joint"), rows)
 
     def __str__(self) -> str:
-        lines = [f"{self.scene}: {self.samples} states against native; up to 1, rounding explains the difference"]
-        lines.append(f"{'engine':<12}{'quantity':<24}{'error / what rounding explains':<32}{'':<8}worst joint")
+        lines = [f"{self.scene}: {self.samples} states; difference from native / rounding bound, equal if ≤ 1"]
+        lines.append(f"{'engine':<12}{'quantity':<24}{'difference / bound':<20}{'':<8}worst joint")
         for row in self.rows:
-            dots = row.quantity.count("\u0308")  # of q̈: a character that takes no room
+            dots = row.quantity.count("\u0308")  # combining dots, as of q̈, have no width
             verdict, joint = "ok" if row.passed else "FAILED", row.joint if row.error else "–"
-            lines.append(f"{row.engine:<12}{row.quantity:<{24 + dots}}{row.error:<32.2g}{verdict:<8}{joint}")
+            lines.append(f"{row.engine:<12}{row.quantity:<{24 + dots}}{row.error:<20.2g}{verdict:<8}{joint}")
         return "\n".join([*(lines if self.rows else []), self.diagnosis])
 
 
@@ -75,70 +73,61 @@ def compare(
     seed: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
-    """Compare engines, which load the exported arm or a given file, with the native dynamics at states of every kind.
+    """Compare engines, which load the exported arm or a foreign file, with the native dynamics at many states.
 
-    Half of the states are drawn at random, a quarter are balanced, a quarter stretched out (`states.mixed_states`).
-    Of a file, joints are matched by name, else by their order, and what its engine has read is compared, too: every
-    difference with the mistake that explains it. It has no tip wrench, and what its format cannot say is the scene's.
+    Half of the states are random, a quarter balanced, a quarter stretched out (`states.mixed_states`). For a file, what
+    its engine has read is compared, too, with the likely mistake for every difference; joints are matched by name, else
+    by their order. The tip wrench is left out then, and what the file does not specify is taken from the scene.
 
     Parameters
     ----------
     scene
-        The scene; its chain and gravity are used, of a file also its drive; its initial state and motions are not.
+        The scene. Its arm and gravity are used, with a file also its drive; not its initial state and motions.
     engines
-        Names that `flexlink.engines.load` knows; by default Pinocchio and MuJoCo, of a file the one for its format.
+        Names in `flexlink.engines.ENGINES`; by default Pinocchio and MuJoCo, for a file the engine for its format.
     file
-        MJCF, URDF or SDF of the same arm, written by whomever.
+        MJCF, URDF or SDF file of the same arm, from any source.
     samples
-        Number of states, up to `MOST_SAMPLES`.
+        Number of states, up to `MAX_SAMPLES`.
     seed
-        Of the random numbers (PCG64).
+        Seed of the random numbers (PCG64).
     progress
-        Called with the finished fraction, from 0 to 1, now and then.
+        Called with the finished fraction, from 0 to 1.
 
     Returns
     -------
     Comparison
-        For every engine and quantity the largest difference, and what it looks like; prints as a table.
+        For every engine and quantity the largest difference, and its likely cause; prints as a table.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, `samples` out of range, `seed` < 0, an unknown engine, or one that cannot hold this arm.
+        `scene` is not a Scene, `samples` is out of range, `seed` < 0, an engine is unknown or cannot represent the arm.
     DataFileError
-        The file cannot be read, or is no arm of hinges.
+        The file cannot be read, or has other joints than hinges.
+    EngineError
+        The child process of an engine ended.
     MissingDependencyError
         An engine is not installed.
     SingularMassError
         M is positive definite at none of the postures tried.
     """
     require_type("scene", scene, Scene)
-    samples, seed = integer("samples", samples, 1, MOST_SAMPLES), integer("seed", seed, 0)
+    samples, seed = integer("samples", samples, 1, MAX_SAMPLES), integer("seed", seed, 0)
     names = None if engines is None else require_each("engines", engines, str)
     chain = lump(scene.varied({"motion": ()}))  # prescribed joints are free in the exported files
     if file is not None:
-        return _compare_file(scene, chain, require_path("file", file), names, samples, seed, progress)
-    loaded = [load(name, chain) for name in (DEFAULT if names is None else names)]
+        path = require_path("file", file)
+        if names is not None and len(names) != 1:
+            raise ArgumentError(f"engines = {names}: a file is read by one engine; name one")
+        engine_of_file = load_file(path, chain.n, names[0] if names else None)
+        states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
+        diagnosis = diagnose_file(chain, engine_of_file, states, progress, scene=scene)
+        return Comparison(f"{scene.name} and {path}", samples, (diagnosis,))
+    loaded = [load(name, chain) for name in (("pinocchio", "mujoco") if names is None else names)]
     native, states = load("native", chain), mixed_states(chain, samples, seed=seed)
     rows = compare_engines(chain, native, loaded, states, progress=progress)
     diagnoses = (
         diagnose(chain, engine, [row for row in rows if row.engine == engine.name], states) for engine in loaded
     )
     return Comparison(scene.name, samples, tuple(diagnoses))
-
-
-def _compare_file(
-    scene: Scene,
-    chain: Chain,
-    file: Path,
-    engines: Sequence[str] | None,
-    samples: int,
-    seed: int,
-    progress: Callable[[float], None] | None,
-) -> Comparison:
-    if engines is not None and len(engines) != 1:
-        raise ArgumentError(f"engines = {engines}: a file is read by one of them")
-    loaded = load_file(file, chain.n, engines[0] if engines else None)
-    states = [s._replace(wrench=np.zeros(6)) for s in mixed_states(chain, samples, seed=seed)]
-    diagnosis = diagnose_file(chain, loaded, states, progress, scene=scene)
-    return Comparison(f"{scene.name} and {file}", samples, (diagnosis,))

@@ -1,75 +1,62 @@
-"""A file that somebody else wrote, in the engine that reads its format; the format is known by its root element."""
+"""Foreign files, which flexlink did not write, loaded by the engine that reads their format."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.common import safe_xml
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.files import read_regular
 from flexlink.engines import load_here
-from flexlink.engines.base import Array, Engine, File, Reader
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines.base import FileEngine, ForeignFile
+from flexlink.engines.child_process import IsolatedEngine
 
-ROOTS = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
 READERS = {"mjcf": ("mujoco",), "urdf": ("pinocchio", "mujoco"), "sdf": ("drake",)}
-"""Engines that read a format; the first is taken unless another one is named."""
-MOST_JOINTS = 300
-"""Unless the scene has more: Pinocchio takes 35 n³ bytes."""
+"""Engines that read a format, the default first."""
 
 
-class FileEngine(Engine, Reader, Protocol):
-    """An engine with a file of somebody else's."""
+class LoadedFile(NamedTuple):
+    """A foreign file in its engine."""
 
-    def adopt(self, fields: Mapping[str, Array]) -> None:
-        """Take what the file does not say from elsewhere: fields of the record, as in `ReadBack`."""
-
-    def put_right(self) -> None:
-        """Leave nothing that acts beside gravity, springs and dampers."""
-
-
-class Loaded(NamedTuple):
-    """A file in its engine."""
-
-    form: str
+    format: str
     engine: FileEngine
-    complaints: tuple[str, ...]  # errors that the engine has printed, and read on
+    stderr_errors: tuple[str, ...]  # printed by the engine, which went on reading
 
 
-def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = False) -> Loaded:
-    """Load a file of which `n` joints are expected, in a process of its own, which it may crash, or `here`.
+def load_file(path: Path, n: int, engine: str | None = None, *, here: bool = False) -> LoadedFile:
+    """Load a file with about `n` joints, in a child process, which it may crash, or in this one (`here`).
 
     Raises
     ------
     DataFileError
-        The file cannot be read, is no MJCF, URDF or SDF, larger than engines bear, or its engine refuses it.
+        The file cannot be read, is not MJCF, URDF or SDF, is too large, or its engine refuses it.
     ArgumentError
-        Another engine than those that read the format.
+        The engine does not read this format.
     EngineError
-        The process that reads it ended.
+        The child process ended.
     MissingDependencyError
         The engine is not installed.
     """
-    form = _format(path, n)
-    name = engine or READERS[form][0]
-    require_one_of(f"engine for {form.upper()}", name, dict.fromkeys(READERS[form]))
-    file = File(path, form)
+    format = _format(path, n)
+    name = engine or READERS[format][0]
+    require_one_of(f"engine for {format.upper()}", name, dict.fromkeys(READERS[format]))
+    file = ForeignFile(path, format)
     try:
         loaded = cast(FileEngine, load_here(name, file)) if here else IsolatedEngine(name, file)
         loaded.read_back().require_sound()
     except ArgumentError as error:
         raise DataFileError(f"{path}: {error}") from error
-    return Loaded(form, loaded, tuple(loaded.complaints) if isinstance(loaded, IsolatedEngine) else ())
+    return LoadedFile(format, loaded, tuple(loaded.stderr_errors) if isinstance(loaded, IsolatedEngine) else ())
 
 
 def _format(path: Path, n: int) -> str:
     root = safe_xml.parse(read_regular(path, largest=safe_xml.LARGEST, error=DataFileError), str(path))
-    if root.tag not in ROOTS:
+    roots = {"mujoco": "mjcf", "robot": "urdf", "sdf": "sdf"}
+    if root.tag not in roots:
         raise DataFileError(f"{path}: root is <{root.tag}>; expected <mujoco> (MJCF), <robot> (URDF) or <sdf>")
-    hinges = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed")
-    if hinges > max(n, MOST_JOINTS):
-        raise DataFileError(f"{path}: {hinges} joints, the scene's arm has {n}; at most {MOST_JOINTS} are read")
-    return ROOTS[root.tag]
+    hinges, most = sum(1 for joint in root.iter("joint") if joint.get("type") != "fixed"), max(n, 300)
+    if hinges > most:  # Pinocchio takes 35 n³ bytes
+        raise DataFileError(f"{path}: {hinges} joints, the scene's arm has {n}; at most {most} are read")
+    return roots[root.tag]

@@ -1,191 +1,198 @@
-"""Joint axes that lie elsewhere: by themselves, or in frames turned or displaced with all that hangs on them."""
+"""Joint axes that are displaced: alone, or in frames that are rotated or displaced with all links behind them."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.engines.read_back import Indices, ReadBack
+from flexlink.engines.read_back import Array, Indices, ReadBack
 
-Array = NDArray[np.float64]
-
-FITS = 1e-9
-"""How well one rigid motion must put back all that follows a joint, relative to the arm's size."""
+RIGID_TOLERANCE = 1e-9
+"""How well one rigid motion must map all that follows a joint, relative to the reach of the arm."""
 
 
-NEARLY = 1e-3
-"""How well a unit of length must explain a displacement, relative: numbers may have been rounded by hand."""
-
-
-class Place(NamedTuple):
-    """A frame placed elsewhere, or the line of a joint alone."""
+class Displacement(NamedTuple):
+    """A displaced frame, or a displaced joint axis in a frame that is right."""
 
     joint: int
     angle: float  # [rad]
     offset: float  # [m]
-    alone: bool = True  # whether all behind it follows it rigidly; if not, that stands elsewhere by itself, too
-    axes: tuple[Array, Array] | None = None  # of a line by itself, in a frame that is right: theirs and ours, in that
-    times: float | None = None  # how many times the right distance from the joint before, if that is a unit of length
+    rigid: bool = True  # whether all links behind follow rigidly; if not, they are displaced otherwise, too
+    axes: tuple[Array, Array] | None = None  # of an axis alone: theirs and ours, in the frame of the file
+    unit_factor: float | None = (
+        None  # the distance from the joint before over the right one, if a wrong unit explains it
+    )
 
 
-class Placed(NamedTuple):
-    """Their record after what was placed elsewhere was put back, and ours placed like theirs."""
+class Realigned(NamedTuple):
+    """Their record without its displacements, the displacements, and our record with them."""
 
     theirs: ReadBack
-    places: list[Place]
+    displacements: list[Displacement]
     ours: ReadBack
 
 
-def put_back(ours: ReadBack, theirs: ReadBack, within: float, units: Sequence[float] = ()) -> Placed:
-    """Put their joints back, from the base on: each time the first that is off, with all that follows it, rigidly.
+def undo_displacements(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float] = ()) -> Realigned:
+    """Move their joints back, from the base on: each time the first that is displaced, rigidly with all that follows.
 
-    A line alone is put back alone. `units` are factors that a distance between joints may be too large by. Where
-    nothing of this does it, frames beyond are wrong, too: it ends there, and they are taken as ours.
+    An axis that is displaced alone is moved alone. `units` are factors by which a wrong unit of length can scale the
+    distance between joints. Where no rigid motion fits, frames further out are wrong, too: the rest is taken from ours.
     """
-    if (times := _all_times(ours, theirs, within, units)) is not None:
-        away = np.linalg.norm(theirs.points - ours.points, axis=1)
-        everywhere = [Place(int(k), 0.0, float(away[k]), times=times) for k in _off(ours, theirs, within)]
-        return Placed(_stretched(theirs, 1 / times), everywhere, _stretched(ours, times))
-    places, like_theirs = list[Place](), ours
-    while len(off := _off(ours, theirs, within)):
-        place, theirs, like_theirs = _one_back(ours, theirs, like_theirs, int(off[0]), within, units)
-        if places and place.joint <= places[-1].joint:  # what fits within `FITS` may still be off
-            place = place._replace(alone=False)
-        places.append(place)
-        if not place.alone:
-            return Placed(_tail(theirs, ours, place.joint), places, _tail(like_theirs, theirs, place.joint))
-    return Placed(theirs, places, like_theirs)
+    if (factor := _common_unit(ours, theirs, tolerance, units)) is not None:
+        offsets = np.linalg.norm(theirs.points - ours.points, axis=1)
+        joints = _displaced_joints(ours, theirs, tolerance)
+        everywhere = [Displacement(int(k), 0.0, float(offsets[k]), unit_factor=factor) for k in joints]
+        return Realigned(_scaled(theirs, 1 / factor), everywhere, _scaled(ours, factor))
+    displacements, ours_displaced = list[Displacement](), ours
+    while len(joints := _displaced_joints(ours, theirs, tolerance)):
+        first, theirs, ours_displaced = _undo_one(ours, theirs, ours_displaced, int(joints[0]), tolerance, units)
+        k = first.joint
+        if displacements and k <= displacements[-1].joint:  # a motion within `RIGID_TOLERANCE` may not be exact
+            first = first._replace(rigid=False)
+        displacements.append(first)
+        if not first.rigid:
+            rest = _with_tail_of(theirs, ours, k), displacements, _with_tail_of(ours_displaced, theirs, k)
+            return Realigned(*rest)
+    return Realigned(theirs, displacements, ours_displaced)
 
 
-def _one_back(
-    ours: ReadBack, theirs: ReadBack, like_theirs: ReadBack, k: int, within: float, units: Sequence[float]
-) -> tuple[Place, ReadBack, ReadBack]:
-    """The joint that is first off put back in theirs, and ours placed like theirs."""
+def _undo_one(
+    ours: ReadBack, theirs: ReadBack, ours_displaced: ReadBack, k: int, tolerance: float, units: Sequence[float]
+) -> tuple[Displacement, ReadBack, ReadBack]:
+    """The displacement of joint k, the first that is displaced; theirs without it, and ours with it."""
     sin, off = (float(part[k]) for part in deviations(ours, theirs))
-    turned = float(np.arcsin(min(1.0, sin)))
-    fitted = None if (before := _along_its_axis(ours, theirs, k, within)) is None else _motion(ours, theirs, before)
-    k, fitted = (k, _motion(ours, theirs, k)) if before is None or fitted is None else (before, fitted)
-    if _line_alone(ours, theirs, k, within, rigid=fitted is not None):
+    angle = float(np.arcsin(min(1.0, sin)))
+    before = _moved_by_joint_before(ours, theirs, k, tolerance)
+    motion = None if before is None else _rigid_motion(ours, theirs, before)
+    k, motion = (k, _rigid_motion(ours, theirs, k)) if before is None or motion is None else (before, motion)
+    if _only_axis_moved(ours, theirs, k, tolerance, rigid_behind=motion is not None):
         R = theirs.frames[k]
         axes = theirs.axes[k] @ R, ours.axes[k] @ R
-        return Place(k, turned, off, axes=axes), _line_of(theirs, ours, k), _line_of(like_theirs, theirs, k)
+        axis = Displacement(k, angle, off, axes=axes)
+        return axis, _with_axis_of(theirs, ours, k), _with_axis_of(ours_displaced, theirs, k)
     unit = _unit(ours, theirs, k, units)
-    if fitted is None and unit is not None:
-        fitted = np.eye(3), unit[1], theirs.points[k]
-    fitted = fitted or _motion(ours, theirs, k, _next_massive(ours, k) + 1)  # more is wrong further out
-    if fitted is None:
-        return Place(k, turned, off, alone=False), theirs, like_theirs
-    R, point, moved = fitted
-    place = Place(k, _angle(R), float(np.linalg.norm(moved - point)), times=None if unit is None else unit[0])
-    return place, _displaced(theirs, k, R.T, moved, point), _displaced(like_theirs, k, R, point, moved)
+    if motion is None and unit is not None:
+        motion = np.eye(3), unit[1], theirs.points[k]
+    motion = motion or _rigid_motion(ours, theirs, k, _next_massive(ours, k) + 1)  # further out more is displaced
+    if motion is None:
+        return Displacement(k, angle, off, rigid=False), theirs, ours_displaced
+    R, point, moved = motion
+    offset = float(np.linalg.norm(moved - point))
+    frame = Displacement(k, _angle(R), offset, unit_factor=None if unit is None else unit[0])
+    return frame, _moved_rigidly(theirs, k, R.T, moved, point), _moved_rigidly(ours_displaced, k, R, point, moved)
 
 
-def _along_its_axis(ours: ReadBack, theirs: ReadBack, k: int, within: float) -> int | None:
-    """The joint before, if what it carries lies elsewhere, though its line does not: along it, or turned about it."""
-    moved = np.linalg.norm(theirs.centers[k - 1] - ours.centers[k - 1]) > within * size(ours)
+def _moved_by_joint_before(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float) -> int | None:
+    """The joint before k, if its body is displaced though its axis is not: along that axis, or rotated about it."""
+    moved = np.linalg.norm(theirs.centers[k - 1] - ours.centers[k - 1]) > tolerance * reach(ours)
     return k - 1 if k > 0 and ours.masses[k - 1] > 0 and moved else None
 
 
-def _line_alone(ours: ReadBack, theirs: ReadBack, k: int, within: float, *, rigid: bool) -> bool:
-    """Whether what joint k carries is where it should be: the next body and line, or, unless `rigid`, all bodies."""
+def _only_axis_moved(ours: ReadBack, theirs: ReadBack, k: int, tolerance: float, *, rigid_behind: bool) -> bool:
+    """Whether what follows joint k is in place: the next body and axis, or, unless `rigid_behind`, all bodies."""
     behind = np.flatnonzero(ours.masses[k:] > 0) + k
-    here = ~_moved(ours, theirs, within)[behind]
-    following = np.isin(k + 1, _off(ours, theirs, within), invert=True)
-    return bool(len(here) and ((here[0] and following) or (here.all() and not rigid)))
+    here = ~_moved_bodies(ours, theirs, tolerance)[behind]
+    following = np.isin(k + 1, _displaced_joints(ours, theirs, tolerance), invert=True)
+    return bool(len(here) and ((here[0] and following) or (here.all() and not rigid_behind)))
 
 
-def _moved(ours: ReadBack, theirs: ReadBack, within: float) -> NDArray[np.bool_]:
-    """Bodies whose centres lie elsewhere, or whose principal axes are turned: then inertias do not commute."""
+def _moved_bodies(ours: ReadBack, theirs: ReadBack, tolerance: float) -> NDArray[np.bool_]:
+    """Bodies whose centres are displaced, or whose principal axes are rotated: then inertias do not commute."""
     one, other = ours.inertias, theirs.inertias
-    turned = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
+    rotated = np.linalg.norm(one @ other - other @ one, axis=(1, 2))
     square = np.linalg.norm(one, axis=(1, 2)) * np.linalg.norm(other, axis=(1, 2))
     away = np.linalg.norm(theirs.centers - ours.centers, axis=1)
-    return np.asarray((away > within * size(ours)) | (turned > within * square))
+    return np.asarray((away > tolerance * reach(ours)) | (rotated > tolerance * square))
 
 
-def _line_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with the line of joint k as in the other one."""
+def _with_axis_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
+    """The record with the axis of joint k as in the other record."""
     axes, points = read.axes.copy(), read.points.copy()
     axes[k], points[k] = other.axes[k], other.points[k]
     return dataclasses.replace(read, axes=axes, points=points)
 
 
 def _offset(read: ReadBack, k: int) -> Array:
-    """From the point on the joint before, or the origin of frame 0, to that on joint k."""
+    """The vector from the point on the joint before, or the origin of frame 0, to the point on joint k."""
     return np.asarray(read.points[k] - (read.points[k - 1] if k else 0.0))
 
 
 def _unit(ours: ReadBack, theirs: ReadBack, k: int, units: Sequence[float]) -> tuple[float, Array] | None:
-    """The unit by which the distance from the joint before is too large, and where joint k lies without it.
+    """The unit factor of the distance from the joint before, and where joint k lies without it; None if none fits.
 
-    That is on our line, wherever along its line their point on the joint before lies.
+    That point must lie on our axis, for any point on the axis of the joint before.
     """
+    tolerance = 1e-3  # relative: numbers may have been rounded by hand
     offset = _offset(theirs, k)
     far, right = (float(np.linalg.norm(_offset(read, k))) for read in (theirs, ours))
     along = theirs.axes[k - 1] if k else np.zeros(3)
     v = np.cross(ours.axes[k], along)
-    for times in units if right > FITS * size(ours) else ():
-        point = theirs.points[k] - (1 - 1 / times) * offset
+    for factor in units if right > RIGID_TOLERANCE * reach(ours) else ():
+        point = theirs.points[k] - (1 - 1 / factor) * offset
         missed = np.cross(ours.axes[k], point - ours.points[k])
-        slide = -float(missed @ v) / float(v @ v) if v @ v > FITS else 0.0
-        if 0.5 < far / times / right < 2 and float(np.linalg.norm(missed + slide * v)) <= NEARLY * right:
-            return times, point + slide * along
+        slide = -float(missed @ v) / float(v @ v) if v @ v > RIGID_TOLERANCE else 0.0
+        if 0.5 < far / factor / right < 2 and float(np.linalg.norm(missed + slide * v)) <= tolerance * right:
+            return factor, point + slide * along
     return None
 
 
 def deviations(ours: ReadBack, theirs: ReadBack) -> tuple[Array, Array]:
-    """Of every joint's line: the sine of the angle, and the distance [m] of their point from our line."""
+    """The sine of the angle between both axes of each joint, and the distance [m] of their point from our axis."""
     sin = np.linalg.norm(np.cross(ours.axes, theirs.axes), axis=1)
     return sin, np.linalg.norm(np.cross(ours.axes, theirs.points - ours.points), axis=1)
 
 
-def size(read: ReadBack) -> float:
-    """How far the arm reaches at zero angles [m]."""
+def reach(read: ReadBack) -> float:
+    """Largest coordinate of a joint or a centre of mass at zero angles [m]."""
     return float(max(np.abs(read.points).max(), np.abs(read.centers).max(), np.finfo(float).tiny))
 
 
-def _off(ours: ReadBack, theirs: ReadBack, within: float) -> Indices:
-    """Joints whose lines lie elsewhere."""
+def _displaced_joints(ours: ReadBack, theirs: ReadBack, tolerance: float) -> Indices:
+    """Joints whose axes differ, in direction or place."""
     sin, off = deviations(ours, theirs)
-    return np.flatnonzero((sin > within) | (off > within * size(ours)))
+    return np.flatnonzero((sin > tolerance) | (off > tolerance * reach(ours)))
 
 
-def _all_times(ours: ReadBack, theirs: ReadBack, within: float, units: Sequence[float]) -> float | None:
-    """The unit in which all places of joints are too large, if there is one."""
-    if not len(_off(ours, theirs, within)):
+def _common_unit(ours: ReadBack, theirs: ReadBack, tolerance: float, units: Sequence[float]) -> float | None:
+    """The unit factor of all distances between joints, None if there is none."""
+    if not len(_displaced_joints(ours, theirs, tolerance)):
         return None
-    return next((times for times in units if not len(_off(ours, _stretched(theirs, 1 / times), within))), None)
+    fits = (not len(_displaced_joints(ours, _scaled(theirs, 1 / factor), tolerance)) for factor in units)
+    return next(itertools.compress(units, fits), None)
 
 
-def _stretched(read: ReadBack, times: float) -> ReadBack:
-    """Joints, and what they carry with them, so many times as far from the origin of frame 0."""
-    points = times * read.points
-    tip = None if read.tip is None else times * read.tip
+def _scaled(read: ReadBack, factor: float) -> ReadBack:
+    """The record with joints, and bodies with them, at scaled distances from the origin of frame 0."""
+    points = factor * read.points
+    tip = None if read.tip is None else factor * read.tip
     return dataclasses.replace(read, points=points, centers=points + read.centers - read.points, tip=tip)
 
 
-def _motion(ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None) -> tuple[Array, Array, Array] | None:
-    """R and a point with its image, which move our joints and bodies from k on, up to `stop`, to theirs; None: no such.
+def _rigid_motion(
+    ours: ReadBack, theirs: ReadBack, k: int, stop: int | None = None
+) -> tuple[Array, Array, Array] | None:
+    """R, a point and its image: the motion of our joints and bodies from k up to `stop` to theirs; None: no rigid one.
 
-    R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, from the point on joint k, all points.
+    R by Kabsch: the rotation nearest to Σ theirs oursᵀ, over axes and, relative to the point on joint k, all points.
     """
-    one, other = _marks(ours, k, stop), _marks(theirs, k, stop)
-    L = size(ours)
+    one, other = (_marker_points(read, k, stop) for read in (ours, theirs))
+    L = reach(ours)
     p, moved = one[0], other[0]
     a, b = (
-        np.concatenate([read.axes[k:stop], (marks - marks[0]) / L]) for read, marks in ((ours, one), (theirs, other))
+        np.concatenate([read.axes[k:stop], (points - points[0]) / L]) for read, points in ((ours, one), (theirs, other))
     )
     U, _, V = np.linalg.svd(b.T @ a)
     R = U @ np.diag([1.0, 1.0, np.linalg.det(U @ V)]) @ V
-    return (R, p, moved) if np.abs(a @ R.T - b).max() <= FITS else None
+    return (R, p, moved) if np.abs(a @ R.T - b).max() <= RIGID_TOLERANCE else None
 
 
-def _marks(read: ReadBack, k: int, stop: int | None) -> Array:
-    """Points that move with joints and bodies from k on: feet, on the axes, of the next centre of mass; centres."""
+def _marker_points(read: ReadBack, k: int, stop: int | None) -> Array:
+    """Points that move with joints and bodies from k on: the next centre of mass projected on each axis; centres."""
     following = [_next_massive(read, j) for j in range(read.n)[k:stop]]
     axes = read.axes[k:stop]
     lever = read.centers[following] - read.points[k:stop]
@@ -194,14 +201,14 @@ def _marks(read: ReadBack, k: int, stop: int | None) -> Array:
 
 
 def _next_massive(read: ReadBack, k: int) -> int:
-    """The first body from joint k on that has mass; k itself if none has."""
+    """The first body with mass from joint k on; k itself if there is none."""
     return int(np.argmax(read.masses[k:] > 0)) + k
 
 
-def _displaced(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
-    """All from joint k on turned by R and moved so that the point comes to its image."""
-    places = (read.axes, read.frames, read.points, read.centers, read.inertias)
-    axes, frames, points, centers, inertias = (x.copy() for x in places)
+def _moved_rigidly(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> ReadBack:
+    """The record with all from joint k on rotated by R and moved so that the point comes to its image."""
+    fields = (read.axes, read.frames, read.points, read.centers, read.inertias)
+    axes, frames, points, centers, inertias = (x.copy() for x in fields)
     axes[k:], frames[k:] = axes[k:] @ R.T, R @ frames[k:]
     points[k:], centers[k:] = (image + (x[k:] - point) @ R.T for x in (points, centers))
     inertias[k:] = R @ inertias[k:] @ R.T
@@ -210,14 +217,14 @@ def _displaced(read: ReadBack, k: int, R: Array, point: Array, image: Array) -> 
     return dataclasses.replace(read, **moved, tip=tip)
 
 
-def _tail(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
-    """The record with places from joint k on as in the other one."""
+def _with_tail_of(read: ReadBack, other: ReadBack, k: int) -> ReadBack:
+    """The record with positions and orientations from joint k on as in the other record."""
     fields = ("axes", "points", "centers", "inertias")
     behind: dict[str, Any] = {f: np.concatenate([getattr(read, f)[:k], getattr(other, f)[k:]]) for f in fields}
     return dataclasses.replace(read, **behind, tip=other.tip)
 
 
 def _angle(R: Array) -> float:
-    """Of a rotation, also of a small one [rad]."""
+    """Angle of a rotation, accurate also if it is small [rad]."""
     sin = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.arctan2(sin, (np.trace(R) - 1) / 2))

@@ -1,7 +1,7 @@
-"""The table of mistakes: which field differs, how, what was probably done, and what to do.
+"""The table of mistakes: which field differs and how, the likely mistake, and the remedy.
 
-The first row that fits is taken, so that rows with a special shape, or with a setting of the engine as evidence, stand
-before general ones. `{tag}` is what the file calls the field, `{where}` the joints, `{unit}` the field's.
+The first row that fits is taken, so that special shapes, and rows with a setting of the engine as evidence, come before
+general ones. In a remedy `{tag}` is the name of the field in the file, `{where}` the joints, `{unit}` the field's unit.
 """
 
 from __future__ import annotations
@@ -9,32 +9,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from flexlink.diagnosis.shapes import (
-    Shape,
-    about_the_joint,
-    alike,
-    anything,
-    ball_of_water,
-    extra,
-    larger,
-    less_in_one,
-    lever_times,
-    missing,
-    moved,
-    narrower,
-    one_sided,
-    part_times,
-    products_negated,
-    proportional,
-    same_length,
-    times,
-    turned,
-)
-from flexlink.engines.read_back import OF_JOINTS
+from flexlink.diagnosis import shapes
+from flexlink.diagnosis.shapes import Shape, all_zero, any_difference, none_expected, permuted, proportional, scaled_by
+from flexlink.engines.read_back import JOINT_FIELDS
 
 
 class Field(NamedTuple):
-    """A field of the record in words: what is counted (joints, bodies), unit, and its place in each format."""
+    """A field of the record in words: label, unit, and its name in each format."""
 
     label: str
     unit: str
@@ -47,7 +28,7 @@ FIELDS = {
     "gravity": Field("gravity", "m/s²", "option gravity", "gravity", "<gravity>"),
     "axes": Field("axis", "", "axis", "<axis>", "<axis><xyz>"),
     "lines": Field(
-        "line of the joint", "", "body pos, quat, euler or joint pos", "<joint><origin>", "<pose> of link or joint"
+        "joint axis", "", "body pos, quat, euler or joint pos", "<joint><origin>", "<pose> of link or joint"
     ),
     "tip": Field("tip", "m", "pos of body or site tip", "<origin> of the tip's joint", "<pose> of frame tip"),
     "masses": Field("mass", "kg", "inertial mass", "<mass>", "<mass>"),
@@ -64,164 +45,163 @@ FIELDS = {
         "width of the Coulomb torque", "rad/s", "user", "<flexlink coulomb_width>", "<flexlink:coulomb_width>"
     ),
     "armature": Field("armature", "kg m²", "armature", "<flexlink armature>", "<drake:rotor_inertia>"),
-    "control": Field("gear of the motor", "", "actuator gear", "<mechanicalReduction>", "<drake:gear_ratio>"),
+    "gear": Field("motor gear", "", "actuator gear", "<mechanicalReduction>", "<drake:gear_ratio>"),
     "servo_stiffness": Field("servo stiffness", "N m/rad", "actuator kp", "kp", "kp"),
     "servo_damping": Field("servo damping", "N m s/rad", "actuator kv", "kd", "kd"),
-    "push": Field("torque without a command", "N m", "actuator biasprm", "", ""),
+    "constant_torque": Field("torque without a command", "N m", "actuator biasprm", "", ""),
     "effort": Field(
         "torque limit", "", "actuator forcerange, ctrlrange or joint actuatorfrcrange", "<limit effort>",
         "<limit><effort>",
     ),
 }  # fmt: skip
-
-
-class Setting(NamedTuple):
-    """What the engine was told beside numbers; `counts` unless it leaves right runs as they are."""
-
-    what: str
-    change: str
-    counts: bool = True
-
+ORIENTATION = "order of the quaternion (w x y z in MJCF), order of roll, pitch and yaw, or degrees for radians"
+LENGTH_UNITS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1 / 0.3048: "feet"}
+"""Units of length that a file may have in place of metres, by the factor of its numbers."""
 
 SETTINGS = {
-    "contacts": Setting("contacts are active: {value}", 'set flag contact="disable", or geoms without contype'),
-    "limits": Setting("limits are active: {value}", 'set flag limit="disable", or limited="false"'),
-    "frictionloss": Setting(
-        "frictionloss acts as a constraint, where the scene has c tanh(q̇/w): {value}", 'set flag frictionloss="disable"'
+    "contacts": ("contacts are active: {value}", 'set flag contact="disable", or contype="0" of the geoms', True),
+    "limits": ("joint limits are active: {value}", 'set flag limit="disable", or limited="false"', True),
+    "frictionloss": (
+        "frictionloss acts as a constraint, in place of c tanh(q̇/w): {value}", 'set flag frictionloss="disable"', True
     ),
-    "equality": Setting("equality constraints are active: {value}", 'set flag equality="disable"'),
-    "gravcomp": Setting("gravcomp cancels gravity on {value}", "remove it"),
-    "fluid": Setting("a fluid drags: {value}", "set option density and viscosity to 0"),
-    "tendons": Setting("tendons pull: {value}", "remove their stiffness, damping and friction"),
-    "step": Setting("the time step is beyond the largest stable one: {value}", "set option timestep"),
-    "integrator": Setting(
-        "runs of the file step by {value}, the scene's by RK4", 'set option integrator="RK4" to compare runs',
-        counts=False,
+    "equality": ("equality constraints are active: {value}", 'set flag equality="disable"', True),
+    "gravcomp": ("gravcomp cancels gravity on {value}", "remove it", True),
+    "fluid": ("fluid forces are active: {value}", "set option density and viscosity to 0", True),
+    "tendons": ("tendons apply forces: {value}", "remove their stiffness, damping and friction", True),
+    "step": ("the time step exceeds the stability limit: {value}", "set a smaller option timestep", True),
+    "integrator": ("the integrator is {value}, not RK4", 'set option integrator="RK4" to compare simulations', False),
+    "other actuators": (
+        "actuators that are neither motors nor servos at joints are not compared: {value}",
+        "check their joint torques by hand", False,
     ),
-    "other actuators": Setting(
-        "actuators other than motors and servos at joints, which are not compared: {value}",
-        "compare what they do at a joint by hand", counts=False,
-    ),
-    "autoreset": Setting(
-        "a run that diverges restarts silently (autoreset)", 'set flag autoreset="disable"', counts=False
-    ),
+    "autoreset": ("autoreset: a simulation that diverges restarts silently", 'set flag autoreset="disable"', False),
 }  # fmt: skip
+"""Settings of an engine: what to say, the remedy, and whether correct simulations change (else it is only noted)."""
 
 
 class Mistake(NamedTuple):
-    """If `field` differs in this `shape`, and the engine was told `setting`, then `likely`; `change` puts it right."""
+    """If `field` differs in this `shape` while `setting` is active: the likely mistake, and the remedy."""
 
     field: str
     shape: Shape
     likely: str
-    change: str
+    remedy: str
     setting: str = ""
 
 
-DEGREE, GRAM = math.pi / 180, 1e-3
-LENGTHS = {1e3: "millimetres", 1e2: "centimetres", 1 / 0.0254: "inches", 1 / 0.3048: "feet"}
-"""Units in which lengths are written by mistake, by how much too large they are then."""
-INERTIAS = {1e3: "g m²", 1e4: "kg cm²", 1e6: "kg mm²", 1e7: "g cm²", 1e9: "g mm²"}
-IN_UNITS = "give {tag} of {where} in {unit}"
-CORRECT = "correct {tag} of {where}"
-ZERO, NO_REF = "the joint's zero is shifted", "remove joint ref, or add it to every angle"
-BALANCED = "balanceinertia makes the three moments equal"
-SHAPES = "the engine takes masses from the shapes of geoms"
-FROM_INERTIAL = 'set compiler inertiafromgeom="false", and give every body an <inertial>'
-SPRINGDAMPER = "springdamper overwrites stiffness and damping by a time constant and a ratio"
-RULE = "correct {tag}: none negative, none larger than the other two together"
-LEFT_OUT = "the engine is told to leave {} out"
-QUATERNION = "order of the quaternion (w x y z in MJCF), order of roll, pitch and yaw, or degrees for radians"
-IN_BODY = CORRECT + ", in the body's frame"
-TURNED = "the rotation of the principal axes is lost or another one"
-PRODUCTS = "the products of inertia have the opposite sign"
+def _mistakes() -> list[Mistake]:
+    correct, in_unit = "correct {tag} of {where}", "give {tag} of {where} in {unit}"
+    degree, inertia_units = math.pi / 180, {1e3: "g m²", 1e4: "kg cm²", 1e6: "kg mm²", 1e7: "g cm²", 1e9: "g mm²"}
+    servo_fields = ("servo_stiffness", "servo_damping", "constant_torque")
+    rows: list[tuple[str, Shape, str, str] | tuple[str, Shape, str, str, str]] = [
+        ("gravity", all_zero, "gravity is off", "set {tag}, and remove flags that disable it"),
+        ("gravity", scaled_by(-1), "gravity has the wrong sign", "change its sign: the scene may have Z downward"),
+        ("gravity", proportional, "another value of g", "correct {tag}"),
+        ("gravity", shapes.same_length, "gravity along another axis", "correct {tag}, or rotate the base"),
+        ("gravity", any_difference, "another gravity", "correct {tag}"),
+        ("axes", any_difference, "the axis is flipped", "change the sign of {tag}, or of angle, rest and torque"),
+        ("tip", any_difference, "the tip frame is misplaced", "correct {tag}"),
+        *(
+            (field, any_difference, "the joint's zero is shifted", "remove joint ref, or add it to every angle", "ref")
+            for field in ("centers", "inertias")
+        ),
+        *(
+            (
+                field, any_difference, "the engine computes masses from the shapes of geoms",
+                'set compiler inertiafromgeom="false", and give every body an <inertial>', "inertiafromgeom",
+            )
+            for field in ("masses", "centers", "inertias")
+        ),
+        ("masses", shapes.all_larger, "boundmass raises small masses", 'set compiler boundmass="0"', "boundmass"),
+        ("masses", any_difference, "masses are scaled to a total", "remove compiler settotalmass", "settotalmass"),
+        ("masses", all_zero, "the mass is missing, or not a number for the engine", correct),
+        ("masses", scaled_by(1e3), "grams for kilograms", in_unit),
+        ("masses", proportional, "another density", "correct density, or {tag}"),
+        ("masses", shapes.one_too_light, "a part is missing (payload, hub, motor)", correct),
+        ("masses", any_difference, "another mass", correct),
+        *(("centers", shapes.lever_scaled(f), f"given in {unit}", in_unit) for f, unit in LENGTH_UNITS.items()),
+        (
+            "centers", any_difference, "the centre of mass is given in another frame, or missing",
+            correct + ", in the body's frame",
+        ),
+        (
+            "inertias", shapes.all_larger, "boundinertia raises small moments", 'set compiler boundinertia="0"',
+            "boundinertia",
+        ),
+        (
+            "inertias", shapes.equal_moments, "balanceinertia makes the three moments equal",
+            'set compiler balanceinertia="false"', "balanceinertia",
+        ),
+        ("inertias", all_zero, "the inertia is missing", correct),
+        (
+            "inertias", shapes.water_sphere, "the file's inertia is impossible, and Drake takes a sphere of water",
+            "correct {tag}: no moment may be negative, or larger than the other two together",
+        ),
+        (
+            "inertias", shapes.products_negated, "the products of inertia have the opposite sign",
+            "change the signs of ixy, ixz and iyz of {where}",
+        ),
+        (
+            "inertias", shapes.axes_rotated, "the rotation of the principal axes is missing or wrong",
+            "check {tag}: " + ORIENTATION,
+        ),
+        (
+            "inertias", shapes.about_joint, "given about the joint, not the centre of mass",
+            "give {tag} about the centre of mass",
+        ),
+        *(("inertias", scaled_by(f), f"given in {unit}", in_unit) for f, unit in inertia_units.items()),
+        ("inertias", proportional, "another unit or density", in_unit),
+        ("inertias", shapes.part_scaled, "all moments of one part scaled by one factor", correct),
+        ("inertias", any_difference, "another inertia", correct + ": about the centre of mass, products with signs"),
+        *(
+            (
+                field, any_difference, "springdamper overwrites stiffness and damping", "remove springdamper",
+                "springdamper",
+            )
+            for field in ("stiffness", "damping")
+        ),
+        ("rest", scaled_by(degree), "radians in a file read in degrees", 'set compiler angle="radian"', "degree"),
+        ("damping", all_zero, "a flag disables dampers", 'remove flag damper="disable"', "no dampers"),
+        ("stiffness", all_zero, "a flag disables springs", 'remove flag spring="disable"', "no springs"),
+        ("gear", permuted, "the motor is at another joint", "name the right joint in the actuator"),
+        ("gear", all_zero, "the scene's drive has no motor here", "add a motor at {where}"),
+        ("gear", scaled_by(-1), "it acts in the opposite direction", "change the sign of {tag}"),
+        ("gear", any_difference, "a command of 1 does not give 1 N m (servo: 1 rad) at the joint", "set {tag} to 1"),
+        *(
+            (field, none_expected, "actuators act without a command", "use motors, or give the scene a PD drive")
+            for field in servo_fields
+        ),
+        ("effort", shapes.one_sided, "the limit allows torque in one direction only", correct),
+        ("effort", shapes.narrower, "below what the scene's drive may command", correct + ", or drive.effort"),
+        ("effort", any_difference, "another limit", correct + ", or drive.effort"),
+    ]  # fmt: skip
+    any_joint = (
+        (all_zero, "missing", "add {tag} to {where}"),
+        (scaled_by(degree, 1 / degree), "degrees taken for radians", in_unit),
+        (scaled_by(-1), "the wrong sign", "change the sign of {tag} of {where}"),
+        (scaled_by(2, 0.5), "doubled or halved (½ k θ², two sides of a joint)", in_unit),
+        (permuted, "at another joint", "check which joint {tag} belongs to"),
+        (none_expected, "added where there is none", "remove {tag} from {where}"),
+        (proportional, "another unit or material", in_unit),
+        (any_difference, "another value", correct),
+    )
+    rows += [(field, *row) for field in (*JOINT_FIELDS, *servo_fields) for row in any_joint]
+    return [Mistake(*row) for row in rows]
 
-MISTAKES: tuple[Mistake, ...] = (
-    Mistake("gravity", missing, "gravity is off", "set {tag}, and no flag that disables it"),
-    Mistake("gravity", times(-1), "gravity has the wrong sign", "change its sign: the scene may have Z downward"),
-    Mistake("gravity", proportional, "another value of g", "correct {tag}"),
-    Mistake("gravity", same_length, "gravity along another axis", "correct {tag}, or turn the base"),
-    Mistake("gravity", anything, "another gravity", "correct {tag}"),
-    Mistake("axes", anything, "the axis is flipped", "change the sign of {tag}, or of angle, rest and torque"),
-    Mistake("centers", anything, ZERO, NO_REF, "ref"),
-    Mistake("inertias", anything, ZERO, NO_REF, "ref"),
-    Mistake("tip", anything, "the tip frame is placed elsewhere", "correct {tag}"),
-    Mistake("masses", anything, SHAPES, FROM_INERTIAL, "inertiafromgeom"),
-    Mistake("masses", larger, "small masses are raised to a floor", 'set compiler boundmass="0"', "boundmass"),
-    Mistake("masses", anything, "masses are scaled to a total", "remove compiler settotalmass", "settotalmass"),
-    Mistake("masses", missing, "the mass is left out, or is no number to the engine", CORRECT),
-    Mistake("masses", times(1 / GRAM), "grams for kilograms", IN_UNITS),
-    Mistake("masses", proportional, "another density", "correct density, or {tag}"),
-    Mistake("masses", less_in_one, "a part is left out (payload, hub, motor)", CORRECT),
-    Mistake("masses", anything, "another mass", CORRECT),
-    Mistake("centers", anything, SHAPES, FROM_INERTIAL, "inertiafromgeom"),
-    *(Mistake("centers", lever_times(f), f"given in {unit}", IN_UNITS) for f, unit in LENGTHS.items()),
-    Mistake("centers", anything, "the centre is given in another frame, or left out", IN_BODY),
-    Mistake("inertias", anything, SHAPES, FROM_INERTIAL, "inertiafromgeom"),
-    Mistake("inertias", larger, "small moments are raised to a floor", 'set compiler boundinertia="0"', "boundinertia"),
-    Mistake("inertias", alike, BALANCED, 'set compiler balanceinertia="false"', "balanceinertia"),
-    Mistake("inertias", missing, "the inertia is left out", CORRECT),
-    Mistake("inertias", ball_of_water, "no body can have what the file says, and Drake takes a ball of water", RULE),
-    Mistake("inertias", products_negated, PRODUCTS, "change the signs of ixy, ixz and iyz of {where}"),
-    Mistake("inertias", turned, TURNED, "check {tag}: " + QUATERNION),
-    Mistake("inertias", about_the_joint, "taken about the joint, not the centre", "give {tag} about the centre"),
-    *(Mistake("inertias", times(f), f"given in {unit}", IN_UNITS) for f, unit in INERTIAS.items()),
-    Mistake("inertias", proportional, "another unit or density", IN_UNITS),
-    Mistake("inertias", part_times, "all moments of one part by one factor", CORRECT),
-    Mistake("inertias", anything, "another inertia", CORRECT + ": about the centre, products with their signs"),
-    Mistake("stiffness", anything, SPRINGDAMPER, "remove springdamper", "springdamper"),
-    Mistake("damping", anything, SPRINGDAMPER, "remove springdamper", "springdamper"),
-    Mistake("rest", times(DEGREE), "radians written where degrees are read", 'set compiler angle="radian"', "degree"),
-    Mistake("damping", missing, LEFT_OUT.format("dampers"), 'remove flag damper="disable"', "no dampers"),
-    Mistake("stiffness", missing, LEFT_OUT.format("springs"), 'remove flag spring="disable"', "no springs"),
-    Mistake("control", moved, "the motor is at another joint", "name the right joint in the actuator"),
-    Mistake("control", missing, "the scene's drive has no motor here", "add a motor at {where}"),
-    Mistake("control", times(-1), "it pushes the other way", "change the sign of {tag}"),
-    Mistake("control", anything, "a command of 1 is not 1 N m (of a servo: 1 rad) at the joint", "set {tag} to 1"),
-    *(
-        Mistake(field, extra, "actuators push without a command", "use motors, or give the scene a PD drive")
-        for field in ("servo_stiffness", "servo_damping", "push")
+
+MISTAKES = _mistakes()
+OFFSET = Field("offset", "m", "pos", "<joint><origin xyz>", "<pose>")
+MISPLACED = {
+    "axis": (FIELDS["axes"], "another axis", "correct {tag} of {where}"),
+    "position": (
+        Field("position", "m", "joint pos", "<joint><origin>", "<joint><pose>"), "the joint is misplaced in its body",
+        "correct {tag} of {where}",
     ),
-    Mistake("effort", one_sided, "the limit leaves one direction only", CORRECT),
-    Mistake("effort", narrower, "below what the scene's drive may ask for", CORRECT + ", or drive.effort"),
-    Mistake("effort", anything, "another limit", CORRECT + ", or drive.effort"),
-)  # fmt: skip
-
-DIGITS_LOST = ("digits were lost in writing", "write numbers with all 17 digits (repr, %.17g)")
-ORDER = (
-    "hinges at one point turn one after another, and order matters",
-    "correct the order of joints in a body, or of links",
-)
-
-ZERO_SHIFTED = Mistake("lines", anything, ZERO, NO_REF)
-PLACES = {
-    "axis": Mistake("axes", anything, "another axis", CORRECT),
-    "position": Mistake("positions", anything, "the joint is placed elsewhere in its body", CORRECT),
     **{
-        unit: Mistake("offsets", anything, f"written in {unit}, read in metres", "give {tag} of {where} in m")
-        for unit in LENGTHS.values()
+        unit: (OFFSET, f"written in {unit}, read in metres", "give {tag} of {where} in m")
+        for unit in LENGTH_UNITS.values()
     },
-    "far": Mistake("offsets", anything, "far beyond the arm: millimetres for metres?", "give {tag} of {where} in m"),
-    "frame": Mistake("lines", anything, "the frame is placed elsewhere", "check {tag}: offset, " + QUATERNION),
-}
-"""What is said of a line that lies elsewhere, by how it does."""
-OF_PLACES = FIELDS | {
-    "positions": Field("position", "m", "joint pos", "<joint><origin>", "<joint><pose>"),
-    "offsets": Field("offset", "m", "pos", "<joint><origin xyz>", "<pose>"),
-}
-
-OF_ANY_JOINT = (
-    ("left out", missing, "add {tag} to {where}"),
-    ("degrees taken for radians", times(DEGREE, 1 / DEGREE), IN_UNITS),
-    ("the wrong sign", times(-1), "change the sign of {tag} of {where}"),
-    ("doubled or halved (½ k θ², two sides of a joint)", times(2, 0.5), IN_UNITS),
-    ("at another joint", moved, "check which joint {tag} belongs to"),
-    ("added where there is none", extra, "remove {tag} from {where}"),
-    ("another unit or material", proportional, IN_UNITS),
-    ("another value", anything, CORRECT),
-)
-MISTAKES += tuple(
-    Mistake(field, shape, likely, change)
-    for field in (*OF_JOINTS, "servo_stiffness", "servo_damping", "push")
-    for likely, shape, change in OF_ANY_JOINT
-)
+    "far": (OFFSET, "far outside the arm: millimetres for metres?", "give {tag} of {where} in m"),
+    "frame": (FIELDS["lines"], "the frame is misplaced", "check {tag}: offset, " + ORIENTATION),
+}  # fmt: skip
+"""Displaced joint axes by the kind of displacement: the field to correct, the likely mistake, and the remedy."""

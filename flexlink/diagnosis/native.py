@@ -6,8 +6,8 @@ from flexlink.chain.chain import Chain
 from flexlink.common.versions import __version__
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
-from flexlink.engines.base import Array, Samples
-from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines.base import Samples
+from flexlink.engines.read_back import Array, ReadBack, of_chain
 from flexlink.motion.simulate import simulate
 
 
@@ -42,11 +42,11 @@ class NativeEngine:
         return terms.friction_torque(self.chain, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by the default method of `flexlink.forward_dynamics`."""
+        """q̈ by the default solver of `flexlink.forward_dynamics`."""
         return accelerations.forward_dynamics(self.chain, q, qd, tau, tip_wrench=tip_wrench)
 
     def read_back(self) -> ReadBack:
-        """The chain itself."""
+        """The record of the chain."""
         return of_chain(self.chain)
 
     def integrate(self, scene: Scene) -> Samples:

@@ -1,9 +1,8 @@
-"""The terms of the equation of motion, engine against engine at many states, in units of what rounding explains.
+"""The terms of the equation of motion, engine against engine at many states, relative to the rounding bound.
 
     M(q) q̈ + T_GC(q, q̇) + T_FL(q) + T_FR(q̇) = T_EX
 
-So 1 is the most that two right programs may differ by (`dynamics.rounding`). Accelerations are compared as the torques
-M Δq̈ that the difference stands for.
+Two correct programs differ by at most 1 (`dynamics.rounding`). Accelerations are compared by the torque M Δq̈.
 """
 
 from __future__ import annotations
@@ -14,21 +13,17 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.diagnosis.states import State
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import in_units
 from flexlink.engines.base import Engine
-
-Array = NDArray[np.float64]
-
-PIECES = 200  # progress is reported about this often
+from flexlink.engines.read_back import Array
 
 
 class Term(NamedTuple):
-    """How one term of the equation of motion is evaluated, and two values compared: (n,) or (n, n), 1 is allowed."""
+    """How a term of the equation of motion is evaluated, and the error of two values over its bound, (n,) or (n, n)."""
 
     evaluate: Callable[[Engine, State], Array]
     error: Callable[[Chain, State, Array, Array], Array]
@@ -75,11 +70,11 @@ class Difference:
     Attributes
     ----------
     engine, quantity
-        What was compared.
+        Their names.
     error
-        Largest error over the states and joints, in units of what rounding explains.
+        Largest error over states and joints, relative to the rounding bound.
     joint
-        Name of the joint (of M: of the row) where it is largest.
+        Name of the joint (for M: of the row) with the largest error.
     worst
         The state with the largest error.
     """
@@ -92,7 +87,7 @@ class Difference:
 
     @property
     def passed(self) -> bool:
-        """Rounding explains the error (never nan)."""
+        """The error is within the rounding bound (nan is not)."""
         return self.error <= 1
 
 
@@ -106,39 +101,22 @@ def compare_engines(
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Difference, ...]:
     """Quantities of every engine against `native` at the given states."""
-    names = list(quantities)
-    worst: dict[tuple[int, str], _Worst] = {}
+    names, reports = list(quantities), 200  # about so many calls of `progress`
+    worst: dict[tuple[int, str], Difference] = {}
     for number, state in enumerate(states):
         for name in names:
             quantity = QUANTITIES[name]
             expected = quantity.evaluate(native, state)
             for each, engine in enumerate(engines):
-                error = quantity.error(chain, state, quantity.evaluate(engine, state), expected)
-                found = _largest(error.reshape(chain.n, -1), state)
-                worst[each, name] = max(worst.get((each, name), found), found, key=lambda one: one.rank)
-        if progress is not None and (number + 1) % max(1, len(states) // PIECES) == 0:
+                errors = quantity.error(chain, state, quantity.evaluate(engine, state), expected).reshape(chain.n, -1)
+                k = int(np.argmax(np.where(np.isnan(errors), np.inf, errors).max(axis=1)))
+                new = Difference(engine.name, name, float(errors[k].max()), chain.joint_name(k), state)
+                worst[each, name] = max(worst.get((each, name), new), new, key=_rank)
+        if progress is not None and (number + 1) % max(1, len(states) // reports) == 0:
             progress((number + 1) / len(states))
-    return tuple(
-        Difference(engine.name, name, w.error, chain.joint_name(w.k), w.state)
-        for each, engine in enumerate(engines)
-        for name in names
-        for w in (worst[each, name],)
-    )
+    return tuple(worst[each, name] for each in range(len(engines)) for name in names)
 
 
-class _Worst(NamedTuple):
-    error: float
-    k: int
-    state: State
-
-    @property
-    def rank(self) -> float:
-        """Numbers that are not finite are the worst of all."""
-        return math.inf if math.isnan(self.error) else self.error
-
-
-def _largest(error: Array, state: State) -> _Worst:
-    """Of (n, …) errors, with its row."""
-    rows = np.where(np.isnan(error), np.inf, error).max(axis=1)
-    k = int(np.argmax(rows))
-    return _Worst(float(error[k].max()), k, state)
+def _rank(difference: Difference) -> float:
+    """The error; nan ranks highest."""
+    return math.inf if math.isnan(difference.error) else difference.error

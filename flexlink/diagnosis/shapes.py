@@ -1,4 +1,4 @@
-"""How read numbers differ from right ones: each shape is a question with the answer yes or no."""
+"""Shapes of a discrepancy: questions on how the numbers of a file differ from the expected ones, yes or no."""
 
 from __future__ import annotations
 
@@ -7,31 +7,25 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexlink.engines.read_back import ReadBack, parallel_axis
+from flexlink.engines.read_back import Array, Indices, ReadBack, parallel_axis
 
-Array = NDArray[np.float64]
-
-SAME = 1e-9
-"""How well a shape must fit, relative: between rounding, and the last digit of files of 6 digits."""
-FEW = 1e-3
-"""The most, relative, that digits lost in writing may change; with three digits, half of it."""
-DIGITS = range(2, 13)
+TOLERANCE = 1e-9
+"""Relative tolerance of a shape: above rounding, below the last digit of files with 6 digits."""
 
 
-class Seen(NamedTuple):
-    """One field of both records: the entries that differ, (m, …), and their numbers; then whole records."""
+class Discrepancy(NamedTuple):
+    """The entries of one field that differ, (m, …), the joints that they belong to, and both records."""
 
     ours: Array
     theirs: Array
-    where: NDArray[np.intp]
-    us: ReadBack
-    them: ReadBack
+    rows: Indices
+    our_record: ReadBack
+    their_record: ReadBack
 
     @property
     def factor(self) -> float | None:
-        """The one number that makes theirs of ours, if there is one."""
+        """The factor f of theirs = f · ours, None if there is none."""
         square = float((self.ours**2).sum())
         if square == 0 or not np.isfinite([self.ours, self.theirs]).all():
             return None
@@ -39,163 +33,157 @@ class Seen(NamedTuple):
         return factor if close(self.theirs, factor * self.ours) else None
 
     @property
-    def part(self) -> float | None:
-        """Of one inertia: the factor of one of the parts that are rigid with each other, if that makes all of it.
+    def part_factor(self) -> float | None:
+        """For one inertia, the factor f of one of the welded parts, if that explains all of the difference.
 
-        Theirs is ours and (f − 1) / f of what they have for the part, so that the difference is a multiple of it.
+        The part is f times as large in their record, so that the difference is (f − 1) / f of that part there.
         """
-        if len(self.where) > 1:
+        if len(self.rows) > 1:
             return None
-        more = self.theirs[0] - self.ours[0]
-        for owner, inertia in zip(self.them.parts.owner, self.them.parts.inertias, strict=True):
-            size = float((inertia**2).sum())
-            share = float((more * inertia).sum()) / size if owner == self.where[0] and size else 1.0
-            if share < 1 and np.abs(more - share * inertia).max() <= SAME * np.abs(self.ours).max():
+        excess, parts = self.theirs[0] - self.ours[0], self.their_record.parts
+        for owner, inertia in zip(parts.owner, parts.inertias, strict=True):
+            square = float((inertia**2).sum())
+            share = float((excess * inertia).sum()) / square if owner == self.rows[0] and square else 1.0
+            if share < 1 and np.abs(excess - share * inertia).max() <= TOLERANCE * np.abs(self.ours).max():
                 return 1 / (1 - share)
         return None
 
 
-Shape = Callable[[Seen], bool]
+Shape = Callable[[Discrepancy], bool]
 
 
 def close(theirs: Array, ours: Array) -> bool:
-    """Equal within `SAME` of the largest."""
-    return bool(np.abs(theirs - ours).max(initial=0.0) <= SAME * np.abs(ours).max(initial=0.0))
+    """Equal within `TOLERANCE` of the largest."""
+    return bool(np.abs(theirs - ours).max(initial=0.0) <= TOLERANCE * np.abs(ours).max(initial=0.0))
 
 
-def anything(_: Seen) -> bool:
-    """What no other shape fits."""
+def any_difference(_: Discrepancy) -> bool:
+    """Always: the last row of a field in the table of mistakes."""
     return True
 
 
-def missing(seen: Seen) -> bool:
-    """Zero where there should be something."""
-    return not seen.theirs.any()
+def all_zero(diff: Discrepancy) -> bool:
+    """Zero where numbers are expected."""
+    return not diff.theirs.any()
 
 
-def extra(seen: Seen) -> bool:
-    """Something where there should be nothing."""
-    return not seen.ours.any()
+def none_expected(diff: Discrepancy) -> bool:
+    """Numbers where zero is expected."""
+    return not diff.ours.any()
 
 
-def times(*factors: float) -> Shape:
-    """All by one of these factors."""
-
-    def shape(seen: Seen) -> bool:
-        return any(_each_close(seen.theirs, factor * seen.ours) for factor in factors)
-
-    return shape
+def scaled_by(*factors: float) -> Shape:
+    """All scaled by one of these factors."""
+    return lambda diff: any(_each_close(diff.theirs, factor * diff.ours) for factor in factors)
 
 
-def proportional(seen: Seen) -> bool:
-    """All, or one vector, by one and the same factor."""
-    return seen.factor is not None and seen.ours.size > 1
+def proportional(diff: Discrepancy) -> bool:
+    """Several numbers, or one vector, scaled by the same factor."""
+    return diff.factor is not None and diff.ours.size > 1
 
 
-def part_times(seen: Seen) -> bool:
-    """One part of a body by one factor."""
-    return seen.part is not None
+def part_scaled(diff: Discrepancy) -> bool:
+    """One part of a body scaled by a factor."""
+    return diff.part_factor is not None
 
 
-def lever_times(factor: float) -> Shape:
-    """Centres so many times as far from the joint's point."""
+def lever_scaled(factor: float) -> Shape:
+    """Distances of centres of mass from the joint's point scaled by a factor."""
 
-    def shape(seen: Seen) -> bool:
-        origins = seen.them.points[seen.where]
-        return _each_close(seen.theirs - origins, factor * (seen.ours - origins))
+    def shape(diff: Discrepancy) -> bool:
+        origins = diff.their_record.points[diff.rows]
+        return _each_close(diff.theirs - origins, factor * (diff.ours - origins))
 
     return shape
 
 
-def products_negated(seen: Seen) -> bool:
-    """The moments are right and the products have the opposite sign, in the axes of theirs, of ours, or of frame 0."""
-    k = seen.where
-    for R in (seen.them.frames[k], seen.us.frames[k], np.eye(3)[None]):
-        I = R.mT @ seen.ours @ R
-        if _each_close(R.mT @ seen.theirs @ R, 2 * I * np.eye(3) - I):
+def products_negated(diff: Discrepancy) -> bool:
+    """Equal moments and negated products of inertia, in their axes, in ours, or in those of frame 0."""
+    k = diff.rows
+    for R in (diff.their_record.frames[k], diff.our_record.frames[k], np.eye(3)[None]):
+        I = R.mT @ diff.ours @ R
+        if _each_close(R.mT @ diff.theirs @ R, 2 * I * np.eye(3) - I):
             return True
     return False
 
 
-def one_sided(seen: Seen) -> bool:
-    """Limits that let a torque pass in one direction only, where both are asked for."""
-    return bool(((seen.theirs[:, 0] >= 0) | (seen.theirs[:, 1] <= 0)).all() and seen.ours.all())
+def one_sided(diff: Discrepancy) -> bool:
+    """Limits that allow torque in one direction only, where the drive needs both."""
+    return bool(((diff.theirs[:, 0] >= 0) | (diff.theirs[:, 1] <= 0)).all() and diff.ours.all())
 
 
-def narrower(seen: Seen) -> bool:
-    """Limits within ours."""
-    return bool(((seen.theirs[:, 0] >= seen.ours[:, 0]) & (seen.theirs[:, 1] <= seen.ours[:, 1])).all())
+def narrower(diff: Discrepancy) -> bool:
+    """Limits inside ours."""
+    return bool(((diff.theirs[:, 0] >= diff.ours[:, 0]) & (diff.theirs[:, 1] <= diff.ours[:, 1])).all())
 
 
-def moved(seen: Seen) -> bool:
-    """The right numbers at the wrong places."""
-    if np.ndim(seen.ours[0]) or len(seen.where) < 2:
+def permuted(diff: Discrepancy) -> bool:
+    """The expected numbers at other joints."""
+    if np.ndim(diff.ours[0]) or len(diff.rows) < 2:
         return False
-    return _each_close(np.sort(seen.theirs), np.sort(seen.ours))
+    return _each_close(np.sort(diff.theirs), np.sort(diff.ours))
 
 
-def larger(seen: Seen) -> bool:
+def all_larger(diff: Discrepancy) -> bool:
     """All larger; of inertias the smallest moments."""
-    return bool((_smallest(seen.theirs) > _smallest(seen.ours)).all())
+    return bool((_smallest(diff.theirs) > _smallest(diff.ours)).all())
 
 
-def fewer_digits(seen: Seen) -> bool:
-    """Single numbers are ours with fewer digits, significant ones or decimals; what frames turn is nearly right."""
-    if not np.isfinite([seen.ours, seen.theirs]).all():
+def fewer_digits(diff: Discrepancy) -> bool:
+    """Scalars are rounded to fewer digits or decimals; vectors and matrices agree to three digits."""
+    if not np.isfinite([diff.ours, diff.theirs]).all():
         return False
-    if np.ndim(seen.ours[0]):
-        return bool(np.abs(seen.theirs - seen.ours).max() <= FEW * np.abs(seen.ours).max())
-    pairs = list(zip(seen.ours.tolist(), seen.theirs.tolist(), strict=True))
-    return any(
-        all(float(f"{x:.{digits}{kind}}") == y for x, y in pairs) for kind, digits in itertools.product("gf", DIGITS)
-    )
+    if np.ndim(diff.ours[0]):  # frames rotate them
+        return bool(np.abs(diff.theirs - diff.ours).max() <= 1e-3 * np.abs(diff.ours).max())
+    pairs = list(zip(diff.ours.tolist(), diff.theirs.tolist(), strict=True))
+    formats = itertools.product("gf", range(2, 13))
+    return any(all(float(f"{x:.{digits}{kind}}") == y for x, y in pairs) for kind, digits in formats)
 
 
-def turned(seen: Seen) -> bool:
-    """The principal moments are right, their axes are not."""
-    return _each_close(moments(seen.theirs), moments(seen.ours))
+def axes_rotated(diff: Discrepancy) -> bool:
+    """Equal principal moments about other axes."""
+    return _each_close(moments(diff.theirs), moments(diff.ours))
 
 
-def alike(seen: Seen) -> bool:
+def equal_moments(diff: Discrepancy) -> bool:
     """Three equal principal moments."""
-    return bool((np.ptp(moments(seen.theirs), axis=1) <= SAME * _smallest(seen.theirs)).all())
+    return bool((np.ptp(moments(diff.theirs), axis=1) <= TOLERANCE * _smallest(diff.theirs)).all())
 
 
-def ball_of_water(seen: Seen) -> bool:
-    """What Drake takes, with a warning, for inertias that no body can have: 2/5 m r², a ball of 1000 kg/m³."""
-    m = seen.them.masses[seen.where]
+def water_sphere(diff: Discrepancy) -> bool:
+    """2/5 m r² of a sphere of 1000 kg/m³, which Drake takes, with a warning, for inertias that no body can have."""
+    m = diff.their_record.masses[diff.rows]
     moment = 0.4 * m * np.cbrt(3 * m / (4000 * np.pi)) ** 2
-    return close(seen.theirs, moment[:, None, None] * np.eye(3))
+    return close(diff.theirs, moment[:, None, None] * np.eye(3))
 
 
-def about_the_joint(seen: Seen) -> bool:
-    """m (r² 1 − r rᵀ) too much, r from the joint's point to the centre."""
-    k = seen.where
-    added = parallel_axis(seen.us.masses[k], seen.us.centers[k] - seen.us.points[k])
-    return close(seen.theirs - seen.ours, added)
+def about_joint(diff: Discrepancy) -> bool:
+    """Too large by m (r² 1 − r rᵀ), r from the joint's point to the centre of mass."""
+    k, ours = diff.rows, diff.our_record
+    return close(diff.theirs - diff.ours, parallel_axis(ours.masses[k], ours.centers[k] - ours.points[k]))
 
 
-def less_in_one(seen: Seen) -> bool:
-    """One body alone is too light."""
-    return len(seen.where) == 1 and bool(0 < seen.theirs[0] < seen.ours[0])
+def one_too_light(diff: Discrepancy) -> bool:
+    """A single body has too little mass."""
+    return len(diff.rows) == 1 and bool(0 < diff.theirs[0] < diff.ours[0])
 
 
-def same_length(seen: Seen) -> bool:
-    """A vector of the right size along another line."""
-    return bool(np.isclose(np.linalg.norm(seen.theirs), np.linalg.norm(seen.ours), rtol=SAME, atol=0))
+def same_length(diff: Discrepancy) -> bool:
+    """A vector of equal length along another line."""
+    return bool(np.isclose(np.linalg.norm(diff.theirs), np.linalg.norm(diff.ours), rtol=TOLERANCE, atol=0))
 
 
 def _smallest(values: Array) -> Array:
-    """Single numbers themselves, of matrices the smallest eigenvalue."""
+    """Scalars themselves; of matrices the smallest eigenvalue."""
     return values if np.ndim(values[0]) == 0 else moments(values)[:, 0]
 
 
 def moments(inertias: Array) -> Array:
-    """Principal moments, the smallest first, shape (…, 3)."""
+    """Principal moments in ascending order, shape (…, 3)."""
     return np.asarray(np.linalg.eigvalsh(inertias))
 
 
 def _each_close(theirs: Array, ours: Array) -> bool:
-    """Equal within `SAME` of each row's largest."""
+    """Equal within `TOLERANCE` of the largest number in each row."""
     error, size = (np.abs(part).reshape(len(part), -1).max(axis=1) for part in (theirs - ours, ours))
-    return bool((error <= SAME * size).all())
+    return bool((error <= TOLERANCE * size).all())

@@ -1,4 +1,4 @@
-"""The largest stable step of an integrator that a file names, about a slightly bent arm, where no two axes line up.
+"""The largest stable step of the integrator of a file, for a slightly bent arm, where no two axes are parallel.
 
 Semi-implicit Euler, v' = v + h a(x, v), x' = x + h v', of a mode with λ² + d λ + ω² = 0 is stable for
 
@@ -22,7 +22,7 @@ from flexlink.engines.read_back import Array
 
 
 def _modes(chain: Chain) -> tuple[Array, Array]:
-    """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; one that falls away counts with its rate."""
+    """ω [rad/s] and d = φᵀ D φ [1/s] of the undamped modes φ; an unstable one counts with its growth rate."""
     q = _bent(chain)
     M, K = regular_mass(chain, q, np.arange(chain.n)), stiffness_matrix(chain, q, np.zeros(chain.n), np.zeros(6))
     square, φ = linalg.eigh((K + K.T) / 2, M)
@@ -52,4 +52,4 @@ LARGEST: dict[str, Callable[[Chain], float]] = {
     "Implicit": _damped_implicitly,
     "Implicitfast": _damped_implicitly,
 }
-"""By the names of `ReadBack.integrator`; others are not judged."""
+"""By the names of `ReadBack.integrator`; no other is checked."""

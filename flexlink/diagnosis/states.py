@@ -1,8 +1,7 @@
-"""States at which arms are compared: at random, balanced, and stretched out.
+"""States at which arms are compared: random, balanced, and stretched out.
 
-Passive hinges are drawn over (−π, π) like the active joints, but only as far as the chain can take it: where M is not
-positive definite (negative twist rotors of a lumping rule with `matched_twist`, gimbal lock) they are bent half as
-far, and again, until it is.
+Angles of passive hinges are uniform in (−π, π), like those of active joints. If M is not positive definite there
+(negative twist rotors of a lumping rule with `matched_twist`, gimbal lock), their deflection is halved until it is.
 """
 
 from __future__ import annotations
@@ -11,20 +10,18 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SingularMassError
 from flexlink.dynamics.terms import elastic_torque, gravity_torque
 from flexlink.dynamics.vibration.modal import regular_mass
+from flexlink.engines.read_back import Array
 
-Array = NDArray[np.float64]
-
-RATE, TORQUE, WRENCH = 10.0, 10.0, 10.0
-"""Ranges of the random states: |q̇| [rad/s], |T_EX| on active joints [N m], tip force and moment [N, N m]."""
-BALANCE = 1e-6
-"""How far T_EX is from T_G + T_FL in balanced states, relative."""
-TRIES, HALVINGS = 20, 8
+RANGE = 10.0
+"""Largest |q̇| [rad/s], |T_EX| of active joints [N m], tip force and moment [N, N m] of random states."""
+IMBALANCE = 1e-6
+"""Relative difference of T_EX from T_G + T_FL in balanced states."""
+TRIES = 20
 
 
 class State(NamedTuple):
@@ -40,48 +37,48 @@ class State(NamedTuple):
 
 
 def random_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Independent uniform states: angles over (−π, π), rates, drive torques and wrench up to the ranges above.
+    """Independent uniform states: angles in (−π, π); rates, drive torques and tip wrench up to `RANGE`.
 
     Raises
     ------
     SingularMassError
-        M is positive definite at none of the postures tried.
+        M is not positive definite at any posture tried.
     """
     random = np.random.default_rng(seed)
-    return [_at_random(chain, random) for _ in range(samples)]
+    return [_random(chain, random) for _ in range(samples)]
 
 
 def mixed_states(chain: Chain, samples: int, *, seed: int = 0) -> list[State]:
-    """Half at random, a quarter balanced, an eighth stretched out at rest and an eighth stretched out with rates.
+    """Half random, a quarter balanced, an eighth stretched out at rest, an eighth stretched out with rates.
 
-    Balanced: T_EX = T_G + T_FL within `BALANCE` at every joint, at rest, every spring loaded alike; what is left to
-    accelerate is so small that an error of 1e-9 in one spring shows. Stretched out: springs slack, active joints at
-    multiples of 90°, no loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
+    Balanced: at rest, T_EX = T_G + T_FL within `IMBALANCE`, all springs with similar torques; accelerations so small
+    that an error of 1e-9 in one spring is visible. Stretched out: springs slack, active joints at multiples of 90°, no
+    loads, so that arms hang, stand, fold back or reach out, and most terms cancel.
 
     Raises
     ------
     SingularMassError
-        M is positive definite at none of the postures tried.
+        M is not positive definite at any posture tried.
     """
     random = np.random.default_rng(seed)
-    kinds = (_at_random, _balanced, _at_random, _stretched, _at_random, _balanced, _at_random, _whirling)
+    kinds = (_random, _balanced, _random, _stretched, _random, _balanced, _random, _moving)
     return [kinds[k % len(kinds)](chain, random) for k in range(samples)]
 
 
-def _at_random(chain: Chain, random: np.random.Generator) -> State:
-    q, qd = _regular(chain, _anywhere(chain, random)), random.uniform(-RATE, RATE, chain.n)
+def _random(chain: Chain, random: np.random.Generator) -> State:
+    q, qd = _regular(chain, _uniform(chain, random)), random.uniform(-RANGE, RANGE, chain.n)
     tau = np.zeros(chain.n)
-    tau[chain.active] = random.uniform(-TORQUE, TORQUE, len(chain.active))
-    return State(q, qd, tau, random.uniform(-WRENCH, WRENCH, 6))
+    tau[chain.active] = random.uniform(-RANGE, RANGE, len(chain.active))
+    return State(q, qd, tau, random.uniform(-RANGE, RANGE, 6))
 
 
 def _balanced(chain: Chain, random: np.random.Generator) -> State:
     k = chain.stiffness
     soft = k.min(where=k > 0, initial=np.inf)
-    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs are loaded alike: none drowns the others
-    q = _regular(chain, (chain.rest + reach * draw for draw in _anywhere(chain, random)))
-    held = gravity_torque(chain, q) + elastic_torque(chain, q)
-    return State(q, np.zeros(chain.n), held * (1 + BALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))
+    reach = np.divide(soft, k, out=np.ones(chain.n), where=k > 0)  # springs have similar torques
+    q = _regular(chain, (chain.rest + reach * draw for draw in _uniform(chain, random)))
+    static = gravity_torque(chain, q) + elastic_torque(chain, q)
+    return State(q, np.zeros(chain.n), static * (1 + IMBALANCE * random.uniform(-1, 1, chain.n)), np.zeros(6))
 
 
 def _stretched(chain: Chain, random: np.random.Generator) -> State:
@@ -90,26 +87,26 @@ def _stretched(chain: Chain, random: np.random.Generator) -> State:
             q = chain.rest.copy()
             q[chain.active] = random.integers(-1, 3, len(chain.active)) * (np.pi / 2)
             yield q
-        yield from _anywhere(chain, random)
+        yield from _uniform(chain, random)
 
     return State(_regular(chain, draws()), np.zeros(chain.n), np.zeros(chain.n), np.zeros(6))
 
 
-def _whirling(chain: Chain, random: np.random.Generator) -> State:
+def _moving(chain: Chain, random: np.random.Generator) -> State:
     state = _stretched(chain, random)
-    state.qd[chain.active] = random.uniform(-RATE, RATE, len(chain.active))
+    state.qd[chain.active] = random.uniform(-RANGE, RANGE, len(chain.active))
     return state
 
 
-def _anywhere(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
+def _uniform(chain: Chain, random: np.random.Generator) -> Iterator[Array]:
     return (random.uniform(-np.pi, np.pi, chain.n) for _ in range(TRIES))
 
 
 def _regular(chain: Chain, draws: Iterator[Array]) -> Array:
-    """The first of the postures, its passive hinges bent less if need be, at which M is positive definite."""
+    """The first posture, with halved deflections if necessary, at which M is positive definite."""
     free, passive = np.arange(chain.n), np.setdiff1d(np.arange(chain.n), chain.active)
     for q in draws:
-        for _ in range(HALVINGS):
+        for _ in range(8):
             try:
                 regular_mass(chain, q, free)
             except SingularMassError as error:

@@ -1,8 +1,8 @@
 """compare_trajectories(scene) → TrajectoryComparison: one run in several engines, step by step the same method.
 
-Two right programs differ by rounding, which motion may multiply. How far that goes in this motion tells a twin: our own
-run by LU decomposition of M, which rounds otherwise at every stage. It is asked where an engine is off by more than
-rounding alone is: it takes as long as our run, and its kernels are otherwise not compiled.
+Two correct programs differ by rounding, which the motion may amplify. A cross-check estimates by how much: our own run
+with another solver of the forward dynamics. It is computed only if an engine differs by more than rounding alone, since
+it takes as long as our run and its kernels may not be compiled yet.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import positive, require_each, require_type
 from flexlink.chain.chain import Chain
@@ -32,37 +31,32 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
-Array = NDArray[np.float64]
+ANGLE_TOLERANCE = 1e-9
+"""Difference of an angle up to which runs agree [rad]: two million roundings of 3 rad, all in one direction."""
 
-AGREE = 1e-9
-"""Difference of an angle [rad] up to which runs agree: two million roundings of an angle of 3 rad, all one way."""
+CROSS_CHECK_FACTOR = 100.0
+"""Allowed difference over that of the cross-check. Other programs round more, since files are decimal and M is computed
+from other parts: up to 8 times more on the scenes of `models/`."""
 
-TWINS = 100.0
-"""How many times the twin's difference may be another program's, which rounds more: files are written in decimals, and
-M is set up, or solved, from other parts. Measured on the scenes of `models/` it is up to eight times."""
-
-LITTLE = 1e-3
-"""Difference of an angle [rad] that rounding may make from which agreement says little: a wrong number makes less."""
-
-WITHIN = 0.5
-"""Part of the largest stable step that is taken where the scene names no step of RK4: motion shifts it by less."""
+MEANINGFUL_TOLERANCE = 1e-3
+"""Largest tolerance of an angle at which agreement is meaningful [rad]: a wrong parameter may change less."""
 
 
 class RunDifference(NamedTuple):
-    """An engine's run beside ours: largest differences at any sample."""
+    """Largest differences of an engine's run from ours at any sample."""
 
     engine: str
     q: float  # [rad]
     qd: float  # [rad/s]
     tip: float  # [m]
     time: float  # of the largest |Δq| [s]
-    joint: str  # … and whose it is
-    explained: float  # largest |Δq| that agrees [rad]
-    diverged: str = ""  # what the engine says of a run that ended early, of which the samples up to there count
+    joint: str  # of the largest |Δq|
+    explained: float  # largest |Δq| that counts as agreement [rad]
+    diverged: str = ""  # message of the engine, if its run ended early; the samples before are compared
 
     @property
     def passed(self) -> bool:
-        """The runs agree."""
+        """Whether the runs agree."""
         return self.q <= self.explained and not self.diverged
 
 
@@ -81,12 +75,12 @@ class TrajectoryComparison:
 
     @property
     def passed(self) -> bool:
-        """Every run agrees with ours."""
+        """Whether every run agrees with ours."""
         return all(row.passed for row in self.rows)
 
     def __str__(self) -> str:
         lines = [f"{self.scene}: {self.steps}; largest differences from native"]
-        titles = ("|Δq| [rad]", "|Δq̇| [rad/s]", "|Δtip| [m]", "agrees up to")
+        titles = ("|Δq| [rad]", "|Δq̇| [rad/s]", "|Δtip| [m]", "|Δq| allowed")
         lines.append(
             f"{'engine':<12}" + "".join(f"{title:<{_width(title)}}" for title in titles) + f"{'':<8}worst joint"
         )
@@ -95,15 +89,15 @@ class TrajectoryComparison:
             verdict = "ok" if row.passed else "FAILED"
             lines.append(f"{row.engine:<12}{numbers}{verdict:<8}{row.joint} at t = {row.time:g} s")
         lines += [f"{row.engine}: {row.diverged}" for row in self.rows if row.diverged]
-        if any(row.explained > LITTLE for row in self.rows):
+        if any(row.explained > MEANINGFUL_TOLERANCE for row in self.rows):
             lines.append(
-                "doubtful: this motion multiplies rounding so far that agreement says little; compare a shorter run"
+                "warning: this motion amplifies rounding so much that agreement means little; compare a shorter run"
             )
         return "\n".join([*lines, *(f"not compared: {reason}" for reason in self.refused)])
 
 
 def _width(title: str) -> int:
-    return 16 + title.count("\u0307")  # a character that takes no room
+    return 16 + title.count("\u0307")  # the combining dot has no width
 
 
 def compare_trajectories(
@@ -115,42 +109,41 @@ def compare_trajectories(
 ) -> TrajectoryComparison:
     """Run a scene in several engines with its drive, tip wrench, friction and motions, and compare with our own run.
 
-    All take the same steps, the scene's own if they are fixed ones of an explicit method, else RK4 at a stable step. An
-    engine agrees if no angle is off by more than 1e-9 rad, or, where one is, than a hundred times what our own run by
-    another algorithm is off: motion that multiplies errors multiplies rounding, too.
+    All take the same steps: those of the scene if they are fixed steps of an explicit method, else stable RK4 steps. An
+    engine agrees if all angles differ by at most 1e-9 rad, or by at most 100 times the difference of our own run with
+    another solver, since a sensitive motion amplifies rounding.
 
     Parameters
     ----------
     scene
-        The scene; an engine gets its arm as the text of an exported file.
+        The scene; an engine loads its arm as the text of an exported file.
     engines
-        Names that `flexlink.engines.load` knows; by default all that are installed, without those that cannot run this
-        scene, which the result names with the reason.
+        Names in `flexlink.engines.ENGINES`; by default all that are installed. Those that cannot run the scene are then
+        left out and named in the result.
     duration
         Simulated time [s] in place of the scene's.
     progress
-        Called with the finished fraction, from 0 to 1, now and then.
+        Called with the finished fraction, from 0 to 1.
 
     Returns
     -------
     TrajectoryComparison
-        For every engine the largest differences of angles, rates and the tip's place, and when; prints as a table.
+        For every engine the largest differences of angles, rates and tip, and their time; prints as a table.
 
     Raises
     ------
     ArgumentError
-        `scene` is no Scene, an engine is unknown, or of the engines named one cannot run this scene, or of
-        all others none.
+        `scene` is not a Scene, an engine is unknown, or one of `engines` (by default: none) can run the scene.
     MissingDependencyError
-        An engine that is named, or all others, are not installed.
+        One of `engines` is not installed (by default: none is).
     DivergenceError, UnstableStepError
-        Of our own run, as in `simulate`.
+        As in `simulate`, for our own run.
     """
     require_type("scene", scene, Scene)
     if duration is not None:
         scene = scene.varied({"run.duration": positive("duration", duration)})
     named = None if engines is None else require_each("engines", engines, str)
-    chain, told = lump(scene), progress or (lambda _: None)
+    chain, report = lump(scene), progress or (lambda _: None)
     scene, steps = in_fixed_steps(scene, chain)
     names = [name for name in ENGINES if name != "native"] if named is None else named
     ours = simulate(scene)
@@ -158,9 +151,9 @@ def compare_trajectories(
     refused: list[str] = []
     missing: MissingDependencyError | None = None
     for k, name in enumerate(names):
-        told(k / len(names))
+        report(k / len(names))
         try:
-            rows.append(_beside(ours, scene, name))
+            rows.append(_difference(ours, scene, name))
         except MissingDependencyError as error:
             missing = error
             if named is not None:
@@ -169,19 +162,19 @@ def compare_trajectories(
             refused.append(f"{name}: {error}")
             if named is not None:
                 raise
-    told(1.0)
+    report(1.0)
     if not rows and refused:
-        raise ArgumentError(f"engines: none can run {scene.name!r}: {'; '.join(refused)}")
+        raise ArgumentError(f"engines: no engine can run {scene.name!r}: {'; '.join(refused)}")
     if not rows and missing is not None:
         raise missing
-    if any(row.q > AGREE for row in rows):
-        allowed = max(AGREE, TWINS * _twin(scene, ours))
+    if any(row.q > ANGLE_TOLERANCE for row in rows):
+        allowed = max(ANGLE_TOLERANCE, CROSS_CHECK_FACTOR * _cross_check(scene, ours))
         rows = [row._replace(explained=allowed) for row in rows]
     return TrajectoryComparison(scene.name, steps, tuple(rows), tuple(refused))
 
 
 def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
-    """The scene in steps that other engines take, and words for them."""
+    """The scene in fixed steps of an explicit method, and these in words."""
     run = scene.run
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
@@ -191,14 +184,14 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     gains = gains_of(chain, inputs.drive, scene.initial.time, *state)
     stable = stable_step(chain, *state, tip_wrench=wrench, frame=frame, gains=gains, method="RK4")
     whole = min(run.sample, 1 / (scene.drive.rate or 1 / run.sample)) if run.controlled else run.step
-    step = whole / math.ceil(whole / (WITHIN * stable))
+    step = whole / math.ceil(whole / (0.5 * stable))  # half of it: the motion changes it by less
     fixed = scene.varied({"run.method": "RK4", "run.step": step})
-    kept = f"a tolerance, {run.method}" if run.controlled else f"{run.method} at {run.step:g} s"
-    return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the largest stable one (the scene: {kept})"
+    own = f"a tolerance, {run.method}" if run.controlled else f"{run.method} steps of {run.step:g} s"
+    return fixed, f"{over} RK4 steps of {step:g} s, {step / stable:.2g} of the stability limit (the scene has {own})"
 
 
-def _twin(scene: Scene, ours: Trajectory) -> float:
-    """How far apart two of our own algorithms run [rad]; 0 where the other one does not come to the end."""
+def _cross_check(scene: Scene, ours: Trajectory) -> float:
+    """Largest difference of two runs of ours with different solvers [rad]; 0 if the other one fails."""
     other = "articulated" if scene.run.solver == "lu" else "lu"
     try:
         return float(np.abs(simulate(scene, solver=other).q - ours.q).max(initial=0.0))  # type: ignore[arg-type]
@@ -206,19 +199,19 @@ def _twin(scene: Scene, ours: Trajectory) -> float:
         return 0.0
 
 
-def _beside(ours: Trajectory, scene: Scene, name: str) -> RunDifference:
-    """An engine's run beside ours, as if nothing multiplied rounding; of one that diverges the samples up to there."""
+def _difference(ours: Trajectory, scene: Scene, name: str) -> RunDifference:
+    """Differences of an engine's run from ours; if it diverges, of the samples before."""
     diverged = ""
     try:
         _, q, qd = load(name, ours.chain).integrate(scene)
     except DivergenceError as error:
         diverged, q, qd = str(error), error.trajectory.q, error.trajectory.qd
     rows = slice(len(q))
-    off = np.abs(q - ours.q[rows])
-    row, joint = np.unravel_index(int(off.argmax()), off.shape)
+    angles = np.abs(q - ours.q[rows])
+    row, joint = np.unravel_index(int(angles.argmax()), angles.shape)
     tips = tip_position(ours.chain, q)
     return RunDifference(
-        name, float(off.max()), float(np.abs(qd - ours.qd[rows]).max()),
+        name, float(angles.max()), float(np.abs(qd - ours.qd[rows]).max()),
         float(np.linalg.norm(tips - ours.tip[rows], axis=1).max()), float(ours.t[row]),
-        ours.chain.joint_name(int(joint)), AGREE, diverged,
+        ours.chain.joint_name(int(joint)), ANGLE_TOLERANCE, diverged,
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Engines behind one small protocol; each loads the exported file, so that the exporter is what is compared."""
+"""Adapters of other multibody codes to one protocol; each loads the exported file, so that the export is tested."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import NamedTuple
 from flexlink.chain.arguments import require_one_of, require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import MissingDependencyError
-from flexlink.engines.base import Engine, File
-from flexlink.engines.isolated import IsolatedEngine
+from flexlink.engines.base import Engine, ForeignFile
+from flexlink.engines.child_process import IsolatedEngine
 
 
 class Adapter(NamedTuple):
-    """Where the class of an engine is, which extra it needs, and whether it takes a process of its own."""
+    """Module and class of an engine, the extra that installs it, and whether it runs in a child process."""
 
     module: str
-    factory: str
+    class_name: str
     extra: str = ""
     isolated: bool = False
 
@@ -28,7 +28,6 @@ ENGINES = {
     "exudyn": Adapter("flexlink.engines.exudyn", "ExudynEngine", "witness"),
     "drake": Adapter("flexlink.engines.drake", "DrakeEngine", "witness", isolated=True),
 }
-"""By name: the class, and the extra that installs what its module imports."""
 
 __all__ = ["ENGINES", "Adapter", "Engine", "load"]
 
@@ -39,26 +38,26 @@ def load(name: str, chain: Chain) -> Engine:
     Parameters
     ----------
     name
-        One of `ENGINES`; the module is imported only now.
+        One of `ENGINES`; its module is imported by this call.
     chain
-        The chain; engines other than "native" get it as the text of an exported file.
+        The chain; engines other than "native" load it as the text of an exported file.
 
     Raises
     ------
     ArgumentError
-        Unknown engine, or one that cannot hold this chain.
+        The engine is unknown, or cannot represent this chain.
     MissingDependencyError
         The engine is not installed.
     EngineError
-        The process that the engine takes for itself ended.
+        The child process of the engine ended.
     """
     if require_one_of("engine", name, ENGINES).isolated:
         return IsolatedEngine(name, require_type("chain", chain, Chain))
     return load_here(name, chain)
 
 
-def load_here(name: str, source: Chain | File) -> Engine:
-    """As `load`, also of a file of somebody else's, in this process, whatever the engine does to it."""
+def load_here(name: str, source: Chain | ForeignFile) -> Engine:
+    """As `load`, also for a foreign file, and always in this process."""
     adapter = require_one_of("engine", name, ENGINES)
     try:
         module = importlib.import_module(adapter.module)
@@ -67,6 +66,8 @@ def load_here(name: str, source: Chain | File) -> Engine:
             f"engine {name!r} cannot be imported ({error}); "
             f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
-    kind = getattr(module, adapter.factory)
-    engine: Engine = kind.from_file(source) if isinstance(source, File) else kind(require_type("chain", source, Chain))
+    cls = getattr(module, adapter.class_name)
+    engine: Engine = (
+        cls.from_file(source) if isinstance(source, ForeignFile) else cls(require_type("chain", source, Chain))
+    )
     return engine

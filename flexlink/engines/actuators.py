@@ -1,4 +1,4 @@
-"""What a scene's drive asks of its joints, as a record of actuators, and what of a file's actuators it leaves open."""
+"""A scene's drive as a record of actuators, and what the actuators of a file leave unspecified."""
 
 from __future__ import annotations
 
@@ -9,33 +9,29 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
-from flexlink.engines.read_back import ACTUATORS, Array, Indices, ReadBack, no_actuators
+from flexlink.engines.read_back import ACTUATOR_FIELDS, Array, Indices, ReadBack, no_actuators
 from flexlink.inputs.drives import effort_of, of_joints
-
-SERVO = ("servo_stiffness", "servo_damping", "push")
-OPEN = frozenset({"control"})
-"""What a scene without a drive does not say."""
 
 
 def with_drive(read: ReadBack, scene: Scene | None, chain: Chain) -> ReadBack:
-    """The record of a chain with its scene's drive: motors whose command is the torque, gains of a PD drive, limits."""
+    """Add a scene's drive to the record of its chain: motors of gear 1, gains of a PD drive, torque limits."""
     fields: dict[str, Any] = no_actuators(chain.n)
     joints = chain.active
-    fields["control"][joints] = 1.0
-    asked = np.zeros((chain.n, 2))
+    fields["gear"][joints] = 1.0
+    drive_range = np.zeros((chain.n, 2))
     if scene is None or scene.drive.kind == "none":
-        return dataclasses.replace(read, **fields, asked=asked, unsaid=read.unsaid | OPEN)
+        return dataclasses.replace(read, **fields, drive_range=drive_range, unspecified=read.unspecified | {"gear"})
     if scene.drive.kind == "pd":
         fields["servo_stiffness"][joints] = of_joints(chain, scene.drive.kp)
         fields["servo_damping"][joints] = of_joints(chain, scene.drive.kd)
     effort = effort_of(scene, chain)
     fields["effort"][joints] = np.stack([-effort, effort], axis=1)
-    asked[joints] = _asked(scene, chain)
-    return dataclasses.replace(read, **fields, asked=asked)
+    drive_range[joints] = _drive_range(scene, chain)
+    return dataclasses.replace(read, **fields, drive_range=drive_range)
 
 
-def _asked(scene: Scene, chain: Chain) -> Array:
-    """Least and largest torque of every driven joint, before limits; of laws, and between smooth rows, any."""
+def _drive_range(scene: Scene, chain: Chain) -> Array:
+    """Smallest and largest commanded torque of every driven joint; unbounded for control laws and smooth tables."""
     drive = scene.drive
     rows = drive.torques or ((drive.torque,) if drive.torque else ())
     if not rows or drive.smooth:
@@ -44,45 +40,45 @@ def _asked(scene: Scene, chain: Chain) -> Array:
     return np.stack([np.minimum(torques.min(axis=0), 0), np.maximum(torques.max(axis=0), 0)], axis=1)
 
 
-def said(read: ReadBack) -> ReadBack:
-    """The record of a file, and in `unsaid` what its actuators leave open: all, a law of their own, limits."""
-    servo = any(getattr(read, field).any() for field in SERVO)
-    open_ends = {"control"} if not read.control.any() else set()
-    open_ends |= set() if servo else set(SERVO)
-    open_ends |= set() if np.isfinite(read.effort).any() else {"effort"}
-    return dataclasses.replace(read, unsaid=read.unsaid | open_ends)
+def mark_unspecified(read: ReadBack) -> ReadBack:
+    """Add to `unspecified` of a file's record what no actuator of it has: a gear, a servo, a torque limit."""
+    servo = ("servo_stiffness", "servo_damping", "constant_torque")
+    unspecified = set() if read.gear.any() else {"gear"}
+    unspecified |= set() if any(getattr(read, field).any() for field in servo) else set(servo)
+    unspecified |= set() if np.isfinite(read.effort).any() else {"effort"}
+    return dataclasses.replace(read, unspecified=read.unspecified | unspecified)
 
 
 def taken_from_scene(ours: ReadBack, read: ReadBack) -> frozenset[str]:
-    """Fields of actuators that a file leaves open and the scene does not."""
+    """Actuator fields that the file does not specify and the scene does."""
     nothing = no_actuators(ours.n)
     return frozenset(
         field
-        for field in ACTUATORS
-        if field in read.unsaid - ours.unsaid and not np.array_equal(getattr(ours, field), nothing[field])
+        for field in ACTUATOR_FIELDS
+        if field in read.unspecified - ours.unspecified and not np.array_equal(getattr(ours, field), nothing[field])
     )
 
 
 def not_compared(ours: ReadBack, read: ReadBack, order: Indices) -> str:
-    """In words, what a file's actuators are beside a scene without a drive; nothing of plain motors at its joints.
+    """The actuators of a file in words, if the scene has no drive to compare them with; "" if they are plain motors.
 
-    `order` are our joints among those of the file.
+    `order` are the joints of the file in our order.
     """
-    if "control" not in ours.unsaid:
+    if "gear" not in ours.unspecified:
         return ""
-    control, effort, told = read.control[order], read.effort[order], []
-    everywhere = bool((control == 1).all())  # motors that a format gives to every joint say nothing
-    geared = np.flatnonzero((control != 0) & (control != ours.control) & (not everywhere))
+    gear, effort, actuators = read.gear[order], read.effort[order], []
+    plain = bool((gear == 1).all())  # some formats put a motor at every joint
+    geared = np.flatnonzero((gear != 0) & (gear != ours.gear) & (not plain))
     if len(geared):
-        told.append("motors at " + _listed([f"{ours.names[k]!r} (gear {control[k]:g})" for k in geared]))
+        actuators.append("motors at " + _listed([f"{ours.names[k]!r} (gear {gear[k]:g})" for k in geared]))
     limited = np.flatnonzero(np.isfinite(effort).any(axis=1))
     if len(limited):
-        told.append("torque limits at " + _listed([f"{ours.names[k]!r} ({limits(effort[k])})" for k in limited]))
-    return "; ".join(told)
+        actuators.append("torque limits at " + _listed([f"{ours.names[k]!r} ({limits(effort[k])})" for k in limited]))
+    return "; ".join(actuators)
 
 
 def limits(effort: Array) -> str:
-    """Least and largest torque in words."""
+    """Smallest and largest torque in words."""
     least, most = effort.tolist()
     if np.isinf([least, most]).all():
         return "none"

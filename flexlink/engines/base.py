@@ -8,19 +8,18 @@ Units, signs and order of the joints are those of `flexlink.dynamics`; arrays ar
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines.read_back import Array, ReadBack
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state
@@ -32,9 +31,7 @@ from flexlink.kernels.inputs.tip_wrench import put_given
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import DivergenceError
 
-Array = NDArray[np.float64]
-Samples = tuple[Array, Array, Array]
-"""t (samples,), q and q̇ (samples, n)."""
+Samples = tuple[Array, Array, Array]  # t (samples,), q and q̇ (samples, n)
 
 
 class Engine(Protocol):
@@ -63,30 +60,37 @@ class Engine(Protocol):
         """q̈ from the equation of motion."""
 
     def integrate(self, scene: Scene) -> Samples:
-        """Run the scene with this engine's dynamics and its method at its fixed step.
+        """Run the scene with this engine's dynamics, with the scene's method and fixed step.
 
         Raises
         ------
         DivergenceError
-            The state left the finite numbers; the error holds the samples up to there.
+            The state is no longer finite; the error holds the samples before.
         ArgumentError
-            The engine does not have the scene's method or its prescribed motions, or the step is not stable.
+            The engine does not support the scene's method, inputs or prescribed motions.
+        UnstableStepError
+            The step exceeds the stability limit.
         """
 
+    def read_back(self) -> ReadBack:
+        """The arm as this engine has read it."""
 
-class File(NamedTuple):
-    """A file that somebody else wrote."""
+
+class FileEngine(Engine, Protocol):
+    """An engine with a foreign file."""
+
+    def fill_missing(self, fields: Mapping[str, Array]) -> None:
+        """Set fields of `ReadBack` that the file does not specify."""
+
+    def neutralize_settings(self) -> None:
+        """Disable all that acts beside gravity, springs and dampers."""
+
+
+class ForeignFile(NamedTuple):
+    """A file that flexlink did not write."""
 
     path: Path
-    form: str  # "mjcf", "urdf", "sdf"
-
-
-@runtime_checkable
-class Reader(Protocol):
-    """An engine that tells what it has read of a file; those that read none have nothing to tell."""
-
-    def read_back(self) -> ReadBack:
-        """What the engine has read."""
+    format: str  # "mjcf", "urdf" or "sdf"
 
 
 class DriveTorque:
@@ -95,7 +99,7 @@ class DriveTorque:
     Attributes
     ----------
     middle
-        Middle of the step that t belongs to [s], by which a torque that is held is sought; None: t itself.
+        Midpoint of the current step [s], at which a zero-order hold is evaluated; None: at t itself.
     """
 
     def __init__(self, drive: Drive, n: int) -> None:
@@ -103,7 +107,7 @@ class DriveTorque:
         self._drive, self._tau = drive, np.zeros(n)
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
-        """A step from t = number · h begins, of length h, in state q, q̇: at its instants a sampled law is asked."""
+        """Begin the step from t = number · h in state q, q̇; a sampled law is evaluated at its sampling times."""
         self.middle = (number + 0.5) * h
         sample_law(self._drive, number * h, self.middle, q, qd, self._tau)
 
@@ -114,7 +118,7 @@ class DriveTorque:
 
 
 def drive_function(scene: Scene) -> DriveTorque | None:
-    """The scene's drive as a function, or None if it never pushes."""
+    """The scene's drive as a function, or None if the scene has no drive."""
     chain = lump(scene)
     drive = drive_arrays(scene, chain)
     return DriveTorque(drive, chain.n) if len(drive.joints) else None
@@ -126,9 +130,9 @@ class TipWrench:
     Attributes
     ----------
     follows
-        Its axes are those of the tip frame: the engine turns it, by its own kinematics.
+        Whether it is given in axes of the tip frame; the engine rotates it, by its own kinematics.
     constant
-        It is the same at all times.
+        Whether it does not change in time.
     middle
         As in `DriveTorque`.
     """
@@ -141,7 +145,7 @@ class TipWrench:
         self.constant = scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
-        """As of `DriveTorque`."""
+        """As in `DriveTorque`."""
         self.middle = (number + 0.5) * h
 
     def __call__(self, t: float) -> Array:
@@ -151,83 +155,87 @@ class TipWrench:
         return self._now
 
 
-def turned(rotation: Array, wrench: Array) -> Array:
-    """Force and moment (6,) in axes that `rotation` turns them into."""
+def rotate_wrench(rotation: Array, wrench: Array) -> Array:
+    """R F and R M of force and moment (6,)."""
     return (wrench.reshape(2, 3) @ rotation.T).ravel()
 
 
 def wrench_function(scene: Scene) -> TipWrench | None:
-    """The scene's tip wrench as a function of time, or None if it never acts."""
+    """The scene's tip wrench as a function of time, or None if the scene has none."""
     return TipWrench(scene) if scene.wrench.acts else None
 
 
-def refuse_held(engine: str, scene: Scene) -> None:
-    """Of an engine whose steps we do not see one by one, or that starts at t = 0.
+def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
+    """For an engine whose steps run without us, or that starts at t = 0.
 
     Raises
     ------
     ArgumentError
-        The drive or the tip wrench is held between times, or the run starts later.
+        An input is held between samples, the reference has jumps, or the run starts at another time.
     """
-    held = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
-    held += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
+    unsupported = [f"{name}.hold = True" for name in ("drive", "wrench") if getattr(scene, name).hold]
+    unsupported += [] if scene.drive.rate is None else [f"drive.rate = {scene.drive.rate!r}"]
     if (course := scene.course) is not None and (scene.drive.kind != "pd" or course.jumps.size):
-        held.append("drive.reference, whose derivatives jump")
-    for what in [*held, *([f"initial.time = {scene.initial.time!r}"] if scene.initial.time else [])]:
-        raise ArgumentError(f"{what}: {engine} cannot follow it; use native, pinocchio or mujoco")
+        unsupported.append("drive.reference with jumps in its derivatives")
+    unsupported += [f"initial.time = {scene.initial.time!r}"] if scene.initial.time else []
+    if unsupported:
+        raise ArgumentError(f"{unsupported[0]}: not supported by {engine}; use native, pinocchio or mujoco")
 
 
-def refuse_methods(engine: str, method: str, known: Collection[str]) -> None:
-    """Of an engine that has some Runge-Kutta methods of its own.
+def refuse_method(engine: str, method: str, known: Collection[str]) -> None:
+    """For an engine that has only some Runge-Kutta methods.
 
     Raises
     ------
     ArgumentError
-        The method is none of the known ones.
+        The method is not one of `known`.
     """
     if method not in known:
-        names = " and ".join(map(repr, known))
-        raise ArgumentError(f"method = {method!r}: of flexlink's explicit methods {engine} has only {names}")
+        raise ArgumentError(f"method = {method!r}: {engine} has only {' and '.join(map(repr, known))}; set run.method")
 
 
-def refuse_motion(engine: str, chain: Chain) -> None:
-    """Of an engine that knows no prescribed motion.
+def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
+    """For an engine without prescribed motions.
 
     Raises
     ------
     ArgumentError
-        The motion of one of the joints is prescribed.
+        A joint has a prescribed motion.
     """
     prescribed = np.flatnonzero(chain.hinges["prescribed"])
     if len(prescribed):
         raise ArgumentError(
             f"{chain.name}: the motion of joint {chain.joint_name(int(prescribed[0]))!r} is prescribed, which {engine} "
-            "does not know; use native or pinocchio, or take the motion out of the scene"
+            "does not support; use native or pinocchio, or remove the motion from the scene"
         )
 
 
-def start(scene: Scene) -> Samples:
-    """Times of all samples, and states of which only the first is filled.
+def allocate_samples(scene: Scene) -> Samples:
+    """Times and states of all samples; row 0 holds the initial state, the other rows are uninitialized.
 
     Raises
     ------
     ArgumentError
-        The run has no fixed steps of an explicit method.
+        The run does not have fixed steps of an explicit method.
     UnstableStepError
-        The step is past the largest stable one, and `run.unstable` does not allow it.
+        The step exceeds the stability limit, and `run.unstable` does not allow it.
     """
     run, chain = scene.run, lump(scene)
     if not steps_explicitly(run):
-        raise ArgumentError(f"method = {run.method!r}: other engines take fixed steps of an explicit method")
+        raise ArgumentError(
+            f"method = {run.method!r}: other engines need fixed steps of an explicit method; set method and step"
+        )
     q, qd = np.empty((2, run.samples, chain.n))
     q[0], qd[0] = initial_state(scene, chain)
     judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
     return run.times_from(scene.initial.time), q, qd
 
 
-def diverged(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:
-    """The error of a run whose sample `row` is the first that is not finite."""
-    message = f"{scene.name}: {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
+def divergence_error(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:
+    """The error of a run whose sample `row` is the first that is not finite; it holds the samples before."""
+    message = (
+        f"{scene.name}: the state in {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
+    )
     chain = lump(scene)
-    kept = (array[:row].copy() for array in samples)
-    return DivergenceError(message, trajectory_from_states(scene, chain, input_arrays(scene, chain), *kept))
+    finite = (array[:row].copy() for array in samples)
+    return DivergenceError(message, trajectory_from_states(scene, chain, input_arrays(scene, chain), *finite))

@@ -1,15 +1,15 @@
-"""Drake, from the exported SDF; it runs in a process of its own, because some files abort it (`engines.isolated`).
+"""Drake, from the exported SDF; it runs in a child process, because some files abort it (`engines.child_process`).
 
-M, T_GC, springs, dampers, rotors and q̈ are Drake's own. It ignores the world's gravity and dry friction, both of which
-the file holds: gravity is set, and the smooth Coulomb law c tanh(q̇/w) joins the drive in a system of ours that every
-stage of Drake's integrators sees. The tip wrench is an external force on the last link, in a run of such a system, too.
+M, T_GC, springs, dampers, rotors and q̈ are Drake's own. Drake ignores the gravity and the dry friction of the file:
+gravity is set, and the smooth Coulomb law c tanh(q̇/w) and the drive are an output of a `LeafSystem`, which Drake's
+integrators evaluate at every stage. The tip wrench is an external force on the last link, another output of it.
 """
 
 from __future__ import annotations
 
 import importlib.metadata
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, Self
 from xml.etree import ElementTree as ET
 
@@ -27,31 +27,9 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines import drake_reader
-from flexlink.engines.base import (
-    Array,
-    DriveTorque,
-    File,
-    Samples,
-    TipWrench,
-    diverged,
-    drive_function,
-    refuse_held,
-    refuse_methods,
-    refuse_motion,
-    start,
-    turned,
-    wrench_function,
-)
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines import base, drake_reader
+from flexlink.engines.read_back import Array, ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
-
-METHODS = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}
-"""The methods of ours that Drake has, too, and what it calls them."""
-NOT_FINITE = re.compile("NaN|hinge inertia")
-"""In what Drake says about a state that has left the finite numbers."""
-OWN = "{urn:flexlink}"
-NO_WRENCH = np.zeros(6)
 
 
 class DrakeEngine:
@@ -64,53 +42,54 @@ class DrakeEngine:
     plant, context
         Drake's own.
     rest, coulomb, coulomb_width
-        As read back from the file, shape (n,).
-    unsaid
-        What the file does not say, by the fields of `ReadBack`.
+        As read from the file, shape (n,).
+    unspecified
+        Fields of `ReadBack` that the file does not specify.
     """
 
     name = "drake"
     version: str = importlib.metadata.version("drake")
 
     def __init__(self, chain: Chain) -> None:
-        refuse_motion("Drake", chain)
+        base.refuse_prescribed_motion("Drake", chain)
         try:
-            names = self._take(to_sdf(chain, shapes=False))
+            names = self._parse(to_sdf(chain, shapes=False))
         except RuntimeError as error:
-            told = " ".join(str(error).split())  # in one line
-            raise ArgumentError(f"Drake cannot load {chain.name!r}: {told}; use the other engines") from error
+            reason = " ".join(str(error).split())  # in one line
+            raise ArgumentError(f"Drake cannot load {chain.name!r}: {reason}; use another engine") from error
         if names != sdf_names(chain)[1 : chain.n + 1]:
-            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected those of the file")
+            raise ArgumentError(f"Drake orders the joints of {chain.name!r} as {names}; expected the order of the file")
 
     @classmethod
-    def from_file(cls, file: File) -> Self:
-        """An SDF that somebody else wrote.
+    def from_file(cls, file: base.ForeignFile) -> Self:
+        """Load a foreign SDF file.
 
         Raises
         ------
         ArgumentError
-            Drake refuses the file, or it holds joints other than hinges.
+            Drake refuses the file, or it has other joints than hinges.
         """
         engine = cls.__new__(cls)
         try:
-            engine._take(file.path.read_text(encoding="utf-8"))
+            engine._parse(file.path.read_text(encoding="utf-8"))
         except (RuntimeError, ValueError) as error:
-            raise ArgumentError(f"Drake cannot load it: {error}") from error
+            raise ArgumentError(f"Drake cannot load the file: {error}") from error
         return engine
 
-    def _take(self, text: str) -> list[str]:
-        """Load a document; the names of its joints in Drake's order."""
+    def _parse(self, text: str) -> list[str]:
+        """Load a document; return the names of its joints in Drake's order."""
         self.text, root = text, ET.fromstring(text)
+        width = "{urn:flexlink}coulomb_width"
         gravity = root.findtext("world/gravity")
         self.gravity = None if gravity is None else vector("gravity", [float(x) for x in gravity.split()], 3)
         self.plant = self._load(MultibodyPlant(time_step=0.0))
         joints = drake_reader.hinges(self.plant)
-        own = {joint.get("name"): joint for joint in root.iter("joint")}
-        elements = [own[joint.name()] for joint in joints]
+        by_name = {joint.get("name"): joint for joint in root.iter("joint")}
+        elements = [by_name[joint.name()] for joint in joints]
         self.coulomb = np.array([float(element.findtext("axis/dynamics/friction", "0")) for element in elements])
-        self.coulomb_width = np.array([float(element.get(f"{OWN}coulomb_width", "1")) for element in elements])
-        said = {"coulomb_width": f"{OWN}coulomb_width" in elements[0].attrib, "gravity": gravity is not None}
-        self.unsaid = frozenset(name for name, given in said.items() if not given)
+        self.coulomb_width = np.array([float(element.get(width, "1")) for element in elements])
+        specified = {"coulomb_width": width in elements[0].attrib, "gravity": gravity is not None}
+        self.unspecified = frozenset(name for name, there in specified.items() if not there)
         self.n, self.context = len(joints), self.plant.CreateDefaultContext()
         self.rest = self.read_back().rest
         frames = root.findall(".//model/frame")
@@ -118,20 +97,20 @@ class DrakeEngine:
         return [joint.name() for joint in joints]
 
     def read_back(self) -> ReadBack:
-        """What Drake has read."""
+        """The arm as Drake has read it."""
         own = {"coulomb": self.coulomb, "coulomb_width": self.coulomb_width}
-        return drake_reader.read(self.plant, self.context, own, self.unsaid)
+        return drake_reader.read(self.plant, self.context, own, self.unspecified)
 
-    def adopt(self, fields: Mapping[str, Array]) -> None:
-        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+    def fill_missing(self, fields: Mapping[str, Array]) -> None:
+        """Set fields of `ReadBack` that the file does not specify."""
         self.coulomb_width = fields.get("coulomb_width", self.coulomb_width)
         if "gravity" in fields:
             self.gravity = fields["gravity"]
             self.plant = self._load(MultibodyPlant(time_step=0.0))
             self.context = self.plant.CreateDefaultContext()
 
-    def put_right(self) -> None:
-        """Nothing to do: at given states nothing acts beside what Drake has read."""
+    def neutralize_settings(self) -> None:
+        """Nothing to do: at given states nothing else acts than what Drake has read."""
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`CalcMassMatrix`)."""
@@ -162,40 +141,41 @@ class DrakeEngine:
 
     def friction_torque(self, qd: Array) -> Array:
         """T_FR: what they are more at rates, negative, and the Coulomb law with the file's numbers."""
-        return self._coulomb(qd) - self._joint_forces(self.rest, qd)
+        return self.coulomb_torque(qd) - self._joint_forces(self.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
         """q̈ by the articulated-body algorithm (`get_generalized_acceleration_output_port`)."""
         self._place(q, qd)
         plant, context = self.plant, self.context
-        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self._coulomb(qd))
-        force = self.pull(NO_WRENCH if tip_wrench is None else tip_wrench)
+        plant.get_applied_generalized_force_input_port().FixValue(context, tau - self.coulomb_torque(qd))
+        force = self.tip_force(np.zeros(6) if tip_wrench is None else tip_wrench)
         plant.get_applied_spatial_force_input_port().FixValue(context, [force])
         return np.array(plant.get_generalized_acceleration_output_port().Eval(context))
 
-    def integrate(self, scene: Scene) -> Samples:
+    def integrate(self, scene: Scene) -> base.Samples:
         """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run = scene.run
-        refuse_motion("Drake", lump(scene))
-        refuse_held("Drake", scene)
-        refuse_methods("Drake", run.method, METHODS)
-        samples = t, q, qd = start(scene)
+        base.refuse_prescribed_motion("Drake", lump(scene))
+        base.refuse_sampled_inputs("Drake", scene)
+        methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's
+        base.refuse_method("Drake", run.method, methods)
+        samples = t, q, qd = base.allocate_samples(scene)
         simulator, plant = self._simulator(scene)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
-        integrator = ResetIntegratorFromFlags(simulator, METHODS[run.method], run.step)
+        integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.step)
         integrator.set_fixed_step_mode(True)
         simulator.Initialize()
         for row in range(1, len(t)):
             try:
                 simulator.AdvanceTo(t[row])
             except RuntimeError as error:
-                if NOT_FINITE.search(str(error)):
-                    raise diverged(self.name, scene, samples, row) from error
+                if re.search("NaN|hinge inertia", str(error)):  # Drake's errors of a state that is not finite
+                    raise base.divergence_error(self.name, scene, samples, row) from error
                 raise
             q[row], qd[row] = plant.GetPositions(state), plant.GetVelocities(state)
             if not np.isfinite([q[row], qd[row]]).all():
-                raise diverged(self.name, scene, samples, row)
+                raise base.divergence_error(self.name, scene, samples, row)
         return samples
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
@@ -206,32 +186,29 @@ class DrakeEngine:
         return plant
 
     def _simulator(self, scene: Scene) -> tuple[Simulator, MultibodyPlant]:
-        """A simulator of a plant with the scene's drive, tip wrench and the Coulomb friction, and that plant."""
+        """A simulator of a plant with the scene's drive and tip wrench and with Coulomb friction, and that plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
-        drive = drive_function(scene)
+        drive, wrench = base.drive_function(scene), base.wrench_function(scene)
+        inputs = builder.AddSystem(_Inputs(self, drive, wrench))
+        builder.Connect(plant.get_state_output_port(), inputs.state)
         if drive is not None or self.coulomb.any():
-            torques = builder.AddSystem(_Torques(self.n, drive, self._coulomb))
-            builder.Connect(plant.get_state_output_port(), torques.get_input_port())
-            builder.Connect(torques.get_output_port(), plant.get_applied_generalized_force_input_port())
-        wrench = wrench_function(scene)
+            builder.Connect(inputs.torque, plant.get_applied_generalized_force_input_port())
         if wrench is not None:
-            pull = builder.AddSystem(_Pull(self, wrench))
-            builder.Connect(plant.get_state_output_port(), pull.get_input_port())
-            builder.Connect(pull.get_output_port(), plant.get_applied_spatial_force_input_port())
+            builder.Connect(inputs.force, plant.get_applied_spatial_force_input_port())
         return Simulator(builder.Build()), plant
 
     def _place(self, q: Array, qd: Array) -> None:
         self.plant.SetPositionsAndVelocities(self.context, np.concatenate([q, qd]))
 
     def _joint_forces(self, q: Array, qd: Array) -> Array:
-        """Of springs and dampers, shape (n,)."""
+        """Generalized forces of springs and dampers, shape (n,)."""
         self._place(q, qd)
         forces = MultibodyForces(self.plant)
         self.plant.CalcForceElementsContribution(self.context, forces)
         return np.array(forces.generalized_forces())
 
-    def pull(self, wrench: Array) -> ExternallyAppliedSpatialForce:
+    def tip_force(self, wrench: Array) -> ExternallyAppliedSpatialForce:
         """Force and moment on the tip, in axes of frame 0."""
         force = ExternallyAppliedSpatialForce()
         force.body_index = self.tip.body().index()
@@ -241,43 +218,38 @@ class DrakeEngine:
         return force
 
     def tip_rotation(self, q: Array) -> Array:
-        """Axes of the tip frame, in frame 0."""
+        """Rotation of the tip frame into frame 0."""
         self._place(q, np.zeros(self.n))
         return np.array(self.tip.CalcPoseInWorld(self.context).rotation().matrix())
 
-    def _coulomb(self, qd: Array) -> Array:
+    def coulomb_torque(self, qd: Array) -> Array:
+        """c tanh(q̇/w) with the numbers of the file."""
         torque: Array = self.coulomb * np.tanh(qd / self.coulomb_width)
         return torque
 
 
-class _Torques(LeafSystem):  # type: ignore[misc]  # pydrake is not looked into for types
-    """Drive less Coulomb friction."""
+class _Inputs(LeafSystem):  # type: ignore[misc]  # pydrake is not type-checked
+    """Drive less Coulomb friction, and the force on the tip."""
 
-    def __init__(self, n: int, drive: DriveTorque | None, coulomb: Callable[[Array], Array]) -> None:
+    def __init__(self, engine: DrakeEngine, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> None:
         super().__init__()
-        self._n, self._drive, self._coulomb = n, drive, coulomb
-        self.DeclareVectorInputPort("state", 2 * n)
-        self.DeclareVectorOutputPort("torque", n, self._write)
+        self._engine, self._drive, self._wrench = engine, drive, wrench
+        self.state = self.DeclareVectorInputPort("state", 2 * engine.n)
+        self.torque = self.DeclareVectorOutputPort("torque", engine.n, self._write_torque)
+        forces = Value[list[ExternallyAppliedSpatialForce]]
+        self.force = self.DeclareAbstractOutputPort("forces", forces, self._write_force)
 
-    def _write(self, context: Context, output: BasicVector) -> None:
-        q, qd = np.split(self.get_input_port().Eval(context), 2)
-        torque = -self._coulomb(qd)
+    def _write_torque(self, context: Context, output: BasicVector) -> None:
+        q, qd = np.split(self.state.Eval(context), 2)
+        torque = -self._engine.coulomb_torque(qd)
         if self._drive is not None:
             torque += self._drive(context.get_time(), q, qd)
         output.SetFromVector(torque)
 
-
-class _Pull(LeafSystem):  # type: ignore[misc]
-    """Force and moment on the tip."""
-
-    def __init__(self, engine: DrakeEngine, wrench: TipWrench) -> None:
-        super().__init__()
-        self._engine, self._wrench = engine, wrench
-        self.DeclareVectorInputPort("state", 2 * engine.n)
-        self.DeclareAbstractOutputPort("forces", Value[list[ExternallyAppliedSpatialForce]], self._write)
-
-    def _write(self, context: Context, output: Any) -> None:
-        now, engine = self._wrench(context.get_time()), self._engine
-        if self._wrench.follows:
-            now = turned(engine.tip_rotation(self.get_input_port().Eval(context)[: engine.n]), now)
-        output.set_value([engine.pull(now)])
+    def _write_force(self, context: Context, output: Any) -> None:
+        wrench, engine = np.zeros(6), self._engine
+        if self._wrench is not None:
+            wrench = self._wrench(context.get_time())
+            if self._wrench.follows:
+                wrench = base.rotate_wrench(engine.tip_rotation(self.state.Eval(context)[: engine.n]), wrench)
+        output.set_value([engine.tip_force(wrench)])

@@ -1,4 +1,4 @@
-"""What Drake has read: a finalized plant."""
+"""The record of a finalized Drake plant."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
-from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_actuators, no_hinge
+from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, no_actuators, require_hinges
 
 
 def hinges(plant: Any) -> list[Any]:
@@ -18,20 +17,17 @@ def hinges(plant: Any) -> list[Any]:
     Raises
     ------
     ArgumentError
-        One of them is no hinge, such as the free base of a model that no joint holds.
+        A joint is not a hinge, for instance the floating base of a model without a fixed joint.
     """
     joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
     moving = sorted((joint for joint in joints if joint.num_velocities()), key=lambda joint: joint.velocity_start())
-    for joint in moving:
-        if not isinstance(joint, RevoluteJoint):
-            raise no_hinge(joint.name(), joint.type_name())
-    if not moving:
-        raise ArgumentError("no joint moves: nothing to compare")
+    kinds = ["" if isinstance(joint, RevoluteJoint) else joint.type_name() for joint in moving]
+    require_hinges([(joint.name(), kind) for joint, kind in zip(moving, kinds, strict=True)])
     return moving
 
 
-def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[str]) -> ReadBack:
-    """The record of a plant of hinges, with what the adapter keeps beside it: coulomb, coulomb_width."""
+def read(plant: Any, context: Any, own: Mapping[str, Array], unspecified: frozenset[str]) -> ReadBack:
+    """The record of a plant of hinges, with the fields `own` that the adapter keeps: coulomb, coulomb_width."""
     joints = hinges(plant)
     n = len(joints)
     plant.SetPositions(context, np.zeros(n))
@@ -43,7 +39,9 @@ def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[s
     springs = {spring.joint().name(): spring for spring in _springs(plant)}
     limits = {actuator.joint().name(): actuator.effort_limit() for actuator in _actuators(plant)}
     most = np.array([limits.get(joint.name(), np.inf) for joint in joints])
-    driven = np.array([float(joint.name() in limits) for joint in joints])  # whose input is the joint's torque
+    driven = np.array(
+        [float(joint.name() in limits) for joint in joints]
+    )  # the input of an actuator is the joint's torque
     rotors = {actuator.joint().name(): actuator.default_reflected_inertia() for actuator in _actuators(plant)}
     values: dict[str, Any] = {
         "stiffness": [springs[j.name()].default_stiffness() if j.name() in springs else 0.0 for j in joints],
@@ -52,17 +50,17 @@ def read(plant: Any, context: Any, own: Mapping[str, Array], unsaid: frozenset[s
         "armature": [rotors.get(joint.name(), 0.0) for joint in joints],
     }
     fields: dict[str, Any] = {field: np.array(numbers, float) for field, numbers in values.items()} | dict(own)
-    before = np.array([behind[int(joint.parent_body().index())] for joint in joints])
+    parents = np.array([behind[int(joint.parent_body().index())] for joint in joints])
     fields |= _bodies(plant, context, behind, points)
     return ReadBack(
-        tuple(joint.name() for joint in joints), before, axes, points, R,
-        **no_actuators(n) | {"control": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
-        gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unsaid=unsaid,
+        tuple(joint.name() for joint in joints), parents, axes, points, R,
+        **no_actuators(n) | {"gear": driven, "effort": np.stack([-most, most], axis=1)}, **fields,
+        gravity=np.array(plant.gravity_field().gravity_vector()), tip=_tip(plant, context), unspecified=unspecified,
     )  # fmt: skip
 
 
 def _behind(plant: Any, joints: list[Any]) -> Indices:
-    """The hinge that moves each body, −1 for those that are fixed."""
+    """The hinge that moves each body, −1 for fixed bodies."""
     carrier = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
     parent = {int(joint.child_body().index()): int(joint.parent_body().index()) for joint in every}
@@ -83,7 +81,7 @@ def _bodies(plant: Any, context: Any, behind: Indices, points: Array) -> dict[st
         R, c = X.rotation().matrix(), M.get_com()
         masses[k], centers[k] = M.get_mass(), X.translation() + R @ c
         inertias[k] = R @ M.Shift(c).CalcRotationalInertia().CopyToFullMatrix3() @ R.T
-    return merged(behind, masses, centers, inertias, points)
+    return merge_bodies(behind, masses, centers, inertias, points)
 
 
 def _springs(plant: Any) -> list[Any]:

@@ -1,11 +1,11 @@
-"""Exudyn, as a KinematicTree. Exudyn reads no file: the tree is built from what our reader finds in the exported URDF.
+"""Exudyn, as a KinematicTree. Exudyn reads no files: the tree is built from the exported URDF, read by our reader.
 
 M, T_GC, springs, dampers and q̈ are Exudyn's own: springs and dampers are the tree's P and D control, an armature is
 the mass of a second object on the same coordinates, the tip wrench two loads on a marker. The smooth Coulomb law
-c tanh(q̇/w) and the drive come from a user function, so that every stage of its Runge-Kutta methods sees them.
+c tanh(q̇/w) and the drive come from a user function, which its Runge-Kutta methods call at every stage.
 
-What Exudyn gives is the sum f of all torques that M q̈ is. Its terms are those of two more trees: one without springs
-and dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
+Exudyn returns f = M q̈, the sum of all torques. The single terms come from two more trees: one without springs and
+dampers (f = −T_GC), one without masses (f = −T_FL − d q̇).
 """
 
 from __future__ import annotations
@@ -30,30 +30,14 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
-from flexlink.engines.base import (
-    Array,
-    Samples,
-    TipWrench,
-    diverged,
-    drive_function,
-    refuse_held,
-    refuse_methods,
-    refuse_motion,
-    start,
-    turned,
-    wrench_function,
-)
-from flexlink.engines.read_back import ReadBack, of_chain
+from flexlink.engines import base
+from flexlink.engines.read_back import Array, ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import places
 
-JOINTS = exu.JointType.RevoluteX, exu.JointType.RevoluteY, exu.JointType.RevoluteZ
-METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}
-"""The methods of ours that Exudyn has, too."""
+METHODS = {"RK2": exu.DynamicSolverType.ExplicitMidpoint, "RK4": exu.DynamicSolverType.RK44}  # of those that we have
 TorqueFunction = Callable[..., Array]
 LoadFunction = Callable[..., Array]
-CURRENT, INITIAL = exu.ConfigurationType.Current, exu.ConfigurationType.Initial
-NO_VECTOR = np.zeros(3)
 
 
 class ExudynEngine:
@@ -62,14 +46,14 @@ class ExudynEngine:
     Attributes
     ----------
     read
-        The chain as read back from the exported file.
+        The chain as read from the exported file.
     """
 
     name = "exudyn"
     version: str = exu.__version__
 
     def __init__(self, chain: Chain) -> None:
-        refuse_motion("Exudyn", chain)
+        base.refuse_prescribed_motion("Exudyn", chain)
         self.read = read_urdf(to_urdf(chain, shapes=False))
         self.n = self.read.n
         self._whole = _System(self.read)
@@ -77,7 +61,7 @@ class ExudynEngine:
         self._springs = _System(_without(self.read, hinges=("armature",), bodies=("mass", "inertia")))
 
     def read_back(self) -> ReadBack:
-        """The numbers that Exudyn is given."""
+        """The arm as Exudyn gets it."""
         return of_chain(self.read)
 
     def mass_matrix(self, q: Array) -> Array:
@@ -101,24 +85,24 @@ class ExudynEngine:
         return self._coulomb(qd) - self._springs.torques(self.read.rest, qd)
 
     def forward_dynamics(self, q: Array, qd: Array, tau: Array, *, tip_wrench: Array | None = None) -> Array:
-        """q̈ by Exudyn's solver, as it finds them at the start of a run."""
+        """q̈ by Exudyn's solver, as at the start of a run."""
         return self._whole.accelerations(q, qd, tau - self._coulomb(qd), tip_wrench)
 
-    def integrate(self, scene: Scene) -> Samples:
+    def integrate(self, scene: Scene) -> base.Samples:
         """Exudyn's own Runge-Kutta method, sample by sample."""
         run = scene.run
-        refuse_motion("Exudyn", lump(scene))
-        refuse_held("Exudyn", scene)
-        refuse_methods("Exudyn", run.method, METHODS)
-        samples = t, q, qd = start(scene)
+        base.refuse_prescribed_motion("Exudyn", lump(scene))
+        base.refuse_sampled_inputs("Exudyn", scene)
+        base.refuse_method("Exudyn", run.method, METHODS)
+        samples = t, q, qd = base.allocate_samples(scene)
         whole = self._whole
         whole.load(np.zeros(self.n), None)
-        with whole.driven(self._torque_function(scene), wrench_function(scene)):
+        with whole.driven(self._torque_function(scene), base.wrench_function(scene)):
             for row in range(1, len(t)):
-                began = (row - 1) * run.steps_per_sample * run.step
-                q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], began, run)
+                begin = (row - 1) * run.steps_per_sample * run.step
+                q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], begin, run)
                 if not np.isfinite([q[row], qd[row]]).all():
-                    raise diverged(self.name, scene, samples, row)
+                    raise base.divergence_error(self.name, scene, samples, row)
         return samples
 
     def _coulomb(self, qd: Array) -> Array:
@@ -127,8 +111,8 @@ class ExudynEngine:
         return torque
 
     def _torque_function(self, scene: Scene) -> TorqueFunction | None:
-        """Drive less Coulomb friction as Exudyn asks for it, or None if neither pushes."""
-        drive = drive_function(scene)
+        """Drive less Coulomb friction with Exudyn's signature, or None if there is neither."""
+        drive = base.drive_function(scene)
         if drive is None and not self.read.hinges["coulomb"].any():
             return None
 
@@ -140,7 +124,7 @@ class ExudynEngine:
 
 
 class _System:
-    """One tree with its loads in a system of Exudyn's."""
+    """One tree and its loads in an Exudyn system."""
 
     def __init__(self, chain: Chain) -> None:
         self.n = n = chain.n
@@ -157,76 +141,78 @@ class _System:
         place, self.tip_rotation = chain.bodies[-1]["translation"], np.array(chain.bodies[-1]["rotation"])
         tip = MarkerKinematicTreeRigid(objectNumber=self.tree, linkNumber=n - 1, localPosition=place)
         marker = mbs.AddMarker(tip)
-        self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=NO_VECTOR))
-        self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=NO_VECTOR))
+        self.force = mbs.AddLoad(LoadForceVector(markerNumber=marker, loadVector=np.zeros(3)))
+        self.moment = mbs.AddLoad(LoadTorqueVector(markerNumber=marker, loadVector=np.zeros(3)))
         mbs.Assemble()
         settings = _settings()
-        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = False  # of no masses there are none
+        settings.timeIntegration.generalizedAlpha.computeInitialAccelerations = (
+            False  # they do not exist without masses
+        )
         self.solver = exu.MainSolverImplicitSecondOrder()
         self.solver.InitializeSolver(mbs, settings)
 
     def load(self, tau: Array, wrench: Array | None) -> None:
         """Torques of the joints, force and moment on the tip."""
-        force, moment = (NO_VECTOR, NO_VECTOR) if wrench is None else np.split(wrench, 2)
+        force, moment = np.split(np.zeros(6) if wrench is None else wrench, 2)
         self.mbs.SetObjectParameter(self.tree, "jointForceVector", tau)
         self.mbs.SetLoadParameter(self.force, "loadVector", force)
         self.mbs.SetLoadParameter(self.moment, "loadVector", moment)
 
     def mass_matrix(self, q: Array) -> Array:
         """M, shape (n, n)."""
-        self._place(q, np.zeros(self.n), CURRENT)
+        self._set_state(q, np.zeros(self.n), exu.ConfigurationType.Current)
         self.solver.ComputeMassMatrix(self.mbs)
         return np.array(self.solver.GetSystemMassMatrix())
 
     def torques(self, q: Array, qd: Array, wrench: Array | None = None) -> Array:
         """M q̈, shape (n,)."""
         self.load(np.zeros(self.n), wrench)
-        self._place(q, qd, CURRENT)
+        self._set_state(q, qd, exu.ConfigurationType.Current)
         self.solver.ComputeODE2RHS(self.mbs)
         return np.array(self.solver.GetSystemResidual())
 
     def accelerations(self, q: Array, qd: Array, tau: Array, wrench: Array | None) -> Array:
         """q̈, shape (n,)."""
         self.load(tau, wrench)
-        self._place(q, qd, INITIAL)
+        self._set_state(q, qd, exu.ConfigurationType.Initial)
         exu.MainSolverImplicitSecondOrder().InitializeSolver(self.mbs, _settings())
         return np.array(self.mbs.systemData.GetODE2Coordinates_tt())
 
-    def advance(self, q: Array, qd: Array, began: float, run: RunSettings) -> tuple[Array, Array]:
-        """The state one sample later; not finite if Exudyn gives up."""
-        self._place(q, qd, INITIAL)
+    def advance(self, q: Array, qd: Array, begin: float, run: RunSettings) -> tuple[Array, Array]:
+        """The state one sample later; not finite if Exudyn stops."""
+        self._set_state(q, qd, exu.ConfigurationType.Initial)
         settings = _settings()
         time = settings.timeIntegration
-        time.startTime, time.endTime = began, began + run.steps_per_sample * run.step
+        time.startTime, time.endTime = begin, begin + run.steps_per_sample * run.step
         time.numberOfSteps = run.steps_per_sample
         self.mbs.SolveDynamic(settings, solverType=METHODS[run.method])
         data = self.mbs.systemData
         return data.GetODE2Coordinates(), data.GetODE2Coordinates_t()
 
     @contextlib.contextmanager
-    def driven(self, torques: TorqueFunction | None, wrench: TipWrench | None) -> Iterator[None]:
-        """With torques and a tip wrench that Exudyn asks for at every stage."""
+    def driven(self, torques: TorqueFunction | None, wrench: base.TipWrench | None) -> Iterator[None]:
+        """Let Exudyn evaluate drive torques and a tip wrench at every stage."""
         try:
             self.mbs.SetObjectParameter(self.tree, "forceUserFunction", torques or 0)
             for load, part in ((self.force, slice(3)), (self.moment, slice(3, 6))):
-                self._ask(load, None if wrench is None else self._part(wrench, part))
+                self._set_function(load, None if wrench is None else self._part(wrench, part))
                 self.mbs.SetLoadParameter(load, "bodyFixed", wrench is not None and wrench.follows)
             yield
         finally:
             self.mbs.SetObjectParameter(self.tree, "forceUserFunction", 0)
             for load in (self.force, self.moment):
-                self._ask(load, None)
+                self._set_function(load, None)
                 self.mbs.SetLoadParameter(load, "bodyFixed", False)
 
-    def _ask(self, load: int, function: LoadFunction | None) -> None:
+    def _set_function(self, load: int, function: LoadFunction | None) -> None:
         self.mbs.SetLoadParameter(load, "loadVectorUserFunction", function or 0)
 
-    def _part(self, wrench: TipWrench, part: slice) -> LoadFunction:
-        """Force or moment as Exudyn asks for it, of a wrench that follows in axes of the last link."""
+    def _part(self, wrench: base.TipWrench, part: slice) -> LoadFunction:
+        """Force or moment with Exudyn's signature; of a wrench that follows the tip, in axes of the last link."""
         rotation = self.tip_rotation if wrench.follows else np.eye(3)
-        return lambda _mbs, t, _vector: turned(rotation, wrench(t))[part]
+        return lambda _mbs, t, _vector: base.rotate_wrench(rotation, wrench(t))[part]
 
-    def _place(self, q: Array, qd: Array, configuration: Any) -> None:
+    def _set_state(self, q: Array, qd: Array, configuration: Any) -> None:
         self.mbs.systemData.SetODE2Coordinates(q, configuration)
         self.mbs.systemData.SetODE2Coordinates_t(qd, configuration)
 
@@ -242,13 +228,14 @@ def _without(chain: Chain, *, hinges: Sequence[str] = (), bodies: Sequence[str] 
 
 def _kinematic_tree(chain: Chain, node: Any) -> Any:
     n, hinges, massless = chain.n, chain.hinges, np.zeros((), chain.bodies.dtype)
-    hung = list(places(chain))
-    bodies = [massless if place.body is None else place.body for place in hung]
+    placements = list(places(chain))
+    bodies = [massless if place.body is None else place.body for place in placements]
+    revolute = (exu.JointType.RevoluteX, exu.JointType.RevoluteY, exu.JointType.RevoluteZ)
     return ObjectKinematicTree(
         nodeNumber=node, gravity=chain.gravity, linkParents=np.arange(-1, n - 1),
-        jointTypes=[JOINTS[axis] for axis in hinges["axis"]],
-        jointTransformations=exu.Matrix3DList([place.rotation for place in hung]),
-        jointOffsets=exu.Vector3DList([place.translation for place in hung]),
+        jointTypes=[revolute[axis] for axis in hinges["axis"]],
+        jointTransformations=exu.Matrix3DList([place.rotation for place in placements]),
+        jointOffsets=exu.Vector3DList([place.translation for place in placements]),
         linkMasses=[float(body["mass"]) for body in bodies],
         linkCOMs=exu.Vector3DList([body["center"] for body in bodies]),
         linkInertiasCOM=exu.Matrix3DList([body["inertia"] for body in bodies]), jointForceVector=np.zeros(n),
@@ -258,7 +245,7 @@ def _kinematic_tree(chain: Chain, node: Any) -> Any:
 
 
 def _settings() -> Any:
-    """Fixed steps, no files; Eigen's LU, because Exudyn's own multiplies by M⁻¹, which costs two digits of q̈."""
+    """Fixed steps, no files; Eigen's LU, because Exudyn's own solver multiplies by M⁻¹, which loses two digits of q̈."""
     settings = exu.SimulationSettings()
     settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
     settings.solution.file.write = settings.solution.sensors.active = False

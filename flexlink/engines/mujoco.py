@@ -21,30 +21,12 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
-from flexlink.engines import mujoco_reader
-from flexlink.engines.base import (
-    Array,
-    DriveTorque,
-    File,
-    Samples,
-    TipWrench,
-    diverged,
-    drive_function,
-    refuse_methods,
-    refuse_motion,
-    start,
-    turned,
-    wrench_function,
-)
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines import base, mujoco_reader
+from flexlink.engines.read_back import Array, ReadBack
 from flexlink.formats import to_mjcf
 
 Callback = Callable[[Any, Any], None] | None
-NO_WRENCH = np.zeros(6)
-RK4 = mujoco.mjtIntegrator.mjINT_RK4
-CONSTRAINT, ACTUATION = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT), int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-NOT_IN_URDF = frozenset({"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset"})
-PROCESS = threading.Lock()  # MuJoCo's callbacks belong to the process
+_callback_lock = threading.Lock()  # MuJoCo has one set of callbacks per process
 
 
 class MujocoEngine:
@@ -55,72 +37,73 @@ class MujocoEngine:
     model, data
         MuJoCo's own.
     tip
-        Number of the tip's body.
+        Index of the tip's body.
     coulomb, coulomb_width
-        As read back from the file, shape (n,).
+        As read from the file, shape (n,).
     record
-        What MuJoCo has read.
+        The arm as MuJoCo has read it.
     """
 
     name = "mujoco"
     version: str = mujoco.__version__
 
     def __init__(self, chain: Chain) -> None:
-        refuse_motion("MuJoCo", chain)
+        base.refuse_prescribed_motion("MuJoCo", chain)
         try:
             with quiet():
                 model = mujoco.MjModel.from_xml_string(to_mjcf(chain, shapes=False))
         except ValueError as error:
-            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use the other engines") from error
-        self._take(model, mujoco_reader.read(model))
+            raise ArgumentError(f"MuJoCo cannot load {chain.name!r}: {error}; use another engine") from error
+        self._use(model, mujoco_reader.read(model))
 
     @classmethod
-    def from_file(cls, file: File) -> Self:
-        """A file that somebody else wrote, MJCF or URDF, with what it includes.
+    def from_file(cls, file: base.ForeignFile) -> Self:
+        """Load a foreign MJCF or URDF file, with the files that it includes.
 
         Raises
         ------
         ArgumentError
-            MuJoCo refuses the file, or it holds joints other than hinges.
+            MuJoCo refuses the file, or it has other joints than hinges.
         """
         try:
-            with quiet(), warnings.catch_warnings(action="ignore"):  # of attributes that are going out of use
+            with quiet(), warnings.catch_warnings(action="ignore"):  # about deprecated attributes
                 spec = mujoco.MjSpec.from_file(str(file.path))
                 model = spec.compile()
         except (ValueError, RuntimeError, mujoco.FatalError) as error:
-            raise ArgumentError(f"MuJoCo cannot load it: {error}") from error
-        mujoco_reader.require_hinges(model)
+            raise ArgumentError(f"MuJoCo cannot load the file: {error}") from error
         engine = cls.__new__(cls)
         record = mujoco_reader.read(model, spec)
-        if file.form == "urdf":
-            record = dataclasses.replace(record, unsaid=NOT_IN_URDF, integrator="", step=None)
-        engine._take(model, record)
-        # compared are torques and accelerations at instants; what actuators and steps do is in the record
-        model.opt.disableflags, model.opt.integrator = model.opt.disableflags | ACTUATION, RK4
+        if file.format == "urdf":
+            unspecified = frozenset({"gravity", "stiffness", "rest", "armature", "coulomb_width", "autoreset"})
+            record = dataclasses.replace(record, unspecified=unspecified, integrator="", step=None)
+        engine._use(model, record)
+        # torques and accelerations at given states are compared; actuators and steps are compared in the record
+        model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         return engine
 
-    def _take(self, model: Any, record: ReadBack) -> None:
+    def _use(self, model: Any, record: ReadBack) -> None:
         self.model, self.record, self.data, self.n = model, record, mujoco.MjData(model), model.nv
         self.tip = model.nbody - 1
         self.coulomb, self.coulomb_width = record.coulomb.copy(), record.coulomb_width.copy()
 
     def read_back(self) -> ReadBack:
-        """What MuJoCo has read."""
+        """The arm as MuJoCo has read it."""
         return self.record
 
-    def adopt(self, fields: Mapping[str, Array]) -> None:
-        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+    def fill_missing(self, fields: Mapping[str, Array]) -> None:
+        """Set fields of `ReadBack` that the file does not specify."""
         model = self.model
-        places = {
+        arrays = {
             "gravity": model.opt.gravity, "stiffness": model.jnt_stiffness, "rest": model.qpos_spring,
             "armature": model.dof_armature, "coulomb_width": self.coulomb_width,
         }  # fmt: skip
         for field, values in fields.items():
-            places[field][:] = values
+            arrays[field][:] = values
 
-    def put_right(self) -> None:
-        """Leave nothing that acts beside gravity, springs and dampers."""
-        self.model.opt.disableflags |= CONSTRAINT
+    def neutralize_settings(self) -> None:
+        """Disable all that acts beside gravity, springs and dampers."""
+        self.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
         self.model.opt.density = self.model.opt.viscosity = 0
         for values in (self.model.body_gravcomp, self.model.tendon_stiffness, self.model.tendon_damping):
             values[:] = 0
@@ -160,44 +143,45 @@ class MujocoEngine:
         data = self.data
         data.qpos[:], data.qvel[:] = q, qd
         data.qfrc_applied[:] = tau - self._coulomb(qd)
-        data.xfrc_applied[self.tip] = NO_WRENCH if tip_wrench is None else tip_wrench
+        data.xfrc_applied[self.tip] = 0.0 if tip_wrench is None else tip_wrench
         with quiet():
             mujoco.mj_forward(self.model, data)
         return np.array(data.qacc)
 
-    def integrate(self, scene: Scene) -> Samples:
+    def integrate(self, scene: Scene) -> base.Samples:
         """`mj_step` with MuJoCo's RK4."""
         run, model = scene.run, self.model
-        refuse_methods("MuJoCo", run.method, ["RK4"])
-        refuse_motion("MuJoCo", lump(scene))
-        samples = t, q, qd = start(scene)
+        base.refuse_method("MuJoCo", run.method, ["RK4"])
+        base.refuse_prescribed_motion("MuJoCo", lump(scene))
+        samples = t, q, qd = base.allocate_samples(scene)
         data = self.data
         mujoco.mj_resetData(model, data)
         model.opt.timestep = run.step
         data.qpos[:], data.qvel[:], data.time = q[0], qd[0], scene.initial.time
-        drive, wrench, origin = drive_function(scene), wrench_function(scene), round(scene.initial.time / run.step)
+        drive, wrench = base.drive_function(scene), base.wrench_function(scene)
+        first_step = round(scene.initial.time / run.step)
         if wrench is not None and wrench.constant and not wrench.follows:
             data.xfrc_applied[self.tip], wrench = wrench(0.0), None
-        hooks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": self._control_callback(drive, wrench)}
-        in_time = [given for given in (drive, wrench) if given is not None]
-        with _installed(hooks | QUIET):
+        callbacks = {"mjcb_passive": self._coulomb_callback(), "mjcb_control": self._control_callback(drive, wrench)}
+        inputs = [function for function in (drive, wrench) if function is not None]
+        with _installed(callbacks | {"mju_user_warning": _ignore}):
             for row in range(1, len(t)):
-                if not in_time:
+                if not inputs:
                     mujoco.mj_step(model, data, run.steps_per_sample)
                 else:
                     for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
-                        for given in in_time:
-                            given.begin(origin + number, run.step, data.qpos, data.qvel)
+                        for function in inputs:
+                            function.begin(first_step + number, run.step, data.qpos, data.qvel)
                         mujoco.mj_step(model, data)
                 restarted = abs(data.time - t[row]) > run.step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
                 if restarted or data.warning.number.any() or not finite:
-                    raise diverged(self.name, scene, samples, row)
+                    raise base.divergence_error(self.name, scene, samples, row)
                 q[row], qd[row] = data.qpos, data.qvel
         return samples
 
     def _place(self, q: Array, qd: Array) -> None:
-        """All that depends on position and rate: frames, M, bias and passive torques."""
+        """Compute what depends on position and rate: frames, M, bias and passive torques."""
         self.data.qpos[:], self.data.qvel[:] = q, qd
         with quiet():
             mujoco.mj_fwdPosition(self.model, self.data)
@@ -216,8 +200,8 @@ class MujocoEngine:
 
         return passive
 
-    def _control_callback(self, drive: DriveTorque | None, wrench: TipWrench | None) -> Callback:
-        """What MuJoCo asks for at every stage, when it knows where the tip is."""
+    def _control_callback(self, drive: base.DriveTorque | None, wrench: base.TipWrench | None) -> Callback:
+        """Drive and wrench; MuJoCo calls it at every stage, after its kinematics."""
         if drive is None and wrench is None:
             return None
 
@@ -225,28 +209,25 @@ class MujocoEngine:
             if drive is not None:
                 data.qfrc_applied[:] = drive(data.time, data.qpos, data.qvel)
             if wrench is not None:
-                now = wrench(data.time)
-                data.xfrc_applied[self.tip] = turned(data.xmat[self.tip].reshape(3, 3), now) if wrench.follows else now
+                now, rotation = wrench(data.time), data.xmat[self.tip].reshape(3, 3)
+                data.xfrc_applied[self.tip] = base.rotate_wrench(rotation, now) if wrench.follows else now
 
         return control
 
 
 def _ignore(_: str) -> None:
-    """MuJoCo would write its warnings into a file in the working folder; a run that diverges is an error instead."""
-
-
-QUIET: dict[str, Callable[..., None] | None] = {"mju_user_warning": _ignore}
+    """Without it, MuJoCo writes warnings into a file in the working folder; divergence raises an error instead."""
 
 
 def quiet() -> contextlib.AbstractContextManager[None]:
-    """MuJoCo writes no file of warnings, such as of an M with a large condition number."""
-    return _installed(QUIET)
+    """Keep MuJoCo from writing a file of warnings, for instance of an ill-conditioned M."""
+    return _installed({"mju_user_warning": _ignore})
 
 
 @contextlib.contextmanager
-def _installed(hooks: dict[str, Callable[..., None] | None]) -> Iterator[None]:
-    """Set MuJoCo's callbacks, one thread at a time, and put the old ones back whatever happens."""
-    with PROCESS:
+def _installed(hooks: Mapping[str, Callable[..., None] | None]) -> Iterator[None]:
+    """Install MuJoCo callbacks, one thread at a time, and restore the previous ones at the end."""
+    with _callback_lock:
         old = {name: getattr(mujoco, f"get_{name}")() for name in hooks}
         try:
             for name, function in hooks.items():

@@ -1,4 +1,4 @@
-"""What actuators of a compiled MuJoCo model do to its joints, apart from their commands.
+"""The actuators of a compiled MuJoCo model as `ACTUATOR_FIELDS` of its joints.
 
 An actuator with gear r on a joint, gain g and bias b₀ + b₁ l + b₂ l̇ of the length l = r q, gives
 
@@ -15,42 +15,41 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.engines.read_back import ACTUATORS, Array, unlimited
+from flexlink.engines.read_back import ACTUATOR_FIELDS, Array, no_limits
 
-BEYOND_GROUPS = 31  # groups with a higher number cannot be disabled
 AT_JOINTS = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
 
 
 def at_joints(model: Any) -> dict[str, Any]:
-    """Fields `ACTUATORS` of a record: of all actuators that are motors or servos at a joint, summed joint by joint."""
-    fields: dict[str, Array] = {name: np.zeros(model.njnt) for name in ACTUATORS if name != "effort"}
-    fields["effort"] = unlimited(model.njnt)
+    """`ACTUATOR_FIELDS`: all motors and servos at joints, summed joint by joint."""
+    fields: dict[str, Array] = {name: np.zeros(model.njnt) for name in ACTUATOR_FIELDS if name != "effort"}
+    fields["effort"] = no_limits(model.njnt)
     limits = [list[Array]() for _ in range(model.njnt)]
     servos = np.ones(model.njnt)
     for number in _acting(model):
         if _kind(model, number):
             continue
         k, r = int(model.actuator_trnid[number, 0]), float(model.actuator_gear[number, 0])
-        gain, (push, b1, b2) = r * float(model.actuator_gainprm[number, 0]), _bias(model, number)
-        fields["push"][k] += r * push
+        gain, (b0, b1, b2) = r * float(model.actuator_gainprm[number, 0]), _bias(model, number)
+        fields["constant_torque"][k] += r * b0
         fields["servo_stiffness"][k] -= r**2 * b1
         fields["servo_damping"][k] -= r**2 * b2
         if b1 or b2:
             servos[k] *= gain / (-(r**2) * (b1 or b2))
         else:
-            fields["control"][k] += gain
+            fields["gear"][k] += gain
         limits[k].append(_limit(model, number, r, None if b1 or b2 else gain))
     for k, some in enumerate(limits):
         if some:
-            fields["control"][k] = (fields["control"][k] or 1.0) * servos[k]
+            fields["gear"][k] = (fields["gear"][k] or 1.0) * servos[k]
             fields["effort"][k] = np.sum(some, axis=0)
         if model.jnt_actfrclimited[k]:
-            fields["effort"][k] = _both(fields["effort"][k], model.jnt_actfrcrange[k])
+            fields["effort"][k] = _narrower(fields["effort"][k], model.jnt_actfrcrange[k])
     return fields
 
 
 def added(model: Any, name: str) -> Array:
-    """Armature or damping that actuators add to their joints, r² times their own; none before MuJoCo 3.5."""
+    """Armature or damping that actuators add to their joints, r² times their own; zero before MuJoCo 3.5."""
     total, own = np.zeros(model.nv), getattr(model, f"actuator_{name}", ())
     for number in range(len(own)):
         if mujoco.mjtTrn(model.actuator_trntype[number]) in AT_JOINTS:
@@ -60,7 +59,7 @@ def added(model: Any, name: str) -> Array:
 
 
 def others(model: Any) -> Iterator[str]:
-    """The actuators that are no motors and servos at a joint, in words."""
+    """The other actuators, which are neither motors nor servos at a joint, in words."""
     for number in _acting(model):
         if kind := _kind(model, number):
             name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_ACTUATOR, number) or f"actuator {number}"
@@ -70,13 +69,13 @@ def others(model: Any) -> Iterator[str]:
 def _acting(model: Any) -> Iterator[int]:
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_ACTUATION:
         return
-    for number, group in enumerate(model.actuator_group):
-        if not (0 <= group < BEYOND_GROUPS and model.opt.disableactuator >> int(group) & 1):
+    for number, group in enumerate(model.actuator_group):  # groups from 31 on cannot be disabled
+        if not (0 <= group < 31 and model.opt.disableactuator >> int(group) & 1):
             yield number
 
 
 def _kind(model: Any, number: int) -> str:
-    """What is not compared of an actuator; nothing of a motor or servo at a joint."""
+    """Why an actuator is not compared, in MuJoCo's words; "" for a motor or servo at a joint."""
     named = (
         ("trntype", mujoco.mjtTrn, AT_JOINTS), ("dyntype", mujoco.mjtDyn, {mujoco.mjtDyn.mjDYN_NONE}),
         ("gaintype", mujoco.mjtGain, {mujoco.mjtGain.mjGAIN_FIXED}),
@@ -96,15 +95,15 @@ def _bias(model: Any, number: int) -> tuple[float, float, float]:
 
 
 def _limit(model: Any, number: int, r: float, gain: float | None) -> Array:
-    """Least and largest torque of one actuator; a motor's follow from the range of its control, too."""
-    limit: Array = unlimited(1)[0]
+    """Smallest and largest torque of one actuator; a motor is also limited by its control range."""
+    limit: Array = no_limits(1)[0]
     if model.actuator_forcelimited[number]:
-        limit = _both(limit, np.sort(r * model.actuator_forcerange[number]))
+        limit = _narrower(limit, np.sort(r * model.actuator_forcerange[number]))
     if gain is not None and model.actuator_ctrllimited[number]:
-        limit = _both(limit, np.sort(gain * model.actuator_ctrlrange[number]))
+        limit = _narrower(limit, np.sort(gain * model.actuator_ctrlrange[number]))
     return limit
 
 
-def _both(one: Array, other: Array) -> Array:
-    """The narrower limits; what is no number stays none."""
+def _narrower(one: Array, other: Array) -> Array:
+    """The intersection of two ranges; nan stays nan."""
     return np.array([np.maximum(one[0], other[0]), np.minimum(one[1], other[1])])

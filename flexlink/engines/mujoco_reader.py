@@ -1,4 +1,4 @@
-"""What MuJoCo has read: its compiled model, and the settings that act in it or have changed numbers on the way."""
+"""The record of a compiled MuJoCo model, and the settings that act in it or that have changed numbers of the file."""
 
 from __future__ import annotations
 
@@ -8,53 +8,34 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.common.errors import ArgumentError
 from flexlink.engines import mujoco_actuators
-from flexlink.engines.read_back import Array, Indices, ReadBack, merged, no_hinge
-
-DISABLE, INTEGRATOR = mujoco.mjtDisableBit, mujoco.mjtIntegrator
-WIDE = 1e6
-"""Limits beyond it [rad] are none: URDF must have some."""
-
-
-def require_hinges(model: Any) -> None:
-    """Refuse what is no arm of hinges.
-
-    Raises
-    ------
-    ArgumentError
-        The message names the first joint that is none.
-    """
-    for k, kind in enumerate(model.jnt_type):
-        if kind != mujoco.mjtJoint.mjJNT_HINGE:
-            name = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
-            raise no_hinge(_joint(model, k), name)
-    if model.njnt == 0:
-        raise ArgumentError("no joint moves: nothing to compare")
+from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, require_hinges
 
 
 def read(model: Any, spec: Any = None) -> ReadBack:
-    """The record of a model of hinges; its MjSpec, if there is one, is evidence of changed numbers."""
+    """The record of a model of hinges; its MjSpec, if there is one, tells which settings have changed numbers."""
+    kinds = [mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower() for kind in model.jnt_type]
+    require_hinges([(_joint(model, k), "" if kind == "hinge" else kind) for k, kind in enumerate(kinds)])
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     behind, R = _behind(model), data.ximat.reshape(-1, 3, 3)
     inertias = R @ (model.body_inertia[:, :, None] * R.mT)
-    bodies = merged(behind, model.body_mass, data.xipos, inertias, data.xanchor)
+    bodies = merge_bodies(behind, model.body_mass, data.xipos, inertias, data.xanchor)
     on = {name: float(_on(model, bit)) for name, bit in (("spring", "SPRING"), ("damper", "DAMPER"))}
     frames = data.xmat.reshape(-1, 3, 3)[model.jnt_bodyid]
     damping, armature = (mujoco_actuators.added(model, name) for name in ("damping", "armature"))
     widths = model.jnt_user[:, 0].copy() if model.nuser_jnt else np.ones(model.njnt)
     return ReadBack(
-        tuple(_joint(model, k) for k in range(model.njnt)), _before(model, behind),
+        tuple(_joint(model, k) for k in range(model.njnt)), _parents(model, behind),
         data.xaxis.copy(), data.xanchor.copy(), frames, **bodies, **mujoco_actuators.at_joints(model),
         stiffness=on["spring"] * _first(model.jnt_stiffness), rest=model.qpos_spring.copy(),
         damping=on["damper"] * (_first(model.dof_damping) + damping),
         coulomb=model.dof_frictionloss.copy(), coulomb_width=widths, armature=model.dof_armature + armature,
         gravity=float(_on(model, "GRAVITY")) * model.opt.gravity,
-        tip=_tip(model, data), unsaid=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
-        settings=dict(_acting(model)) | dict(_changing(model, spec)),
+        tip=_tip(model, data), unspecified=frozenset() if model.nuser_jnt else frozenset({"coulomb_width"}),
+        settings=dict(_active_settings(model)) | dict(_changing_settings(model, spec)),
         integrator=_integrator(model), step=float(model.opt.timestep),
     )  # fmt: skip
 
@@ -65,7 +46,7 @@ def _first(values: Array) -> Array:
 
 
 def _on(model: Any, flag: str) -> bool:
-    return not model.opt.disableflags & getattr(DISABLE, f"mjDSBL_{flag}")
+    return not model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")
 
 
 def _joint(model: Any, k: int) -> str:
@@ -73,7 +54,7 @@ def _joint(model: Any, k: int) -> str:
 
 
 def _behind(model: Any) -> Indices:
-    """The joint that moves each body: the last of its own, or of the nearest body below it that has any."""
+    """The joint that moves each body, −1 if none: the last of its own, or of the nearest parent that has any."""
     last = np.full(model.nbody, -1, dtype=np.intp)
     for b in range(1, model.nbody):
         own = model.body_dofnum[b]
@@ -81,7 +62,7 @@ def _behind(model: Any) -> Indices:
     return last
 
 
-def _before(model: Any, behind: Indices) -> Indices:
+def _parents(model: Any, behind: Indices) -> Indices:
     first = model.body_dofadr[model.jnt_bodyid]
     parents = behind[model.body_parentid[model.jnt_bodyid]]
     k = np.arange(model.njnt)
@@ -96,11 +77,11 @@ def _tip(model: Any, data: Any) -> Array | None:
     return None
 
 
-def _acting(model: Any) -> Iterator[tuple[str, str]]:
-    """Settings that act when the model runs."""
+def _active_settings(model: Any) -> Iterator[tuple[str, str]]:
+    """Settings that act when the model runs, by the names in `mistakes.SETTINGS`."""
     opt = model.opt
     if _on(model, "CONSTRAINT"):
-        yield from _constraints(model)
+        yield from _active_constraints(model)
     if model.body_gravcomp.any():
         bodies = int((model.body_gravcomp != 0).sum())
         yield "gravcomp", f"{bodies} bod{'y' if bodies == 1 else 'ies'}"
@@ -115,18 +96,17 @@ def _acting(model: Any) -> Iterator[tuple[str, str]]:
 
 
 def _integrator(model: Any) -> str:
-    kind = INTEGRATOR(model.opt.integrator)
-    if kind == INTEGRATOR.mjINT_RK4:
-        return "RK4"
-    explicit = kind == INTEGRATOR.mjINT_EULER and not _on(model, "EULERDAMP")
-    return f"{kind.name.removeprefix('mjINT_').capitalize()}{' without eulerdamp' * explicit}"
+    name: str = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
+    explicit = name == "EULER" and not _on(model, "EULERDAMP")
+    return (name if name == "RK4" else name.capitalize()) + " without eulerdamp" * explicit
 
 
-def _constraints(model: Any) -> Iterator[tuple[str, str]]:
+def _active_constraints(model: Any) -> Iterator[tuple[str, str]]:
     colliding = int(((model.geom_contype != 0) | (model.geom_conaffinity != 0)).sum())
     if _on(model, "CONTACT") and colliding > 1:
         yield "contacts", f"{colliding} geoms"
-    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < WIDE)).sum())
+    wide = 1e6  # rad: URDF requires limits, also for joints without any
+    limited = int(((model.jnt_limited != 0) & (np.abs(model.jnt_range).min(axis=1) < wide)).sum())
     if _on(model, "LIMIT") and limited:
         yield "limits", f"{limited} joints"
     dry = int((model.dof_frictionloss != 0).sum())
@@ -136,8 +116,8 @@ def _constraints(model: Any) -> Iterator[tuple[str, str]]:
         yield "equality", f"{model.neq}"
 
 
-def _changing(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
-    """Settings that change numbers between file and model, by the names of `mistakes.MISTAKES`."""
+def _changing_settings(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
+    """Settings that change numbers between file and model, by the names in `mistakes.MISTAKES`."""
     if not _on(model, "SPRING"):
         yield "no springs", ""
     if not _on(model, "DAMPER"):
@@ -150,9 +130,9 @@ def _changing(model: Any, spec: Any) -> Iterator[tuple[str, str]]:
         yield "springdamper", ""
     compiler = spec.compiler
     yes = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    told = {
+    active = {
         "degree": compiler.degree, "inertiafromgeom": compiler.inertiafromgeom == yes,
         "boundmass": compiler.boundmass > 0, "boundinertia": compiler.boundinertia > 0,
         "balanceinertia": compiler.balanceinertia, "settotalmass": compiler.settotalmass > 0,
     }  # fmt: skip
-    yield from ((name, "") for name, value in told.items() if value)
+    yield from ((name, "") for name, value in active.items() if value)

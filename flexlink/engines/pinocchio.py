@@ -24,17 +24,22 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.engines import pinocchio_reader
-from flexlink.engines.base import Array, File, Samples, TipWrench, diverged, drive_function, start, wrench_function
-from flexlink.engines.read_back import ReadBack
+from flexlink.engines.base import (
+    ForeignFile,
+    Samples,
+    TipWrench,
+    allocate_samples,
+    divergence_error,
+    drive_function,
+    wrench_function,
+)
+from flexlink.engines.read_back import Array, ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
 
-OWN = ("stiffness", "rest", "coulomb_width", "armature")
-
-MOST_JOINTS = 600
-"""Pinocchio's Data holds four arrays of n³ numbers, second derivatives that nobody asks for: 7 GB of so many joints."""
+NOT_IN_URDF = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of our own elements
 
 
 class PinocchioEngine:
@@ -45,33 +50,35 @@ class PinocchioEngine:
     model, data
         Pinocchio's own, gravity and armature set.
     tip
-        Number of the tip's frame.
-    stiffness, rest, damping, coulomb, coulomb_width, control
-        As read back from the file, shape (n,).
-    unsaid
-        What the file does not say, by the fields of `ReadBack`.
+        Index of the tip's frame.
+    stiffness, rest, damping, coulomb, coulomb_width, gear
+        As read from the file, shape (n,).
+    unspecified
+        Fields of `ReadBack` that the file does not specify.
     prescribed
-        Joints whose q̈ is given, which no file says.
+        Joints with a prescribed motion, which is not in the file.
     """
 
     name = "pinocchio"
     version: str = pin.__version__
 
     def __init__(self, chain: Chain) -> None:
-        self._take(to_urdf(chain, shapes=False))
+        self._parse(to_urdf(chain, shapes=False))
         if list(self.model.names[1:]) != xml_joint_names(chain):
             order = ", ".join(self.model.names[1:])
-            raise ArgumentError(f"Pinocchio orders the joints of {chain.name!r} as {order}; expected those of the file")
+            raise ArgumentError(
+                f"Pinocchio orders the joints of {chain.name!r} as {order}; expected the order of the file"
+            )
         self.prescribed = np.flatnonzero(chain.hinges["prescribed"])
 
     @classmethod
-    def from_file(cls, file: File) -> Self:
-        """A URDF that somebody else wrote; joints that turn endlessly are taken as joints with wide limits.
+    def from_file(cls, file: ForeignFile) -> Self:
+        """Load a foreign URDF file; continuous joints become revolute joints with wide limits.
 
         Raises
         ------
         ArgumentError
-            Pinocchio refuses the file, or it holds joints other than hinges.
+            Pinocchio refuses the file, or it has other joints than hinges.
         """
         robot = ET.parse(file.path).getroot()
         for joint in robot.findall("joint[@type='continuous']"):
@@ -79,43 +86,43 @@ class PinocchioEngine:
             ET.SubElement(joint, "limit", LIMIT)
         engine = cls.__new__(cls)
         try:
-            engine._take(ET.tostring(robot, encoding="unicode"))
+            engine._parse(ET.tostring(robot, encoding="unicode"))
         except (ValueError, RuntimeError) as error:
-            raise ArgumentError(f"Pinocchio cannot load it: {error}") from error
+            raise ArgumentError(f"Pinocchio cannot load the file: {error}") from error
         engine.prescribed = np.zeros(0, dtype=np.intp)
         return engine
 
-    def _take(self, text: str) -> None:
+    def _parse(self, text: str) -> None:
         robot = ET.fromstring(text)
         self.model = model = pin.buildModelFromXML(text)
-        pinocchio_reader.require_hinges(model)
-        if model.nv > MOST_JOINTS:
+        pinocchio_reader.require_hinges_of(model)
+        if model.nv > 600:  # pinocchio.Data holds four arrays of n³ numbers, for second derivatives: 7 GB
             raise ArgumentError(
-                f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; allowed are "
-                f"{MOST_JOINTS} joints; leave the engine out, or take fewer segments"
+                f"{model.nv} joints: Pinocchio's data would take {32e-9 * model.nv**3:.0f} GB; at most 600 joints are "
+                "supported; use another engine or fewer segments"
             )
         self.data, self.n = pin.Data(model), model.nv  # createData copies it
         own = {joint.get("name"): joint.find("flexlink") for joint in robot.findall("joint")}
         elements = [own.get(name) for name in model.names[1:]]
-        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in OWN)
+        self.stiffness, self.rest, self.coulomb_width, armature = (_own(elements, key) for key in NOT_IN_URDF)
         self.damping, self.coulomb = np.array(model.damping), np.array(model.friction)
-        self.control = pinocchio_reader.transmissions(robot, model.names[1:])
+        self.gear = pinocchio_reader.transmissions(robot, model.names[1:])
         gravity = robot.find("flexlink")
-        self.unsaid = frozenset() if any(e is not None for e in elements) else frozenset(OWN)
+        self.unspecified = frozenset() if any(e is not None for e in elements) else frozenset(NOT_IN_URDF)
         if gravity is None:
-            self.unsaid |= {"gravity"}
+            self.unspecified |= {"gravity"}
         else:
             model.gravity.linear = vector("gravity", [float(x) for x in gravity.get("gravity", "").split()], 3)
         model.armature = armature
         self.tip = model.getFrameId(robot.findall("link")[-1].attrib["name"], pin.FrameType.BODY)
 
     def read_back(self) -> ReadBack:
-        """What Pinocchio has read, the springs of our own elements, and the file's transmissions."""
-        own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "control")}
-        return pinocchio_reader.read(self.model, own, self.unsaid)
+        """The arm as Pinocchio has read it, with springs of our own elements and the transmissions of the file."""
+        own = {name: getattr(self, name) for name in ("stiffness", "rest", "coulomb_width", "gear")}
+        return pinocchio_reader.read(self.model, own, self.unspecified)
 
-    def adopt(self, fields: Mapping[str, Array]) -> None:
-        """Take what a file does not say from elsewhere: fields of the record, as in `ReadBack`."""
+    def fill_missing(self, fields: Mapping[str, Array]) -> None:
+        """Set fields of `ReadBack` that the file does not specify."""
         for field, values in fields.items():
             if field == "gravity":
                 self.model.gravity.linear = values
@@ -124,8 +131,8 @@ class PinocchioEngine:
             else:
                 setattr(self, field, np.array(values))
 
-    def put_right(self) -> None:
-        """Nothing to do: Pinocchio has no settings."""
+    def neutralize_settings(self) -> None:
+        """Nothing to do: Pinocchio has no such settings."""
 
     def mass_matrix(self, q: Array) -> Array:
         """M(q) by composite rigid bodies (`crba`)."""
@@ -156,55 +163,57 @@ class PinocchioEngine:
 
     def integrate(self, scene: Scene) -> Samples:
         """The scene's Runge-Kutta method, as a plain loop over `aba`."""
-        samples = t, q, qd = start(scene)
-        run, step = scene.run, self._step(scene)
-        origin = round(scene.initial.time / run.step)
+        samples = t, q, qd = allocate_samples(scene)
+        run, step = scene.run, self._step_function(scene)
+        first_step = round(scene.initial.time / run.step)
         y = np.concatenate([q[0], qd[0]])
-        with np.errstate(all="ignore"):  # a state that leaves the finite numbers is an error below
+        with np.errstate(all="ignore"):  # divergence raises an error below
             for row in range(1, len(t)):
                 for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
-                    y = step(origin + number, y)
+                    y = step(first_step + number, y)
                 if not np.isfinite(y).all():
-                    raise diverged(self.name, scene, samples, row)
+                    raise divergence_error(self.name, scene, samples, row)
                 q[row], qd[row] = y[: self.n], y[self.n :]
         return samples
 
-    def _step(self, scene: Scene) -> Callable[[int, Array], Array]:
-        """The state (q, q̇) at (number + 1) · h from the one at number · h."""
+    def _step_function(self, scene: Scene) -> Callable[[int, Array], Array]:
+        """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
         n, h, wrench = self.n, scene.run.step, wrench_function(scene)
         A, b, c = method(scene.run.method).arrays
         drive, motion = drive_function(scene), motion_arrays(scene, lump(scene))
-        F, tau, given = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
+        F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 
         def step(number: int, y: Array) -> Array:
-            for given_in_time in (drive, wrench):
-                if given_in_time is not None:
-                    given_in_time.begin(number, h, y[:n], y[n:])
+            for function in (drive, wrench):
+                if function is not None:
+                    function.begin(number, h, y[:n], y[n:])
             for i in range(len(c)):
                 t, x = (number + c[i]) * h, y + h * A[i, :i] @ F[:i]
-                follow(motion, t, x[:n], x[n:], given)
-                torque = tau if drive is None else drive(t, x[:n], x[n:])
+                follow(motion, t, x[:n], x[n:], prescribed)
+                torque = no_torque if drive is None else drive(t, x[:n], x[n:])
                 F[i, :n] = x[n:]
-                F[i, n:] = self._accelerations(x[:n], x[n:], torque + self._pull(wrench, t, x[:n]), None, given)
+                F[i, n:] = self._accelerations(
+                    x[:n], x[n:], torque + self._tip_torque(wrench, t, x[:n]), None, prescribed
+                )
             y = y + h * b @ F
-            follow(motion, (number + 1) * h, y[:n], y[n:], given)
+            follow(motion, (number + 1) * h, y[:n], y[n:], prescribed)
             return y
 
         return step
 
-    def _pull(self, wrench: TipWrench | None, t: float, q: Array) -> Array:
+    def _tip_torque(self, wrench: TipWrench | None, t: float, q: Array) -> Array:
         """Jᵀ F of the scene's wrench at time t."""
         return np.zeros(self.n) if wrench is None else self._wrench_torque(q, wrench(t), follows=wrench.follows)
 
-    def _accelerations(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None, given: Array) -> Array:
-        """q̈, of the prescribed joints as `require_type`."""
+    def _accelerations(self, q: Array, qd: Array, tau: Array, tip_wrench: Array | None, prescribed: Array) -> Array:
+        """q̈, for prescribed joints as in `prescribed`."""
         total = tau - self.elastic_torque(q) - self.friction_torque(qd) + self._wrench_torque(q, tip_wrench)
         p = self.prescribed
         if len(p) == 0:
             return np.array(pin.aba(self.model, self.data, q, qd, total))
         f, M = np.setdiff1d(np.arange(self.n), p), self.mass_matrix(q)
-        qdd, left = given.copy(), total - self.bias_torque(q, qd) - M[:, p] @ given[p]
-        qdd[f] = np.linalg.solve(M[np.ix_(f, f)], left[f])
+        qdd, rhs = prescribed.copy(), total - self.bias_torque(q, qd) - M[:, p] @ prescribed[p]
+        qdd[f] = np.linalg.solve(M[np.ix_(f, f)], rhs[f])
         return qdd
 
     def _wrench_torque(self, q: Array, wrench: Array | None, *, follows: bool = False) -> Array:
@@ -216,5 +225,5 @@ class PinocchioEngine:
 
 
 def _own(elements: Sequence[ET.Element | None], key: str) -> Array:
-    """One number of our own per joint, 0 where it has none."""
+    """An attribute of our own elements, joint by joint; 0 where there is none."""
     return np.array([0.0 if element is None else float(element.get(key, 0)) for element in elements])

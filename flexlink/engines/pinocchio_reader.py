@@ -1,4 +1,4 @@
-"""What Pinocchio has read; springs and what else URDF cannot say, from our own elements."""
+"""The record of a Pinocchio model; springs and what else URDF cannot express come from our own elements."""
 
 from __future__ import annotations
 
@@ -10,48 +10,39 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Parts, ReadBack, merged, no_actuators, no_hinge
+from flexlink.engines.read_back import Array, Parts, ReadBack, merge_bodies, no_actuators, require_hinges
 from flexlink.formats.urdf import LIMIT
 
 
-def require_hinges(model: Any) -> None:
-    """Refuse what is no arm of hinges.
-
-    Raises
-    ------
-    ArgumentError
-        The message names the first joint that is none.
-    """
-    for k in range(1, model.njoints):
-        kind = model.joints[k].shortname()
-        if not kind.startswith(("JointModelR", "JointModelRevolute")) or model.joints[k].nq != 1:
-            raise no_hinge(model.names[k], kind)
-    if model.njoints == 1:
-        raise ArgumentError("no joint moves: nothing to compare")
+def require_hinges_of(model: Any) -> None:
+    """Refuse a model with other joints than hinges; see `require_hinges`."""
+    joints = list(zip(model.names, model.joints, strict=True))[1:]
+    kinds = [(name, joint.shortname(), joint.nq) for name, joint in joints]
+    require_hinges([(name, "" if kind.startswith("JointModelR") and nq == 1 else kind) for name, kind, nq in kinds])
 
 
 def transmissions(robot: ET.Element, names: Sequence[str]) -> Array:
-    """Torque at every joint for 1 of its actuator's: the reduction of its <transmission>, 0 where there is none.
+    """Reduction of the <transmission> of every joint, 0 where there is none, shape (n,).
 
     Raises
     ------
     ArgumentError
-        A reduction is no number.
+        A reduction is not a number.
     """
-    control = dict.fromkeys(names, 0.0)
+    gear = dict.fromkeys(names, 0.0)
     for element in robot.findall("transmission"):
         reduction = element.findtext(".//mechanicalReduction") or "1"
         for joint in element.findall("joint"):
             name = joint.get("name", "")
             try:
-                control[name] = float(reduction)
+                gear[name] = float(reduction)
             except ValueError:
-                raise ArgumentError(f"joint {name!r}: mechanicalReduction {reduction!r} is no number") from None
-    return np.array([control[name] for name in names])
+                raise ArgumentError(f"joint {name!r}: mechanicalReduction = {reduction!r} is not a number") from None
+    return np.array([gear[name] for name in names])
 
 
-def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack:
-    """The record of a model of hinges, with what the adapter keeps beside it: springs, rotors, transmissions."""
+def read(model: Any, own: Mapping[str, Any], unspecified: frozenset[str]) -> ReadBack:
+    """The record of a model of hinges, with the fields `own` that the adapter keeps: springs, transmissions."""
     data = pin.Data(model)
     pin.computeJointJacobians(model, data, np.zeros(model.nq))
     n = model.nv
@@ -65,28 +56,30 @@ def read(model: Any, own: Mapping[str, Any], unsaid: frozenset[str]) -> ReadBack
         np.array([getattr(link, part) for link in links]) for part in ("mass", "lever", "inertia")
     )
     centers = points + np.einsum("bij,bj->bi", R, levers)
-    bodies = merged(np.arange(n), masses, centers, R @ inertias @ R.mT, points) | {"parts": _parts(model, R)}
+    bodies = merge_bodies(np.arange(n), masses, centers, R @ inertias @ R.mT, points) | {"parts": _parts(model, R)}
     most = np.array(model.upperEffortLimit)
-    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = np.inf  # URDF must have a number: 0 and huge ones are none
+    most[(most <= 0) | (most >= float(LIMIT["effort"]))] = (
+        np.inf
+    )  # URDF requires a number: 0 and huge values mean no limit
     return ReadBack(
         tuple(model.names[1:]), np.array(model.parents.tolist()[1:]) - 1, axes, points, R, **bodies,
         **no_actuators(n) | {"effort": np.stack([-most, most], axis=1)} | dict(own),
         damping=np.array(model.damping), coulomb=np.array(model.friction), armature=np.array(model.armature),
-        gravity=np.array(model.gravity.linear), tip=_tip(model, data), unsaid=unsaid,
+        gravity=np.array(model.gravity.linear), tip=_tip(model, data), unspecified=unspecified,
     )  # fmt: skip
 
 
 def _parts(model: Any, R: Array) -> Parts:
-    """Links welded to a joint's, of which fixed frames keep the inertias, and what these leave of the joint's."""
-    found, left = list[tuple[int, Any]](), list(model.inertias)
+    """Inertias of the links welded to each joint's link, which fixed frames keep, and of that link without them."""
+    parts, rest = list[tuple[int, Any]](), list(model.inertias)
     for frame in model.frames:
         if frame.type == pin.FrameType.FIXED_JOINT and frame.inertia.mass and frame.parentJoint:
             part = frame.placement.act(frame.inertia)
-            left[frame.parentJoint] = left[frame.parentJoint] - part
-            found.append((frame.parentJoint - 1, part))
-    found += [(k - 1, part) for k, part in enumerate(left) if k]
-    owner = np.array([k for k, _ in found], dtype=np.intp)
-    return Parts(owner, R[owner] @ np.array([part.inertia for _, part in found]) @ R[owner].mT)
+            rest[frame.parentJoint] = rest[frame.parentJoint] - part
+            parts.append((frame.parentJoint - 1, part))
+    parts += [(k - 1, part) for k, part in enumerate(rest) if k]
+    owner = np.array([k for k, _ in parts], dtype=np.intp)
+    return Parts(owner, R[owner] @ np.array([part.inertia for _, part in parts]) @ R[owner].mT)
 
 
 def _tip(model: Any, data: Any) -> Array | None:

@@ -1,13 +1,13 @@
-"""What an engine has read: an arm in frame 0 at zero angles, whatever the file, its frames and the engine.
+"""The arm as an engine has read it, in frame 0 at zero angles: independent of the body frames of the file.
 
-Axes and lines of joints, masses, centres and inertias at a posture do not depend on where somebody puts body frames, so
-that two descriptions of one arm have one record, but for the joints' order and where on its axis a joint has its point.
+Two descriptions of one arm have the same record, but for the order of the joints, and for where on its axis the point
+of a joint lies.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,17 +21,14 @@ from flexlink.kernels.layout import BODY
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-OF_JOINTS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
-"""Fields of a record, and of a chain's hinges, with one number a joint."""
-UNIT = 1e-9
-"""How far from 1 the length of an axis may be that an engine has made a direction."""
-OF_LINES = ("axes", "points")
-OF_BODIES = ("masses", "centers", "inertias")
-ACTUATORS = ("control", "servo_stiffness", "servo_damping", "push", "effort")
+AXIS_FIELDS = ("axes", "points")
+BODY_FIELDS = ("masses", "centers", "inertias")
+JOINT_FIELDS = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")  # also of a chain's hinges
+ACTUATOR_FIELDS = ("gear", "servo_stiffness", "servo_damping", "constant_torque", "effort")
 
 
 class Parts(NamedTuple):
-    """The bodies that joint `owner` carries, rigid with each other: their inertias in frame 0, shape (b, 3, 3)."""
+    """Bodies that are welded together: the joint that moves each, and its inertia in frame 0, shape (b, 3, 3)."""
 
     owner: Indices
     inertias: Array
@@ -39,14 +36,14 @@ class Parts(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class ReadBack:
-    """Joints and bodies as an engine has them; body k is all that is rigid behind joint k, up to the next joints.
+    """Joints and bodies in an engine; body k is all that is rigidly attached behind joint k, up to the next joints.
 
     Attributes
     ----------
     names
-        Of the joints, in the engine's order.
-    before
-        The joint that each hangs on, −1 for the base, shape (n,).
+        Names of the joints, in the engine's order.
+    parents
+        The joint before each, −1 for the base, shape (n,).
     axes, points
         Unit vectors, and points on the axes [m], shape (n, 3).
     frames
@@ -54,29 +51,31 @@ class ReadBack:
     masses, centers, inertias
         [kg], shape (n,); [m], (n, 3), the joint's point where there is no mass; about the centres [kg m²], (n, 3, 3).
     parts
-        What of the inertias is one body's each.
+        The inertias body by body.
     stiffness, rest, damping, coulomb, coulomb_width, armature
-        As in `HINGE`, shape (n,): what acts, so 0 where the engine is told to leave springs or dampers out.
-    control, servo_stiffness, servo_damping, push, effort
-        What actuators do: of a motor the torque that a command of 1 gives [N m], of a servo the angle that it then
-        seeks [rad], 0 where there is none, shape (n,); −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of
-        themselves, (n,); least and largest torque [N m], (n, 2), infinite where there is no limit.
+        As in `HINGE`, shape (n,); 0 where a setting disables springs or dampers.
+    gear
+        Torque of a motor for a command of 1 [N m], or angle of a servo for a command of 1 [rad]; 0: no actuator, (n,).
+    servo_stiffness, servo_damping, constant_torque
+        −∂T/∂q [N m/rad], −∂T/∂q̇ [N m s/rad] and T [N m] of the actuators without a command, shape (n,).
+    effort
+        Smallest and largest torque [N m], shape (n, 2); infinite where there is no limit.
     gravity
         [m/s²], shape (3,).
     tip
         Origin of the frame called "tip" [m], shape (3,), None if there is none.
-    unsaid
-        Fields that this file does not say, such as the springs of an URDF; no difference is made of them.
+    unspecified
+        Fields that the file does not specify, such as the springs of a URDF; they are not compared.
     settings
-        What else the engine was told, by the names of `mistakes.SETTINGS`, in words.
+        Active settings, by the names in `mistakes.SETTINGS`, and their values in words.
     integrator, step
-        What the file asks for: by MuJoCo's names, and the time step [s]; None if it asks for none.
-    asked
-        Of a scene, the least and the largest torque that its drive may ask for [N m], shape (n, 2); None of a file.
+        Integrator of the file, by MuJoCo's names, and its time step [s]; None if the file has none.
+    drive_range
+        For a scene, the smallest and the largest torque that its drive may command [N m], shape (n, 2).
     """
 
     names: tuple[str, ...]
-    before: Indices
+    parents: Indices
     axes: Array
     points: Array
     frames: Array
@@ -90,18 +89,18 @@ class ReadBack:
     coulomb: Array
     coulomb_width: Array
     armature: Array
-    control: Array
+    gear: Array
     servo_stiffness: Array
     servo_damping: Array
-    push: Array
+    constant_torque: Array
     effort: Array
     gravity: Array
     tip: Array | None = None
-    unsaid: frozenset[str] = frozenset()
+    unspecified: frozenset[str] = frozenset()
     settings: Mapping[str, str] = dataclasses.field(default_factory=dict)
     integrator: str = ""
     step: float | None = None
-    asked: Array | None = None
+    drive_range: Array | None = None
 
     def __repr__(self) -> str:
         return f"<ReadBack: {self.n} joints, {self.masses.sum():.6g} kg>"
@@ -112,48 +111,65 @@ class ReadBack:
         return len(self.names)
 
     def require_sound(self) -> None:
-        """Refuse a file that the engine took numbers from that are none.
+        """Refuse values that the engine has read but that are not valid.
 
         Raises
         ------
         ArgumentError
-            The message names the number and its joint.
+            A number is not finite, or an axis is not a unit vector; the message names the joint.
         """
-        for field in (*OF_LINES, *OF_BODIES, *OF_JOINTS, *ACTUATORS[:-1]):
+        for field in (*AXIS_FIELDS, *BODY_FIELDS, *JOINT_FIELDS, *ACTUATOR_FIELDS[:-1]):
             rows = getattr(self, field).reshape(self.n, -1)
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
-                raise ArgumentError(f"{field} of joint {self.names[bad[0]]!r}: read as {rows[bad[0]]}; must be finite")
+                raise ArgumentError(
+                    f"{field} of joint {self.names[bad[0]]!r}: engine read {rows[bad[0]]}; must be finite"
+                )
         if np.isnan(self.effort).any():
             k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
-            raise ArgumentError(f"torque limit of joint {self.names[k]!r}: read as {self.effort[k]}; must be numbers")
-        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
-            raise ArgumentError(f"gravity: read as {self.gravity}; must be three finite numbers")
-        lengths = np.linalg.norm(self.axes, axis=1)
-        if np.abs(lengths - 1).max() > UNIT:
-            k = int(np.abs(lengths - 1).argmax())
             raise ArgumentError(
-                f"axis of joint {self.names[k]!r}: read with length {lengths[k]:.6g}; must be a direction"
+                f"torque limit of joint {self.names[k]!r}: engine read {self.effort[k]}; must be numbers"
             )
+        if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
+            raise ArgumentError(f"gravity: engine read {self.gravity}; must be three finite numbers")
+        lengths = np.linalg.norm(self.axes, axis=1)
+        k = int(np.abs(lengths - 1).argmax())
+        if abs(lengths[k] - 1) > 1e-9:
+            raise ArgumentError(f"axis of joint {self.names[k]!r}: engine read length {lengths[k]:.6g}; must be 1")
 
 
-def unlimited(n: int) -> Array:
-    """The `effort` of joints without a limit."""
+def no_limits(n: int) -> Array:
+    """`effort` of joints without torque limits."""
     return np.tile([-np.inf, np.inf], (n, 1))
 
 
 def no_actuators(n: int) -> dict[str, Any]:
-    """The fields `ACTUATORS` of joints that have none."""
-    return {field: np.zeros(n) for field in ACTUATORS[:-1]} | {"effort": unlimited(n)}
+    """`ACTUATOR_FIELDS` of joints without actuators."""
+    return {field: np.zeros(n) for field in ACTUATOR_FIELDS[:-1]} | {"effort": no_limits(n)}
 
 
-def no_hinge(joint: str, kind: str) -> ArgumentError:
-    """The error of a file with a joint that is none; such as a gripper's, or a base that moves freely."""
-    return ArgumentError(f"joint {joint!r} is of type {kind}: only arms of hinges are compared; make it fixed")
+def require_hinges(joints: Sequence[tuple[str, str]]) -> None:
+    """Refuse other joints than hinges, such as a gripper's, or a floating base.
+
+    Parameters
+    ----------
+    joints
+        Name and type of every movable joint; type "" for a hinge.
+
+    Raises
+    ------
+    ArgumentError
+        A joint is not a hinge, or there is none.
+    """
+    for name, kind in joints:
+        if kind:
+            raise ArgumentError(f"joint {name!r} is of type {kind}: only revolute joints are supported; make it fixed")
+    if not joints:
+        raise ArgumentError("the file has no movable joint")
 
 
-def merged(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:
-    """The fields `OF_BODIES`: bodies that are rigid with each other as one, by joint `owner`, −1 for the base; `parts`.
+def merge_bodies(owner: Indices, masses: Array, centers: Array, inertias: Array, points: Array) -> dict[str, Any]:
+    """`BODY_FIELDS` and `parts`: the bodies that joint `owner` moves (−1: the base does) merged into one.
 
     m = Σ mᵢ, c = Σ mᵢ cᵢ / m, I = Σ (Iᵢ + mᵢ (dᵢ² 1 − dᵢ dᵢᵀ)), dᵢ = cᵢ − c
     """
@@ -175,26 +191,25 @@ def parallel_axis(m: Array, d: Array) -> Array:
 
 
 def of_chain(chain: Chain) -> ReadBack:
-    """The record of a chain, exact but for the rotations into frame 0."""
+    """The record of a chain, exact up to the rounding of rotations into frame 0."""
     at_zero = frames(chain, np.zeros(chain.n))
     R, p = at_zero.rotations, at_zero.points
     bodies = chain.bodies
     owner = bodies["stop"] - 1
     counts = bodies["stop"] - bodies["first"]
     points = np.repeat(p, counts, axis=0)
-    placed = merged(
+    placed = merge_bodies(
         owner, bodies["mass"], p + np.einsum("bij,bj->bi", R, bodies["center"]), R @ bodies["inertia"] @ R.mT, points
     )
-    own: dict[str, Any] = {field: np.array(chain.hinges[field]) for field in OF_JOINTS}
-    before = np.arange(chain.n) - 1
+    own: dict[str, Any] = {field: np.array(chain.hinges[field]) for field in JOINT_FIELDS}
     return ReadBack(
-        chain.joint_names, before, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed, **own,
-        **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
+        chain.joint_names, np.arange(chain.n) - 1, np.array(chain.axes), points, np.repeat(R, counts, axis=0), **placed,
+        **own, **no_actuators(chain.n), gravity=np.array(chain.gravity), tip=p[-1],
     )  # fmt: skip
 
 
 def to_chain(read: ReadBack, like: Chain) -> Chain:
-    """The serial chain of a record whose joints are those of `like`: every joint Z of a frame of its own."""
+    """The serial chain of a record with the joints of `like`: each turns about Z of a frame of its own."""
     bodies, R, p = np.zeros(read.n + 1, BODY), np.eye(3), np.zeros(3)
     for k, body in enumerate(bodies[:-1]):
         axes = _frame(read.axes[k])
@@ -209,7 +224,7 @@ def to_chain(read: ReadBack, like: Chain) -> Chain:
     end["rotation"], end["translation"] = np.eye(3), R.T @ (tip - p)
     hinges = like.hinges.copy()
     hinges["axis"] = 2
-    for field in OF_JOINTS:
+    for field in JOINT_FIELDS:
         hinges[field] = getattr(read, field)
     return dataclasses.replace(like, bodies=bodies, hinges=hinges, gravity=read.gravity.copy())
 

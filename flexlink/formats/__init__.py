@@ -1,4 +1,4 @@
-"""The same arm in the files that other engines load; every format is one function of a chain."""
+"""The same arm as files for other programs: one writer and one reader for each format."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -13,12 +13,12 @@ from flexlink.formats.urdf_reading import read_urdf
 
 
 class Format(NamedTuple):
-    """One format of files."""
+    """A file format."""
 
-    write: Callable[..., str]  # of a chain
-    read: Callable[..., Chain]  # of a text that `write` has written
-    ending: str  # of its files' names
-    keyframe: bool = False  # whether `write` takes the state `initial`, too
+    write: Callable[..., str]  # chain → text
+    read: Callable[..., Chain]  # text, written by `write` → chain
+    ending: str  # of file names
+    keyframe: bool = False  # whether `write` also takes the state `initial`
 
 
 FORMATS = {

@@ -1,7 +1,7 @@
-"""What a viewer shows of a chain: a capsule along every rigid segment, coloured by link, without mass or contact.
+"""Visual shapes of a chain: a capsule along every rigid segment, coloured by link, without mass or contact.
 
-A chain knows no cross-sections. A capsule is as thick as its segment's inertia about its line says,
-r = √(2 I / m), that of a solid cylinder, within sight of the arm's reach.
+A chain has no cross-sections. The radius of a capsule is that of a solid cylinder with the inertia of its segment about
+its line, r = √(2 I / m), limited to a visible part of the arm's length.
 """
 
 from __future__ import annotations
@@ -16,19 +16,16 @@ from flexlink.chain.chain import Chain, unique
 from flexlink.common.products import dot, product
 from flexlink.formats.document import Array, decimals, valid
 
-LEAST = 1e-9
-"""Part of the arm's length up to which a body has none: what rounding leaves of one, which MuJoCo refuses."""
-
-THICKNESS = 0.004, 0.04  # thinnest and thickest radius, of the reach
+THICKNESS = 0.004, 0.04  # smallest and largest radius over the length of the arm
 COLOURS = (
     (0.00, 0.45, 0.70), (0.90, 0.62, 0.00), (0.00, 0.62, 0.45), (0.80, 0.47, 0.65),
     (0.34, 0.71, 0.91), (0.84, 0.37, 0.00), (0.94, 0.89, 0.26), (0.45, 0.45, 0.45),
 )  # fmt: skip
-"""Of Okabe and Ito, told apart by the colour-blind, too; link by link, again from the first after the last."""
+"""Palette of Okabe and Ito, safe for colour-blind people; one a link, repeated."""
 
 
 class Capsule(NamedTuple):
-    """From the origin of a body to that of the next one."""
+    """A capsule from the origin of a body to that of the next one."""
 
     end: Array  # in the body's frame [m]
     radius: float  # [m]
@@ -36,24 +33,24 @@ class Capsule(NamedTuple):
 
     @property
     def length(self) -> float:
-        """Between the centres of its two ends [m]."""
+        """Distance between the centres of its ends [m]."""
         return math.sqrt(dot(self.end, self.end))
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """x, y, z, roll, pitch, yaw of its middle, the local Z along it."""
+        """x, y, z, roll, pitch, yaw of its middle, with local Z along it."""
         x, y, z = map(float, self.end)
         return x / 2, y / 2, z / 2, 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
 
 
 def capsules(chain: Chain) -> Iterator[Capsule | None]:
-    """One for every body but the tip, None for those without length, or one that nobody sees."""
+    """A capsule for every body but the tip, None for those without length."""
     of_link = colours(chain)
     ends = chain.bodies["translation"][1:]
     lengths = np.linalg.norm(ends, axis=1)
-    shortest, thinnest, thickest = (share * float(lengths.sum()) for share in (LEAST, *THICKNESS))
+    shortest, thinnest, thickest = (share * float(lengths.sum()) for share in (1e-9, *THICKNESS))
     for body, end, length in zip(chain.bodies[:-1], ends, lengths, strict=True):
-        if length <= shortest:
+        if length <= shortest:  # rounding; MuJoCo refuses such capsules
             yield None
             continue
         along = dot(end, product(body["inertia"], end)) / length**2
@@ -62,12 +59,12 @@ def capsules(chain: Chain) -> Iterator[Capsule | None]:
 
 
 def capsule_behind(chain: Chain) -> dict[int, Capsule]:
-    """The capsule of the link behind each hinge that has one: the last one at a point."""
+    """The capsules by joint: that of the last hinge at each point."""
     last = (chain.bodies["stop"][:-1] - 1).tolist()
     return {k: capsule for k, capsule in zip(last, capsules(chain), strict=True) if capsule is not None}
 
 
 def colours(chain: Chain) -> list[tuple[str, str]]:
-    """A name, the link's, and red, green, blue, opacity for every link."""
+    """For every link its name, and red, green, blue and opacity."""
     names = unique(map(valid, chain.link_names))
     return [(name, decimals([*COLOURS[number % len(COLOURS)], 1.0])) for number, name in enumerate(names)]

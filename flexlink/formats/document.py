@@ -1,4 +1,4 @@
-"""What the writers share: hinges one by one, names that are valid and unique, numbers that read back exactly."""
+"""Common parts of the writers: joints one by one, valid and unique names, numbers that read back exactly."""
 
 from __future__ import annotations
 
@@ -16,25 +16,22 @@ from flexlink.chain.chain import Chain, unique
 
 Array = NDArray[np.float64]
 
-NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML 1.0 cannot hold, not even escaped."""
-
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 WIDE = {"lower": "-1e9", "upper": "1e9"}
-"""Limits of a hinge that has none, where a format asks for some [rad]."""
+"""Limits [rad] of a joint without limits, in formats that require some."""
 
 
 class Place(NamedTuple):
-    """One hinge as formats see it that have one link a joint: it hangs on the link of the hinge before it."""
+    """A hinge in formats with one link per joint: its placement on the link of the hinge before."""
 
     k: int
     translation: Array  # of the hinge's frame in the frame before it [m]
     rotation: Array  # R: v_before = R v, at zero angle
-    body: np.void | None  # what is rigid behind the hinge; None: nothing that has inertia
+    body: np.void | None  # rigidly attached behind the hinge; None: no inertia
 
 
 def places(chain: Chain) -> Iterator[Place]:
-    """The hinges in sequential order; all but the last at a point carry nothing."""
+    """The hinges in sequential order; of several at one point only the last has a body."""
     for body in chain.bodies[:-1]:
         translation, rotation = body["translation"], body["rotation"]
         for k in range(body["first"], body["stop"]):
@@ -43,35 +40,35 @@ def places(chain: Chain) -> Iterator[Place]:
             translation, rotation = np.zeros(3), np.eye(3)
 
 
-def own_values(chain: Chain, k: int, held: Iterable[str]) -> dict[str, str]:
-    """What our own part of a joint says: all numbers of the hinge but those `held` elsewhere, and its coordinate."""
+def own_values(chain: Chain, k: int, standard: Iterable[str]) -> dict[str, str]:
+    """Attributes of our own element of a joint: its coordinate, and the fields without a `standard` element."""
     hinge = chain.hinges[k]
-    numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in held}
+    numbers = {name: decimals([hinge[name]]) for name in chain.hinges.dtype.names or () if name not in standard}
     return numbers | {"coordinate": " ".join(map(str, chain.coordinates[k]))}
 
 
 def limits(hinge: np.void) -> dict[str, str]:
-    """The limits of a hinge [rad] under their own names, those that there are."""
+    """The finite limits of a hinge [rad], by name."""
     return {name: decimals([hinge[name]]) for name in ("lower", "upper") if np.isfinite(hinge[name])}
 
 
 def own_rotation(rotation: Array) -> dict[str, str]:
-    """R, row by row, where a format's angles or quaternion round it."""
+    """R, row by row, which angles or a quaternion would round."""
     return {} if np.array_equal(rotation, np.eye(3)) else {"rotation": decimals(rotation.flat)}
 
 
 def links_text(chain: Chain) -> str:
-    """The names of the arm's links, also of those that have no hinge, as a JSON list."""
+    """The names of all links of the arm, also of those without a hinge, as a JSON list."""
     return json.dumps([valid(name) for name in chain.link_names], ensure_ascii=False)
 
 
 def valid(name: str) -> str:
-    """`name` with U+FFFD for every character that XML cannot hold."""
-    return NOT_XML.sub("\ufffd", name)
+    """`name` with U+FFFD for every character that XML 1.0 cannot represent, not even escaped."""
+    return re.sub("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", name)
 
 
 def xml_joint_names(chain: Chain) -> list[str]:
-    """One name per coordinate, in sequential order; "universe" is Pinocchio's own."""
+    """One name per coordinate, in sequential order; Pinocchio reserves "universe"."""
     require_type("chain", chain, Chain)
     return unique(["universe", *map(valid, chain.joint_names)])[1:]
 
@@ -82,7 +79,7 @@ def xml_link_names(chain: Chain) -> list[str]:
 
 
 def decimals(values: Iterable[float]) -> str:
-    """Shortest decimals that read back to the same float64; adding 0.0 turns −0.0 into 0.0."""
+    """Shortest decimals that read back to the same float64; + 0.0 turns −0.0 into 0.0."""
     return " ".join(repr(float(value) + 0.0) for value in values)
 
 

@@ -1,6 +1,6 @@
-"""What each format cannot hold of a scene: a table, feature by format, and what is there of it in one scene.
+"""What each format cannot represent: a table of features by format, and those that a scene has.
 
-What is not in the table is held: bodies, placements, axes, viscous damping, names.
+All formats represent what is not in the table: bodies, placements, axes, viscous damping, names.
 """
 
 from __future__ import annotations
@@ -12,65 +12,62 @@ from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
 from flexlink.describe.scene import Scene
 
-SKIPPED = "in a part that other programs skip"
-ALL = ("urdf", "mjcf", "sdf")
-
 
 class Feature(NamedTuple):
-    """Something that a scene may have."""
+    """A feature that a scene may have."""
 
     there: Callable[[Scene, Chain], bool]
-    instead: dict[str, str]  # format: what stands in its file instead; without an entry the format holds it
-
-
-def _for_all(text: str) -> dict[str, str]:
-    return dict.fromkeys(ALL, text)
+    instead: dict[str, str]  # by format: what its file has instead; no entry: the format represents the feature
 
 
 def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
-    """Whether a run starts with other angles than zero, or moving; locked joints stand in the placements."""
+    """Whether a run starts with angles or rates other than zero; locked joints are part of the placements."""
     initial, free = scene.initial, [chain.coordinates[k].link - 1 for k in chain.active]
     angles = [initial.joint_deg[link] for link in free] if initial.q is None else initial.q
     rates = [initial.rates[link] for link in free] if initial.qd is None else initial.qd
     return any(angles) or any(rates) or initial.passive != "zero"
 
 
-FEATURES = {
-    "gravity": Feature(lambda scene, _: any(scene.gravity), {"urdf": SKIPPED}),
-    "springs": Feature(lambda _, chain: bool(chain.stiffness.any()), {"urdf": SKIPPED}),
-    "rotor inertia": Feature(
-        lambda _, chain: bool(chain.hinges["armature"].any()),
-        {"urdf": SKIPPED, "sdf": "as drake:rotor_inertia, which only Drake reads"},
-    ),
-    "dry friction": Feature(
-        lambda _, chain: bool(chain.hinges["coulomb"].any()),
-        {
-            "urdf": f"the torque c as <dynamics friction>; the width w of c tanh(q̇/w) {SKIPPED}",
-            "mjcf": "the torque c as frictionloss, which is switched off, the width w of c tanh(q̇/w) as user number",
-            "sdf": f"the torque c as <friction>, which Drake ignores; the width w of c tanh(q̇/w) {SKIPPED}",
-        },
-    ),
-    "elastic gear": Feature(
-        lambda _, chain: any(c.axis and not c.segment for c in chain.coordinates),
-        _for_all("two joints about one line, the motor's and then the gear's, which no format tells apart"),
-    ),
-    "prescribed motion": Feature(lambda scene, _: bool(scene.motion), _for_all("nothing: the joint is free")),
-    "drive torques": Feature(lambda scene, _: scene.drive.kind != "none", _for_all("a motor without a torque")),
-    "control law": Feature(
-        lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
-        _for_all("nothing: reference, gains and rate are the scene's"),
-    ),
-    "torque limits": Feature(lambda scene, _: scene.drive.effort is not None, _for_all("nothing: any torque fits")),
-    "tip wrench": Feature(lambda scene, _: scene.wrench.acts, _for_all("nothing")),
-    "initial state": Feature(
-        _starts_elsewhere,
-        {"urdf": "nothing: zero angles", "sdf": "nothing: zero angles"},
-    ),
-}
+def _features() -> dict[str, Feature]:
+    ignored = "in elements that other programs ignore"
+
+    def feature(there: Callable[[Scene, Chain], bool], everywhere: str = "", **instead: str) -> Feature:
+        return Feature(there, dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
+
+    return {
+        "gravity": feature(lambda scene, _: any(scene.gravity), urdf=ignored),
+        "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
+        "rotor inertia": feature(
+            lambda _, chain: bool(chain.hinges["armature"].any()),
+            urdf=ignored, sdf="as drake:rotor_inertia, which only Drake reads",
+        ),
+        "dry friction": feature(
+            lambda _, chain: bool(chain.hinges["coulomb"].any()),
+            urdf=f"the torque c as <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
+            mjcf="the torque c as frictionloss, which is disabled; the width w of c tanh(q̇/w) as user number",
+            sdf=f"the torque c as <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
+        ),
+        "elastic gear": feature(
+            lambda _, chain: any(c.axis and not c.segment for c in chain.coordinates),
+            "two joints about one axis, first the motor, then the gear",
+        ),
+        "prescribed motion": feature(lambda scene, _: bool(scene.motion), "nothing: the joint is free"),
+        "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "a motor without a torque"),
+        "control law": feature(
+            lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
+            "nothing: reference, gains and rate are only in the scene",
+        ),
+        "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "nothing: torques are unlimited"),
+        "tip wrench": feature(lambda scene, _: scene.wrench.acts, "nothing"),
+        "initial state": feature(_starts_elsewhere, urdf="nothing: zero angles", sdf="nothing: zero angles"),
+    }  # fmt: skip
+
+
+FEATURES = _features()
 
 
 def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
-    """Features of a scene that a format cannot hold, and what stands in the file instead.
+    """Features of a scene that a format cannot represent, and what its file has instead.
 
     Parameters
     ----------
@@ -82,14 +79,14 @@ def not_held(scene: Scene, chain: Chain, *, format: str) -> dict[str, str]:
     Returns
     -------
     dict
-        Feature: what its file holds instead; empty if the file says all that the scene says of the arm's motion.
+        Feature: what the file has instead; empty if the file represents the whole scene.
 
     Raises
     ------
     ArgumentError
-        There is no such format.
+        The format is unknown.
     """
-    require_one_of("format", format, dict.fromkeys(ALL))
+    require_one_of("format", format, dict.fromkeys(("urdf", "mjcf", "sdf")))
     return {
         name: feature.instead[format]
         for name, feature in FEATURES.items()

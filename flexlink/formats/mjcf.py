@@ -1,14 +1,14 @@
 """Chain → MJCF: one body per rigid segment with its hinges, the first listed nearest the base.
 
-MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) hang in the
-next body that has mass, with position and axis as they stand there at zero angles: every hinge turns all that
-follows it, so the motion is the same.
+MuJoCo rejects moving bodies without mass. The hinges of a massless body (a free waist of length zero) are written in
+the next body with mass, with their position and axis at zero angles: every hinge moves all that follows it, so the
+motion is the same.
 
-MuJoCo's own dry friction is a constraint. It is switched off; `frictionloss` only carries the Coulomb torque c, and
-the joint's first `user` number the width w of c tanh(q̇/w), which whoever runs the file adds.
+MuJoCo's dry friction is a constraint, which is disabled; `frictionloss` only stores the Coulomb torque c, and the first
+`user` number of a joint the width w of c tanh(q̇/w). A program that runs the file must add that torque.
 
-What MJCF cannot hold, or only rounded, stands in `user` numbers of the joints, which the text `flexlink.user` names,
-and in custom numbers: placements that turn or are merged, inertias that are not diagonal.
+What MJCF rounds or cannot represent is in `user` numbers of the joints, named by the text `flexlink.user`, and in
+custom numbers: placements that are rotated or merged, inertias that are not diagonal.
 """
 
 from __future__ import annotations
@@ -44,24 +44,16 @@ from flexlink.formats.document import (
 from flexlink.formats.principal import principal_axes
 from flexlink.kernels.layout import HINGE
 
-SMALLEST = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL, the least that it takes for a moving body
-MAX_BODIES = 490  # MuJoCo's XML parser stops at 500 nested elements
-
-COMPILER = {
-    "angle": "radian", "autolimits": "false", "inertiafromgeom": "false", "balanceinertia": "false",
-    "boundmass": "0", "boundinertia": "0", "fusestatic": "false",
-}  # fmt: skip
-# Nothing may act but gravity, springs and dampers; and a run that diverges must not restart by itself.
-DISABLED = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
-JOINT = {
+JOINT_ATTRIBUTES = {
     "stiffness": "stiffness", "springref": "rest", "damping": "damping", "armature": "armature",
     "frictionloss": "coulomb",
 }  # fmt: skip
 """Attribute of <joint>: field of the hinge."""
-USER = sorted(
-    {*(HINGE.names or ())} - {*JOINT.values(), "lower", "upper"}, key=lambda name: (name != "coulomb_width", name)
+USER_FIELDS = sorted(
+    {*(HINGE.names or ())} - {*JOINT_ATTRIBUTES.values(), "lower", "upper"},
+    key=lambda name: (name != "coulomb_width", name),
 )
-"""Fields of the hinge that stand in `user`, the width of dry friction first; after them the coordinate."""
+"""Fields of the hinge in `user`, the width of dry friction first; the coordinate follows them."""
 
 
 def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, ArrayLike] | None = None) -> str:
@@ -72,35 +64,43 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
     chain
         The chain.
     shapes
-        Whether to write capsules to look at, without mass and without contact.
+        Whether to write capsules for viewers, without mass and contact.
     initial
-        q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s]; without it there is none.
+        q and q̇ of the keyframe `initial`, shape (n,) each [rad, rad/s]; None: no keyframe.
 
     Returns
     -------
     str
-        The document; joints in sequential order, named as `Chain.joint_name` does, driven ones with a motor of that
-        name. Body and site `tip` are the tip frame. Numbers read back exactly, except that rotations are quaternions,
-        which MuJoCo normalizes.
+        The document. Joints are in sequential order and named as in `Chain.joint_names`; driven joints have a motor of
+        that name. Body and site `tip` are the tip frame. Numbers read back exactly, but MuJoCo normalizes quaternions.
 
     Raises
     ------
     ArgumentError
-        The chain is longer than MuJoCo's parser can nest, its last joints move no mass, or a segment has a mass or
-        inertia that MuJoCo refuses; `initial` has the wrong shape.
+        The chain has more bodies than MuJoCo's parser can nest, its last joints move no mass, or MuJoCo refuses the
+        mass or inertia of a segment; `initial` has the wrong shape.
     SingularMassError
         A coordinate moves no inertia of its own.
     """
-    if len(require_type("chain", chain, Chain).bodies) > MAX_BODIES:
-        raise ArgumentError(f"chain has {len(chain.bodies)} bodies: MuJoCo reads at most {MAX_BODIES}, nested")
+    most_bodies = 490  # MuJoCo's XML parser stops at 500 nested elements
+    if len(require_type("chain", chain, Chain).bodies) > most_bodies:
+        raise ArgumentError(
+            f"{chain.name}: {len(chain.bodies)} bodies: MuJoCo reads at most {most_bodies}; use fewer segments, or URDF"
+        )
     root = ET.Element("mujoco", model=valid(chain.name))
-    ET.SubElement(root, "compiler", COMPILER)
+    compiler = {
+        "angle": "radian", "autolimits": "false", "inertiafromgeom": "false", "balanceinertia": "false",
+        "boundmass": "0", "boundinertia": "0", "fusestatic": "false",
+    }  # fmt: skip
+    ET.SubElement(root, "compiler", compiler)
     option = ET.SubElement(root, "option", integrator="RK4", gravity=decimals(chain.gravity))
-    ET.SubElement(option, "flag", dict.fromkeys(DISABLED, "disable"))
-    ET.SubElement(root, "size", nuser_jnt=str(len(USER) + len(Coordinate._fields)))
+    # only gravity, springs and dampers may act, and a run that diverges must not restart by itself
+    disabled = ("constraint", "contact", "limit", "frictionloss", "equality", "autoreset")
+    ET.SubElement(option, "flag", dict.fromkeys(disabled, "disable"))
+    ET.SubElement(root, "size", nuser_jnt=str(len(USER_FIELDS) + len(Coordinate._fields)))
     own = ET.SubElement(root, "custom")
     ET.SubElement(own, "text", name="flexlink.links", data=links_text(chain))
-    ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER, "coordinate"]))
+    ET.SubElement(own, "text", name="flexlink.user", data=" ".join([*USER_FIELDS, "coordinate"]))
     if require_bool("shapes", shapes):
         asset = ET.SubElement(root, "asset")
         for name, rgba in colours(chain):
@@ -117,7 +117,7 @@ def to_mjcf(chain: Chain, *, shapes: bool = True, initial: tuple[ArrayLike, Arra
 
 
 def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> None:
-    """Bodies and tip, one in the other; `own` takes what they hold only rounded."""
+    """Bodies and tip, nested; `own` gets the exact values of what MJCF rounds."""
     joints, links, shown = xml_joint_names(chain), xml_link_names(chain), list(capsules(chain))
     frame, waiting = HERE, list[_Hinge]()
     for b, body in enumerate(chain.bodies[:-1]):
@@ -132,7 +132,7 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             parent = _body(parent, name, frame)
             moments, axes = _principal(body)
             _require_loadable(chain, body, moments)
-            moments = np.minimum(moments, _largest_possible(moments))  # of a disc, what rounding has put on top
+            moments = np.minimum(moments, _largest_possible(moments))  # removes rounding of the moments of a disc
             _inertial(parent, body, moments, axes)
             if not np.array_equal(I := body["inertia"], np.diag(moments)):
                 _exact(own, f"inertia.{joints[body['stop'] - 1]}", *(I[place] for place in UPPER_TRIANGLE.values()))
@@ -141,14 +141,15 @@ def _bodies(parent: ET.Element, chain: Chain, own: ET.Element, shapes: bool) -> 
             _shape(parent, shown[b] if shapes else None)
             frame, waiting = HERE, []
     if waiting:
-        raise ArgumentError(f"joint {joints[waiting[0].k]!r} moves no mass: MuJoCo cannot hold such a chain")
+        raise ArgumentError(
+            f"joint {joints[waiting[0].k]!r} moves no mass, which MuJoCo refuses; add mass, or use URDF"
+        )
     end = chain.bodies[-1]
     if end["turned"]:
         _exact(own, "tip", *end["translation"], *end["rotation"].flat)
     tip = _body(parent, links[-1], Pose(end["rotation"], end["translation"]))
-    _inertial(
-        tip, end, np.zeros(3), np.eye(3)
-    )  # all zero; left out, MuJoCo would put the centre, where forces act, somewhere else
+    # all zero; without it MuJoCo would place the centre, where forces act, elsewhere
+    _inertial(tip, end, np.zeros(3), np.eye(3))
     ET.SubElement(tip, "site", name=links[-1])
 
 
@@ -173,9 +174,9 @@ def _shape(body: ET.Element, capsule: Capsule | None) -> None:
 
 
 def _safe_step(chain: Chain) -> float:
-    """Half the largest stable step of RK4, one digit, at most MuJoCo's own 2 ms, which would blow up most links.
+    """Half the largest stable step of RK4, rounded down to one digit, at most MuJoCo's default of 2 ms.
 
-    About a slightly bent arm, where no two axes line up.
+    Of a slightly bent arm, where no two axes are parallel; most flexible links diverge with the default.
     """
     step = min(2e-3, stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") / 2)
     digit = 10.0 ** math.floor(math.log10(step))
@@ -184,7 +185,7 @@ def _safe_step(chain: Chain) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class _Hinge:
-    """Hinge `k` with its axis and position in the frame of the running body, at zero angles."""
+    """Hinge `k` with its axis and position in the frame of the current body, at zero angles."""
 
     k: int
     axis: Array
@@ -196,9 +197,9 @@ class _Hinge:
 
     def write(self, body: ET.Element, name: str, chain: Chain) -> None:
         placed = {"axis": decimals(self.axis), "pos": decimals(self.pos)}
-        numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT.items()}
-        own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER), *chain.coordinates[self.k]])}
-        if ends := limits(chain.hinges[self.k]):  # said, not enforced
+        numbers = {key: decimals([chain.hinges[self.k][field]]) for key, field in JOINT_ATTRIBUTES.items()}
+        own = {"user": decimals([*(chain.hinges[self.k][field] for field in USER_FIELDS), *chain.coordinates[self.k]])}
+        if ends := limits(chain.hinges[self.k]):  # written, but not enforced
             own |= {"range": " ".join((WIDE | ends).values()), "limited": "false"}
         ET.SubElement(body, "joint", {"name": name, "type": "hinge"} | placed | numbers | own)
 
@@ -209,7 +210,7 @@ def _body(parent: ET.Element, name: str, frame: Pose) -> ET.Element:
 
 
 def _principal(body: np.void) -> tuple[Array, Array]:
-    """Principal moments and axes; found here, to 2e-15, because MuJoCo's own `fullinertia` leaves 1e-14."""
+    """Principal moments and axes, to 2e-15; MuJoCo's own `fullinertia` has errors of 1e-14."""
     I = body["inertia"]
     if np.array_equal(I, np.diag(np.diag(I))):
         return np.diag(I), np.eye(3)
@@ -217,17 +218,18 @@ def _principal(body: np.void) -> tuple[Array, Array]:
 
 
 def _require_loadable(chain: Chain, body: np.void, moments: Array) -> None:
-    """MuJoCo has no way to hold less, and would refuse the file: there is no other form of the same body."""
-    light = body["mass"] < SMALLEST or moments.min() < SMALLEST
+    """Refuse a body that MuJoCo refuses; there is no other way to write it."""
+    smallest = 1e-15  # kg, kg m²: MuJoCo's mjMINVAL
+    light = body["mass"] < smallest or moments.min() < smallest
     if not light and moments.max() * (1 - ROUNDING) <= _largest_possible(moments):
         return
     joint = int(body["stop"]) - 1
     link = chain.link_names[chain.coordinate(joint).link - 1]
-    rule = f"takes neither below {SMALLEST:g}" if light else "takes no moment larger than the other two together"
+    rule = f"accepts neither below {smallest:g}" if light else "accepts no moment larger than the other two together"
     raise ArgumentError(
         f"segment behind joint {chain.joint_name(joint)!r}: mass {body['mass']:.3g} kg, principal moments of inertia "
         f"{', '.join(f'{moment:.3g}' for moment in moments)} kg m²: MuJoCo {rule}; change section, segments or hub of "
-        f"link {link!r}, or the payload, or use URDF"
+        f"link {link!r} or the payload, or use URDF"
     )
 
 

@@ -1,4 +1,4 @@
-"""MJCF → Chain: what `to_mjcf` has written, back to the bit."""
+"""MJCF → Chain: reads files written by `to_mjcf`, exact to the bit."""
 
 from __future__ import annotations
 
@@ -10,39 +10,18 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
 from flexlink.formats.document import Array
-from flexlink.formats.mjcf import JOINT, USER, to_mjcf
+from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
 from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
-
-SHOWN = frozenset({"geom", "asset", "keyframe", "option.timestep"})
-"""Not compared: nothing of it is a chain's."""
-NONE = -np.inf, np.inf
 
 
 def read_mjcf(text: str | bytes, *, what: str = "the MJCF") -> Chain:
-    """Read an MJCF file that `to_mjcf` has written back to its chain.
-
-    Parameters
-    ----------
-    text
-        The document; its numbers may have been edited.
-    what
-        Its name, such as its path, for messages.
-
-    Returns
-    -------
-    Chain
-        All numbers and rotations exactly those of the chain that was written.
-
-    Raises
-    ------
-    DataFileError
-        The text is no MJCF of ours, a number is missing, not finite or negative, or two places contradict each other.
-    """
-    return read(text, what, tag="mujoco", to_chain=_chain, write=to_mjcf, shown=SHOWN, canonical=_without_axes)
+    """Read an MJCF file that `to_mjcf` has written back to its chain; arguments and errors as in `read_urdf`."""
+    not_of_chain = frozenset({"geom", "asset", "keyframe", "option.timestep"})
+    return read(text, what, tag="mujoco", to_chain=_chain, write=to_mjcf, ignored=not_of_chain, canonical=_without_axes)
 
 
 def _without_axes(root: ET.Element) -> None:
-    """Principal axes are not unique, and another machine finds others; `_read_body` has compared what they say."""
+    """Remove principal axes, which are not unique and depend on the machine; `_read_body` has compared them."""
     exact = {one.get("name") for one in root.findall("custom/numeric")}
     for body in root.iter("body"):
         if exact.intersection(f"flexlink.inertia.{joint.get('name')}" for joint in body.findall("joint")):
@@ -64,9 +43,11 @@ def _chain(root: Node) -> Chain:
 
 
 def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequence[str]) -> Hinge:
-    *user, link, segment, axis = joint.numbers(len(USER) + 3, "user")
-    numbers = dict(zip(USER, user, strict=True)) | {field: joint.number(key) for key, field in JOINT.items()}
-    numbers |= limits_of(*(joint.numbers(2, "range") if "range" in joint.element.attrib else NONE))
+    *user, link, segment, axis = joint.numbers(len(USER_FIELDS) + 3, "user")
+    numbers = dict(zip(USER_FIELDS, user, strict=True)) | {
+        field: joint.number(key) for key, field in JOINT_ATTRIBUTES.items()
+    }
+    numbers |= limits_of(*(joint.numbers(2, "range") if "range" in joint.element.attrib else (-np.inf, np.inf)))
     if numbers["axis"] not in {0, 1, 2}:
         raise joint.error(f"axis {numbers['axis']} in user: must be 0, 1 or 2")
     place = _read_place(body, own.get(f"flexlink.placement.{joint.attribute('name')}"))
@@ -74,7 +55,7 @@ def _read_hinge(joint: Node, body: Node, own: Mapping[str, Node], links: Sequenc
 
 
 def _read_place(body: Node, own: Node | None) -> tuple[Array, Array]:
-    """Of the first hinge at a point: exactly, from our own numbers, or as the body stands; not turned then."""
+    """Placement of the first hinge at a point: from our own numbers, or that of the body, without rotation."""
     if own is None:
         return np.array(body.numbers(3, "pos")), np.eye(3)
     x, y, z, *rotation = own.numbers(12, "data")
@@ -87,5 +68,5 @@ def _read_body(body: Node, last: Node, own: Mapping[str, Node]) -> tuple[float, 
     exact = own.get(f"flexlink.inertia.{last.attribute('name')}")
     I = np.diag(moments) if exact is None else inertia_matrix(exact.numbers(6, "data"))
     if np.abs(axes @ np.diag(moments) @ axes.T - I).max() > ROUNDING * np.abs(moments).max():
-        raise inertial.error("diaginertia and quat: not the inertia that stands in <custom>, or is diagonal")
+        raise inertial.error("diaginertia and quat contradict the inertia in <custom>")
     return inertial.number("mass"), np.array(inertial.numbers(3, "pos")), I

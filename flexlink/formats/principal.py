@@ -1,8 +1,7 @@
 """Principal moments and axes of an inertia by Jacobi's method: plane rotations, each of which zeroes one product.
 
-Cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). Of sums in the order in which they are written, so that a
-file is the same whichever CPU has written it: LAPACK's last digits, and the axes of moments that are nearly equal,
-depend on the kernels of the BLAS below it.
+Cyclic by rows (Golub & Van Loan, Matrix Computations, 8.5.4). All sums have a fixed order, so that a file is the same
+on every CPU: the last digits of LAPACK, and the axes of nearly equal moments, depend on the BLAS.
 """
 
 from __future__ import annotations
@@ -10,31 +9,23 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.products import dot
-
-Array = NDArray[np.float64]
-
-NEGLIGIBLE = np.finfo(float).eps ** 2
-"""Product of inertia, of the largest element, that moves neither moments nor axes any more."""
-
-SWEEPS = 5
-"""At most; the fifth finds nothing left, as convergence is quadratic from the second on. Of equal moments the products
-are rounding, which another sweep makes anew: more of them only add up."""
+from flexlink.formats.document import Array
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:
-    """Moments, the least one first, and the axes as the columns of a rotation R: I = R diag(moments) Rᵀ."""
+    """Moments in ascending order, and the axes as columns of a rotation R: I = R diag(moments) Rᵀ."""
     I, R = np.array(inertia, dtype=float), np.eye(3)
-    negligible = NEGLIGIBLE * np.abs(I).max()
-    for _ in range(SWEEPS):
-        turned = False
+    negligible = np.finfo(float).eps ** 2 * np.abs(I).max()  # of a product that changes neither moments nor axes
+    sweeps = 5  # convergence is quadratic from the second on; for equal moments, more sweeps only add up rounding
+    for _ in range(sweeps):
+        rotated = False
         for j, k in ((0, 1), (0, 2), (1, 2)):
             if abs(I[j, k]) > negligible:
-                turned = True
-                _turn(I, R, j, k)
-        if not turned:
+                rotated = True
+                _rotate(I, R, j, k)
+        if not rotated:
             break
     moments, order = np.diag(I), np.argsort(np.diag(I), kind="stable")
     axes = R[:, order]
@@ -42,7 +33,7 @@ def principal_axes(inertia: Array) -> tuple[Array, Array]:
     return moments[order], axes if right_handed else -axes
 
 
-def _turn(I: Array, R: Array, j: int, k: int) -> None:
+def _rotate(I: Array, R: Array, j: int, k: int) -> None:
     """I → Jᵀ I J and R → R J, in place, by the smaller of the angles that make I_jk zero."""
     τ = (I[k, k] - I[j, j]) / (2 * I[j, k])
     t = math.copysign(1.0, τ) / (abs(τ) + math.hypot(1.0, τ))  # tan

@@ -1,8 +1,8 @@
-"""What the readers share: strict numbers, a chain from its hinges, and the proof that a file says no more than that.
+"""Common parts of the readers: strict numbers, a chain from its hinges, and a check that nothing is ignored.
 
-The readers read what our writers have written; numbers may have been edited. The chain that a file says is written
-again, and whatever differs, up to rounding, is refused by name: an unknown element, another structure, a rotation that
-differs from the exact one beside it.
+The readers read files of our writers, whose numbers may have been edited. The chain that was read is written again, and
+whatever differs from the file, up to rounding, is refused by name: an unknown element, another structure, a rotation
+that contradicts the exact one next to it.
 """
 
 from __future__ import annotations
@@ -22,44 +22,42 @@ from flexlink.common.safe_xml import numbers_of, parse
 from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
 from flexlink.kernels.layout import BODY, HINGE
 
-ROUNDING = 1e-14  # of angles and quaternions that another machine's library has rounded
-STRETCH = 1e-13  # that a product of a hundred rotations may have
-NOTHING = 0.0, np.zeros(3), np.zeros((3, 3))
-NONNEGATIVE = ("stiffness", "damping", "coulomb")
+ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library
+NO_BODY = 0.0, np.zeros(3), np.zeros((3, 3))
 
 
 @dataclasses.dataclass(frozen=True)
 class Node:
-    """An element and where it stands, for messages: the file and the last two elements on the way."""
+    """An element with its location for messages: the file and the last two elements of its path."""
 
     element: ET.Element
     what: str
-    way: tuple[str, ...] = ()
+    path: tuple[str, ...] = ()
 
     def error(self, message: str) -> DataFileError:
-        """An error that says where."""
-        return DataFileError(f"{': '.join([self.what, *self.way])}: {message}")
+        """An error with the location."""
+        return DataFileError(f"{': '.join([self.what, *self.path])}: {message}")
 
     def into(self, element: ET.Element) -> Node:
         """A child of this element."""
-        return Node(element, self.what, (*self.way, _label(element))[-2:])
+        return Node(element, self.what, (*self.path, _label(element))[-2:])
 
     def all(self, path: str) -> list[Node]:
-        """The elements of a path, in the file's order."""
+        """The elements of a path, in document order."""
         return [self.into(one) for one in self.element.findall(path)]
 
     def one(self, path: str) -> Node:
         """The first element of a path, which must be there."""
         found = self.element.find(path)
         if found is None:
-            raise self.error(f"has no <{path}>: not a file that flexlink has written")
+            raise self.error(f"<{path}> is missing: not a file that flexlink has written")
         return self.into(found)
 
     def attribute(self, key: str) -> str:
         """The text of an attribute, which must be there."""
         value = self.element.get(key)
         if value is None:
-            raise self.error(f"has no {_plain(key)}")
+            raise self.error(f"attribute {_plain(key)} is missing")
         return value
 
     def numbers(self, count: int, key: str | None = None) -> list[float]:
@@ -67,8 +65,8 @@ class Node:
         text = (self.element.text or "") if key is None else self.attribute(key)
         values = numbers_of(text)
         if values is None or len(values) != count or not np.isfinite(values).all():
-            said = f"{text[:60]!r}" if key is None else f"{_plain(key)} = {text[:60]!r}"
-            raise self.error(f"{said}: expected {count} finite number{'s' * (count > 1)}")
+            shown = f"{text[:60]!r}" if key is None else f"{_plain(key)} = {text[:60]!r}"
+            raise self.error(f"{shown}: expected {count} finite number{'s' * (count > 1)}")
         return values
 
     def number(self, key: str | None = None) -> float:
@@ -80,10 +78,11 @@ class Node:
         return np.eye(3) if self.element.get(key) is None else self.rotation_matrix(self.numbers(9, key))
 
     def rotation_matrix(self, values: Sequence[float]) -> Array:
-        """R of its nine elements, which must be one: angles alone would not tell one that is stretched."""
+        """R of its nine elements; they must be a rotation, since angles alone would not show a stretch."""
         R = np.reshape(values, (3, 3))
-        if np.abs(R @ R.T - np.eye(3)).max() > STRETCH or np.linalg.det(R) < 0:
-            raise self.error(f"{list(values)}: no rotation matrix")
+        tolerance = 1e-13  # of a product of a hundred rotations
+        if np.abs(R @ R.T - np.eye(3)).max() > tolerance or np.linalg.det(R) < 0:
+            raise self.error(f"{list(values)}: not a rotation matrix")
         return R
 
     def unit_axis(self, values: Sequence[float]) -> int:
@@ -105,14 +104,14 @@ class Node:
 
 
 class Hinge(NamedTuple):
-    """One hinge of a file, and what is rigid behind it."""
+    """A hinge of a file, and its body."""
 
     node: Node
     translation: Array
     rotation: Array
     numbers: dict[str, float]  # the fields of HINGE
     coordinate: Coordinate
-    body: tuple[float, Array, Array] | None  # mass, centre, inertia; None: nothing
+    body: tuple[float, Array, Array] | None  # mass, centre, inertia; None: no body
 
     def follows(self, before: Hinge) -> bool:
         """Whether it turns the same body as the hinge before it."""
@@ -128,7 +127,7 @@ def coordinate(node: Node, numbers: Sequence[float], links: Sequence[str]) -> Co
 
 
 def limits_of(lower: float, upper: float) -> dict[str, float]:
-    """Limits of a hinge, infinite where a format had to be given some."""
+    """Limits of a hinge, infinite where the writer had to write some."""
     least, most = map(float, WIDE.values())
     return {"lower": -np.inf if lower == least else lower, "upper": np.inf if upper == most else upper}
 
@@ -145,23 +144,23 @@ def chain_of(
     root: Node, name: str, gravity: Sequence[float], links: tuple[str, ...], hinges: Sequence[Hinge],
     tip: tuple[Array, Array],
 ) -> Chain:  # fmt: skip
-    """The chain of a file's hinges and of its tip's placement.
+    """The chain of the hinges and of the placement of the tip.
 
     Raises
     ------
     DataFileError
-        There is no hinge, two have one coordinate, or a mass, moment, spring or damper is negative.
+        There is no hinge, two hinges have the same coordinate, or a mass, moment, spring or damper is negative.
     """
     if not hinges:
-        raise root.error("has no joint that moves")
+        raise root.error("no movable joint")
     bodies, first = list[tuple[object, ...]](), 0
     for stop in range(1, len(hinges) + 1):
         if stop == len(hinges) or not hinges[stop].follows(hinges[stop - 1]):
-            place, body = hinges[first], hinges[stop - 1].body or NOTHING
+            place, body = hinges[first], hinges[stop - 1].body or NO_BODY
             bodies.append((first, stop, _turned(place.rotation), place.rotation, place.translation, *body))
             first = stop
     n = len(hinges)
-    bodies.append((n, n, _turned(tip[1]), tip[1], tip[0], *NOTHING))
+    bodies.append((n, n, _turned(tip[1]), tip[1], tip[0], *NO_BODY))
     for hinge in hinges:
         _require_sound(hinge)
     coordinates = tuple(hinge.coordinate for hinge in hinges)
@@ -182,14 +181,16 @@ def _turned(rotation: Array) -> int:
 
 
 def _require_sound(hinge: Hinge) -> None:
-    """What no number of a chain may be; everything else the algorithms refuse where it matters."""
-    for key in NONNEGATIVE:
+    """Refuse invalid numbers; others are refused by the algorithms that need them."""
+    for key in ("stiffness", "damping", "coulomb"):
         if hinge.numbers[key] < 0:
             raise hinge.node.error(f"{key} = {hinge.numbers[key]!r}: must not be negative")
     if hinge.numbers["coulomb_width"] <= 0:
         raise hinge.node.error(f"coulomb_width = {hinge.numbers['coulomb_width']!r}: must be > 0")
     if not hinge.numbers["lower"] <= hinge.numbers["upper"]:
-        raise hinge.node.error(f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: must not decrease")
+        raise hinge.node.error(
+            f"limits {hinge.numbers['lower']!r} … {hinge.numbers['upper']!r}: lower must not exceed upper"
+        )
     if hinge.numbers["prescribed"] not in {0, 1}:
         raise hinge.node.error(f"prescribed = {hinge.numbers['prescribed']!r}: must be 0 or 1")
     if hinge.body is not None and (hinge.body[0] < 0 or np.linalg.eigvalsh(hinge.body[2])[0] < -ROUNDING):
@@ -198,12 +199,12 @@ def _require_sound(hinge: Hinge) -> None:
 
 def read(
     text: str | bytes, what: str, *, tag: str, to_chain: Callable[[Node], Chain], write: Callable[..., str],
-    shown: frozenset[str], canonical: Callable[[ET.Element], None] = lambda _: None,
+    ignored: frozenset[str], canonical: Callable[[ET.Element], None] = lambda _: None,
 ) -> Chain:  # fmt: skip
     """Parse, build the chain, write it again, compare.
 
-    `shown` are elements and attributes, as "element.attribute", that are not compared: they say nothing about the
-    motion. `canonical` takes out of both documents what has been compared elsewhere.
+    `ignored` are elements and attributes, as "element.attribute", that do not belong to the chain. `canonical` removes
+    from both documents what has been compared elsewhere.
     """
     root = Node(parse(text, what), what)
     if root.element.tag != tag:
@@ -213,38 +214,38 @@ def read(
         again = parse(write(chain, shapes=False), what)
     except DataFileError:
         raise
-    except FlexlinkError as error:  # of a chain that the writer cannot write
+    except FlexlinkError as error:  # the writer refuses the chain
         raise root.error(str(error)) from None
     for document in (root.element, again):
         canonical(document)
-    _require_same(root, again, shown)
+    _require_same(root, again, ignored)
     return chain
 
 
-def _require_same(found: Node, again: ET.Element, shown: frozenset[str]) -> None:
-    """Refuse the first thing in which a file differs from the one that we would write."""
-    element = found.element
+def _require_same(node: Node, again: ET.Element, ignored: frozenset[str]) -> None:
+    """Refuse the first difference of a file from the one that we would write."""
+    element = node.element
     for key in {**again.attrib, **element.attrib}:
-        if f"{element.tag}.{key}" not in shown:
-            _require_equal(found, f"{_plain(key)} = ", element.get(key), again.get(key))
+        if f"{element.tag}.{key}" not in ignored:
+            _require_equal(node, f"{_plain(key)} = ", element.get(key), again.get(key))
     if not len(again):
-        _require_equal(found, "", (element.text or "").strip(), (again.text or "").strip())
-    pairs = itertools.zip_longest(*([one for one in parent if one.tag not in shown] for parent in (element, again)))
+        _require_equal(node, "", (element.text or "").strip(), (again.text or "").strip())
+    pairs = itertools.zip_longest(*([one for one in parent if one.tag not in ignored] for parent in (element, again)))
     for one, other in pairs:
         if one is None or other is None or one.tag != other.tag:
-            said, wanted = ("nothing more" if each is None else _label(each) for each in (one, other))
-            raise found.error(f"{said} where flexlink writes {wanted}: not a file that flexlink has written")
-        _require_same(found.into(one), other, shown)
+            actual, expected = ("nothing more" if each is None else _label(each) for each in (one, other))
+            raise node.error(f"{actual} where flexlink writes {expected}: not a file that flexlink has written")
+        _require_same(node.into(one), other, ignored)
 
 
-def _require_equal(node: Node, key: str, found: str | None, again: str | None) -> None:
-    if found == again:
+def _require_equal(node: Node, key: str, actual: str | None, expected: str | None) -> None:
+    if actual == expected:
         return
-    one, other = (np.array(numbers_of(text or "") or [np.nan]) for text in (found, again))
+    one, other = (np.array(numbers_of(text or "") or [np.nan]) for text in (actual, expected))
     if one.shape == other.shape and (abs(one - other) <= ROUNDING * (1 + abs(other))).all():
         return
-    said, wanted = ("nothing" if text is None else repr(text[:60]) for text in (found, again))
-    raise node.error(f"{key}{said} where flexlink writes {wanted} for what the file says elsewhere")
+    here, written = ("nothing" if text is None else repr(text[:60]) for text in (actual, expected))
+    raise node.error(f"{key}{here} where flexlink writes {written}: it contradicts another number, or is unknown")
 
 
 def _plain(name: str) -> str:

@@ -1,11 +1,11 @@
 """Chain → SDFormat 1.10: one link and one revolute joint per coordinate, springs and dampers included.
 
-All but the last link at a point are massless, and say so: a link without `<inertial>` weighs 1 kg. Joints of several
-axes (`universal`, `ball`) are not used: they drop the springs without a word.
+All but the last link at a point are massless, which must be written: a link without `<inertial>` weighs 1 kg. Joints
+with several axes (`universal`, `ball`) are not used: Drake drops their springs without a warning.
 
-Drake reads rotors as `drake:rotor_inertia`, and only where the joint has an actuator: driven joints and those with a
-rotor have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot hold
-stands in attributes `flexlink:…`, which parsers skip without a warning.
+Drake reads rotors as `drake:rotor_inertia`, and only if the joint has an actuator: driven joints and those with a rotor
+have one, all others an effort of 0. It ignores the world's gravity and dry friction. What SDFormat cannot represent is
+in attributes `flexlink:…`, which parsers ignore without a warning.
 """
 
 from __future__ import annotations
@@ -36,8 +36,7 @@ from flexlink.kernels.layout import BODY
 NAMESPACES = {"xmlns:drake": "http://drake.mit.edu", "xmlns:flexlink": "urn:flexlink"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb", "spring_reference": "rest", "spring_stiffness": "stiffness"}
 """Element of <dynamics>: field of the hinge."""
-NOTHING: np.void = np.zeros(1, BODY)[0]
-HELD = {*DYNAMICS.values(), "armature", "axis", "lower", "upper"}
+STANDARD_FIELDS = {*DYNAMICS.values(), "armature", "axis", "lower", "upper"}
 
 
 def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
@@ -48,19 +47,19 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     chain
         The chain.
     shapes
-        Whether to write capsules to look at, without mass and without contact.
+        Whether to write capsules for viewers, without mass and contact.
 
     Returns
     -------
     str
-        The document: a world with gravity and one model; joints in sequential order, named as `Chain.joint_name` does
-        where SDFormat allows it. Frame `tip` is the tip frame. Numbers read back exactly, except that placements turn
-        by roll, pitch and yaw.
+        The document: a world with gravity and one model. Joints are in sequential order and named as in
+        `Chain.joint_names`, where SDFormat allows it. Frame `tip` is the tip frame. Numbers read back exactly, but
+        rotations are written as roll, pitch and yaw.
 
     Raises
     ------
     ArgumentError
-        `chain` is no Chain.
+        `chain` is not a Chain.
     """
     require_type("chain", chain, Chain)
     name, *names = sdf_names(chain)
@@ -76,7 +75,7 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
     for k, translation, rotation, body in places(chain):
         link = ET.SubElement(model, "link", name=links[k])
         _pose(link, translation, rotation, {} if parent == "world" else {"relative_to": parent})
-        _inertial(link, NOTHING if body is None else body)
+        _inertial(link, np.zeros(1, BODY)[0] if body is None else body)
         if k in shown:
             _shape(link, shown[k])
         _joint(model, chain, k, joints[k], (parent, links[k]))
@@ -87,9 +86,9 @@ def to_sdf(chain: Chain, *, shapes: bool = True) -> str:
 
 
 def sdf_names(chain: Chain) -> list[str]:
-    """Names of model, joints, links and tip, 2 n + 2: all different, without the delimiter "::" or reserved words.
+    """Names of model, joints, links and tip, 2 n + 2: unique, without the delimiter "::" and reserved words.
 
-    Drake makes a frame `…_child` of its own behind every joint.
+    Drake adds a frame `…_child` behind every joint.
     """
     plain = [_allowed(valid(name)) for name in (chain.name, *chain.joint_names)]
     joints = unique(["world", "", *plain[1:]])[2:]
@@ -132,7 +131,7 @@ def _shape(link: ET.Element, capsule: Capsule) -> None:
 
 def _joint(model: ET.Element, chain: Chain, k: int, name: str, ends: tuple[str, str]) -> None:
     hinge = chain.hinges[k]
-    own = {f"flexlink:{key}": value for key, value in own_values(chain, k, HELD).items()}
+    own = {f"flexlink:{key}": value for key, value in own_values(chain, k, STANDARD_FIELDS).items()}
     joint = ET.SubElement(model, "joint", {"name": name, "type": "revolute", **own})
     _values(joint, dict(zip(("parent", "child"), ends, strict=True)))
     axis = ET.SubElement(joint, "axis")

@@ -1,4 +1,4 @@
-"""SDFormat → Chain: what `to_sdf` has written, back to the bit."""
+"""SDFormat → Chain: reads files written by `to_sdf`, exact to the bit."""
 
 from __future__ import annotations
 
@@ -9,40 +9,22 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, read
-from flexlink.formats.sdf import DYNAMICS, HELD, NAMESPACES, to_sdf
+from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
 from flexlink.kernels.layout import HINGE
 
-DRAKE, OWN = (f"{{{uri}}}" for uri in NAMESPACES.values())  # as parsers spell prefixes
+OWN = f"{{{NAMESPACES['xmlns:flexlink']}}}"  # the prefix as parsers write it
 
 
 def read_sdf(text: str | bytes, *, what: str = "the SDF") -> Chain:
-    """Read an SDF that `to_sdf` has written back to its chain.
-
-    Parameters
-    ----------
-    text
-        The document; its numbers may have been edited.
-    what
-        Its name, such as its path, for messages.
-
-    Returns
-    -------
-    Chain
-        All numbers and rotations exactly those of the chain that was written.
-
-    Raises
-    ------
-    DataFileError
-        The text is no SDF of ours, a number is missing, not finite or negative, or two places contradict each other.
-    """
-    return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, shown=frozenset({"visual"}))
+    """Read an SDF file that `to_sdf` has written back to its chain; arguments and errors as in `read_urdf`."""
+    return read(text, what, tag="sdf", to_chain=_chain, write=to_sdf, ignored=frozenset({"visual"}))
 
 
 def _chain(sdf: Node) -> Chain:
     model = sdf.one("world").one("model")
     links, bodies, joints = model.links(f"{OWN}links"), model.all("link"), model.all("joint")
     if len(bodies) != len(joints):
-        raise model.error(f"{len(joints)} joints of {len(bodies)} links: not a file that flexlink has written")
+        raise model.error(f"{len(joints)} joints, {len(bodies)} links: not a file that flexlink has written")
     hinges = [_read_hinge(joint, body, links) for joint, body in zip(joints, bodies, strict=True)]
     gravity = sdf.one("world").one("gravity").numbers(3)
     return chain_of(model, model.attribute(f"{OWN}name"), gravity, links, hinges, _read_place(model.one("frame")))
@@ -54,12 +36,12 @@ def _read_place(element: Node) -> tuple[Array, Array]:
 
 
 def _read_hinge(joint: Node, link: Node, links: Sequence[str]) -> Hinge:
-    numbers = {key: joint.number(f"{OWN}{key}") for key in HINGE.names or () if key not in HELD}
+    numbers = {key: joint.number(f"{OWN}{key}") for key in HINGE.names or () if key not in STANDARD_FIELDS}
     dynamics, axis = joint.one("axis").one("dynamics"), joint.one("axis").one("xyz")
     numbers |= {field: dynamics.one(key).number() for key, field in DYNAMICS.items()}
     lower, upper = joint.one("axis").all("limit/lower"), joint.one("axis").all("limit/upper")
     numbers |= {"lower": lower[0].number() if lower else -np.inf, "upper": upper[0].number() if upper else np.inf}
-    rotor = joint.all(f"{DRAKE}rotor_inertia")
+    rotor = joint.all(f"{{{NAMESPACES['xmlns:drake']}}}rotor_inertia")
     numbers |= {"axis": axis.unit_axis(axis.numbers(3)), "armature": rotor[0].number() if rotor else 0.0}
     place = coordinate(joint, joint.numbers(3, f"{OWN}coordinate"), links)
     return Hinge(joint, *_read_place(link), numbers, place, _read_body(link.one("inertial")))

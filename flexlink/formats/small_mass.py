@@ -1,7 +1,6 @@
-"""Some mass for links that have none, for programs that refuse them, and what it changes.
+"""Small masses for links without mass, for programs that refuse them, and how much they change.
 
-A point with several hinges has a massless link between each two of them. A body of mass m and inertia m r² takes its
-place, r = 0.1 m.
+A point with several hinges has a massless link between each two of them. It gets a mass m and inertia m r², r = 0.1 m.
 """
 
 from __future__ import annotations
@@ -18,11 +17,9 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.formats.document import Array, places
 from flexlink.kernels.layout import BODY
 
-RADIUS = 0.1  # m, of gyration
-
 
 def with_small_mass(chain: Chain, *, mass: float) -> Chain:
-    """The chain with a body at every hinge, those that weighed nothing of mass m and inertia m r².
+    """The chain with a body at every hinge; massless bodies get the mass m and the inertia m r².
 
     Parameters
     ----------
@@ -34,7 +31,7 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
     Returns
     -------
     Chain
-        Of the same coordinates; `added_inertia` says how far it moves differently.
+        With the same coordinates; `added_inertia` bounds the change of its motion.
 
     Raises
     ------
@@ -45,9 +42,9 @@ def with_small_mass(chain: Chain, *, mass: float) -> Chain:
 
 
 def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
-    """The largest relative change of M at a posture, δ = max vᵀ ΔM v / vᵀ M v over all v.
+    """The largest relative change of M by small masses at a posture, δ = max vᵀ ΔM v / vᵀ M v over all v.
 
-    By Rayleigh's quotient every frequency of small motion falls, relative to itself, by at most 1 − 1/√(1 + δ) < δ/2.
+    By Rayleigh's quotient, every natural frequency decreases by a factor of at least 1/√(1 + δ) > 1 − δ/2.
 
     Parameters
     ----------
@@ -61,12 +58,12 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
     Returns
     -------
     float
-        δ; infinite where M is singular without the mass.
+        δ; infinite if M is singular without the masses.
 
     Raises
     ------
     ArgumentError
-        `mass` is not a finite number > 0, or `q` not n finite numbers.
+        `mass` is not a finite number > 0, or `q` is not n finite numbers.
     """
     added = _filled(require_type("chain", chain, Chain), positive("mass", mass), keep=False)
     try:
@@ -76,11 +73,12 @@ def added_inertia(chain: Chain, q: ArrayLike, *, mass: float) -> float:
 
 
 def _filled(chain: Chain, mass: float, *, keep: bool) -> Chain:
-    """One body a hinge, massless ones filled; without `keep` nothing else has inertia, rotors neither."""
+    """One body a hinge, with mass in massless ones; without `keep` nothing else has inertia, rotors included."""
+    radius = 0.1  # of gyration [m]
     bodies = np.zeros(chain.n + 1, BODY)
     for k, translation, rotation, body in places(chain):
         if body is None:
-            weight: tuple[float, Array, Array] = (mass, np.zeros(3), mass * RADIUS**2 * np.eye(3))
+            weight: tuple[float, Array, Array] = (mass, np.zeros(3), mass * radius**2 * np.eye(3))
         else:
             weight = (body["mass"], body["center"], body["inertia"]) if keep else (0.0, np.zeros(3), np.zeros((3, 3)))
         bodies[k] = (k, k + 1, int(not np.array_equal(rotation, np.eye(3))), rotation, translation, *weight)

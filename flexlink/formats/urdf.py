@@ -1,6 +1,6 @@
 """Chain → URDF: one link and one revolute joint per coordinate; all but the last link at a point are massless.
 
-URDF has no springs. What it cannot hold stands in elements of our own, which parsers skip: `<flexlink>` in the robot
+URDF has no springs. What it cannot represent is in elements of our own, which parsers ignore: `<flexlink>` in the robot
 (gravity, names of the arm's links) and in each joint (stiffness, rest, coulomb_width, armature, …, and the coordinate).
 Viscous damping and Coulomb torque are the standard `<dynamics damping friction>`.
 """
@@ -31,11 +31,11 @@ from flexlink.formats.document import (
     xml_link_names,
 )
 
-# A `continuous` joint takes two numbers per angle in Pinocchio; a `revolute` one needs limits.
+# Joints are `revolute`, which requires limits: Pinocchio describes `continuous` ones by two numbers.
 LIMIT = WIDE | {"effort": "1e9", "velocity": "1e9"}
 DYNAMICS = {"damping": "damping", "friction": "coulomb"}
 """Attribute of <dynamics>: field of the hinge."""
-HELD = {*DYNAMICS.values(), "axis", "lower", "upper"}
+STANDARD_FIELDS = {*DYNAMICS.values(), "axis", "lower", "upper"}
 
 
 def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
@@ -46,19 +46,19 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     chain
         The chain.
     shapes
-        Whether to write shapes to look at, without mass and without contact: URDF's capsule is a cylinder and a sphere.
+        Whether to write shapes for viewers, without mass and contact: a cylinder and a sphere for each capsule.
 
     Returns
     -------
     str
-        The document; joints in sequential order, named as `Chain.joint_name` does, driven ones with a transmission
-        of that name. Link `tip` is the tip frame.
-        Numbers read back exactly, except that placements turn by roll, pitch and yaw.
+        The document. Joints are in sequential order and named as in `Chain.joint_names`; driven joints have a
+        transmission of that name. Link `tip` is the tip frame. Numbers read back exactly, but rotations are written as
+        roll, pitch and yaw.
 
     Raises
     ------
     ArgumentError
-        `chain` is no Chain.
+        `chain` is not a Chain.
     """
     require_type("chain", chain, Chain)
     joints, links = xml_joint_names(chain), xml_link_names(chain)
@@ -72,7 +72,7 @@ def to_urdf(chain: Chain, *, shapes: bool = True) -> str:
     for k, translation, rotation, body in places(chain):
         joint = _joint(robot, joints[k], "revolute", (links[k], links[k + 1]), (translation, rotation))
         _hinge(joint, chain, k)
-        ET.SubElement(joint, "flexlink", own_values(chain, k, HELD) | own_rotation(rotation))
+        ET.SubElement(joint, "flexlink", own_values(chain, k, STANDARD_FIELDS) | own_rotation(rotation))
         link = ET.SubElement(robot, "link", name=links[k + 1])
         if body is not None:
             _inertial(link, body)
@@ -125,7 +125,7 @@ def _shape(link: ET.Element, capsule: Capsule) -> None:
 
 
 def _motor(robot: ET.Element, joint: str) -> None:
-    """A transmission without gear, as ROS takes it."""
+    """A transmission without gear, as in ROS."""
     transmission = ET.SubElement(robot, "transmission", name=joint)
     ET.SubElement(transmission, "type").text = "transmission_interface/SimpleTransmission"
     interface = "hardware_interface/EffortJointInterface"

@@ -1,4 +1,4 @@
-"""URDF → Chain: what `to_urdf` has written, back to the bit."""
+"""URDF → Chain: reads files written by `to_urdf`, exact to the bit."""
 
 from __future__ import annotations
 
@@ -9,31 +9,31 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.formats.document import UPPER_TRIANGLE, Array
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
-from flexlink.formats.urdf import DYNAMICS, HELD, to_urdf
+from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
 from flexlink.kernels.layout import HINGE
 
 
 def read_urdf(text: str | bytes, *, what: str = "the URDF") -> Chain:
-    """Read a URDF that `to_urdf` has written back to its chain; any other robot is imported, not read.
+    """Read a URDF that `to_urdf` has written back to its chain; other URDF files are for `import_urdf`.
 
     Parameters
     ----------
     text
         The document; its numbers may have been edited.
     what
-        Its name, such as its path, for messages.
+        Its name for messages, such as its path.
 
     Returns
     -------
     Chain
-        All numbers and rotations exactly those of the chain that was written.
+        The chain, with exactly the numbers and rotations of the one that was written.
 
     Raises
     ------
     DataFileError
-        The text is no URDF of ours, a number is missing, not finite or negative, or two places contradict each other.
+        The text is not a URDF of ours, a number is missing, not finite or negative, or contradicts another one.
     """
-    return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, shown=frozenset({"visual", "material"}))
+    return read(text, what, tag="robot", to_chain=_chain, write=to_urdf, ignored=frozenset({"visual", "material"}))
 
 
 def _chain(robot: Node) -> Chain:
@@ -52,8 +52,8 @@ def _read_place(joint: Node) -> tuple[Array, Array]:
 def _read_hinge(joint: Node, bodies: Mapping[str, Node], links: Sequence[str]) -> Hinge:
     own, dynamics, child = joint.one("flexlink"), joint.one("dynamics"), joint.one("child").attribute("link")
     if child not in bodies:
-        raise joint.error(f"child {child[:60]!r}: no link")
-    numbers = {key: own.number(key) for key in HINGE.names or () if key not in HELD}
+        raise joint.error(f"child = {child[:60]!r}: no such link")
+    numbers = {key: own.number(key) for key in HINGE.names or () if key not in STANDARD_FIELDS}
     numbers |= {field: dynamics.number(key) for key, field in DYNAMICS.items()}
     axis, limit = joint.one("axis"), joint.one("limit")
     numbers |= limits_of(limit.number("lower"), limit.number("upper"))

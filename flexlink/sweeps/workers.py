@@ -10,10 +10,9 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing.connection import Connection
-from threading import Thread
-from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
+from flexlink.common.processes import exit_when_closed
 from flexlink.describe.spec import truncated
 
 TASKS_PER_WORKER = 2
@@ -60,7 +59,7 @@ class Workers(ProcessPoolExecutor):
 def end_with(watched: Connection) -> None:
     """Let this process end when the other end of a pipe is closed, of which nothing is ever sent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=lambda: (watched.poll(None), os._exit(1)), daemon=True).start()
+    exit_when_closed(watched)
 
 
 class WorkerPool:

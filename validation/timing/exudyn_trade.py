@@ -15,7 +15,7 @@ from exudyn.itemInterface import SensorNode
 
 import flexlink as fl
 from flexlink.chain.lumping import lump
-from flexlink.engines.exudyn import INITIAL, ExudynEngine, _settings
+from flexlink.engines.exudyn import ExudynEngine, _settings
 from flexlink.inputs.initial_state import initial_state
 from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
 from validation.timing.work_precision import Point, ladder
@@ -83,7 +83,7 @@ class ExudynRuns:
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
         """CPU seconds of a run from the start, and whether Exudyn came to its end."""
-        self.system._place(*self.start, INITIAL)
+        self.system._set_state(*self.start, exu.ConfigurationType.Initial)
         settings = _settings()
         settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, EARLY * self.scene.run.sample
         settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = step * steps, steps

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import importlib
-import multiprocessing
-import os
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 
-from flexlink.common.errors import EngineError, MissingDependencyError
+from flexlink.common.errors import MissingDependencyError
+from flexlink.engines.child_process import ChildProcess
 from validation.timing.work_precision import Point
 
 NAMES = {"drake": "Drake", "exudyn": "Exudyn"}  # as in `flexlink.engines`, in words
@@ -24,11 +21,10 @@ def points(engine: str, name: str, budget: float, smallest: float) -> dict[str, 
     EngineError
         Its process ended.
     """
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_silence) as process:
-        try:
-            return process.submit(_points, engine, name, budget, smallest).result()
-        except BrokenProcessPool as error:
-            raise EngineError(f"{NAMES[engine]}: its process ended while {name} ran") from error
+    found: dict[str, list[Point]] = ChildProcess().call(
+        f"{NAMES[engine]}: runs of {name}", 0.0, _points, engine, name, budget, smallest
+    )
+    return found
 
 
 def _points(engine: str, name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
@@ -40,10 +36,3 @@ def _points(engine: str, name: str, budget: float, smallest: float) -> dict[str,
         ) from None
     found: dict[str, list[Point]] = module.points(name, budget, smallest)
     return found
-
-
-def _silence() -> None:
-    """Both engines talk, from C++."""
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    for stream in (1, 2):
-        os.dup2(nothing, stream)

@@ -8,7 +8,7 @@ from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from flexlink.describe.schemes.methods import method
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
-from flexlink.diagnosis.trajectories import LITTLE, RunDifference, compare_trajectories, in_fixed_steps
+from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference, compare_trajectories, in_fixed_steps
 from flexlink.engines import ENGINES
 from flexlink.pages.numbers import number
 from flexlink.pages.tables import Sheet
@@ -73,7 +73,7 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     said = f"Over {part}, all in the same steps ({found.steps}): the largest differences of any angle, and of the tip."
     why = [f"Not compared: {reason}." for reason in found.refused]
     why += [f"{row.engine}: {row.diverged}." for row in found.rows if row.diverged]
-    if any(row.explained > LITTLE for row in found.rows):
+    if any(row.explained > MEANINGFUL_TOLERANCE for row in found.rows):
         why.append("This motion multiplies rounding so far that agreement of the runs says little.")
     return found.rows, said, why
 

@@ -1,0 +1,202 @@
+"""Functions, and whole engines, in a child process: a crash or a hang there raises an error here.
+
+The child is a new Python: it neither copies this process nor runs its main script again. Calls and results go through
+a pipe, and what the child prints goes into a temporary file. The child is killed with its `ChildProcess`, and it ends
+with this process, however that ends (its standard input is closed then). The system's timer ends it if a call takes too
+long: code that hangs, or that holds Python's lock, cannot keep it alive.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import weakref
+from collections.abc import Callable
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import IO, Any
+
+from flexlink import engines
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import ArgumentError, EngineError, FlexlinkError
+from flexlink.common.processes import exit_when_closed
+from flexlink.describe.scene import Scene
+from flexlink.engines.base import Engine, FileEngine, ForeignFile, Samples
+
+CALL_TIMEOUT = 300.0
+"""Longest time of a call [s]. A call takes milliseconds, but a first run may have to compile our kernels."""
+TIMEOUT_PER_STEP = 0.01  # added for every step of a run [s]
+
+
+class ChildProcess:
+    """A child process that runs one function after another.
+
+    Attributes
+    ----------
+    process
+        The child, for its number and exit code.
+    """
+
+    def __init__(self) -> None:
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115  closed with the child
+        self._pipe, end = Pipe()
+        command = f"from flexlink.engines.child_process import _serve; _serve({end.fileno()})"
+        paths = os.pathsep.join(path or str(Path.cwd()) for path in sys.path)
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-c", command], env=os.environ | {"PYTHONPATH": paths}, pass_fds=[end.fileno()],
+            stdin=subprocess.PIPE, stdout=self._output, stderr=self._output,
+        )  # fmt: skip
+        end.close()
+        self._kill = weakref.finalize(self, _kill, self.process, self._pipe, self._output)
+
+    def call(self, what: str, seconds: float, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        """Run a function in the child.
+
+        Parameters
+        ----------
+        what
+            The call in words, for messages.
+        seconds
+            Time limit [s]; 0: none.
+        function, arguments, named
+            The function, which the child imports by name, and its arguments, which are pickled like the result.
+
+        Raises
+        ------
+        FlexlinkError
+            What the function raises.
+        EngineError
+            It raises another error, its process crashes, or it does not return in time.
+        """
+        try:
+            self._pipe.send((what, seconds, function, arguments, named))
+            result = self._pipe.recv()
+        except (EOFError, OSError):
+            raise self._failure(what, seconds) from None
+        except BaseException:  # Ctrl-C: nobody waits for the result any more
+            self._kill()
+            raise
+        if isinstance(result, Exception):
+            raise result
+        return result
+
+    def output(self) -> list[str]:
+        """The lines that the child has printed so far, stdout and stderr."""
+        if self._output.closed:
+            return []
+        self._output.seek(0)
+        return [line.strip() for line in self._output.read().decode(errors="replace").split("\n")]
+
+    def _failure(self, what: str, seconds: float) -> BaseException:
+        """Why there is no result."""
+        code = self.process.wait()
+        if code == -signal.SIGINT:
+            return KeyboardInterrupt()  # a terminal sends it to both processes
+        if code == -signal.SIGALRM:
+            return EngineError(f"{what}: no result within {seconds:g} s; the child process was killed")
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else f"ended with exit code {code}"
+        last = next((line for line in reversed(self.output()) if line), "none")
+        return EngineError(f"{what}: the child process {how}; last line of its output: {last}")
+
+
+def _kill(process: subprocess.Popen[bytes], pipe: Connection, output: IO[bytes]) -> None:
+    process.kill()
+    process.wait()
+    for file in (process.stdin, pipe, output):
+        if file is not None:
+            file.close()
+
+
+def _serve(file_descriptor: int) -> None:
+    """Run the calls of the parent: the main loop of the child."""
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # ends the child at once, whatever code it is in
+    exit_when_closed(sys.stdin.fileno())
+    pipe = Connection(file_descriptor)
+    while True:
+        try:
+            what, seconds, function, arguments, named = pipe.recv()
+        except EOFError:
+            return
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
+            result = function(*arguments, **named)
+        except FlexlinkError as error:
+            result = error
+        except Exception as error:
+            result = EngineError(f"{what}: {type(error).__name__}: {' '.join(str(error).split())}")
+        pipe.send(result)
+        signal.setitimer(signal.ITIMER_REAL, 0)
+
+
+def _in_child(method: Any) -> Any:
+    """The method of an `IsolatedEngine` that calls the method of the engine in the child."""
+
+    @functools.wraps(method)
+    def call(engine: Any, *arguments: Any, **named: Any) -> Any:
+        return engine._call(method.__name__, _run, method.__name__, *arguments, **named)
+
+    return call
+
+
+class IsolatedEngine:
+    """The engine `name` with a chain or a file, as the protocol `Engine`; every method runs in a child process.
+
+    Raises
+    ------
+    FlexlinkError
+        What the engine raises.
+    EngineError
+        The engine raises another error, its process crashes, or it does not answer in time.
+    """
+
+    def __init__(self, name: str, source: Chain | ForeignFile) -> None:
+        self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)
+        self._child = ChildProcess()
+        try:
+            self.version, self.n = self._call("load", _load, name, source)
+        except ArgumentError as error:
+            raise ArgumentError("; ".join([str(error), *self.stderr_errors])) from None
+
+    mass_matrix = _in_child(Engine.mass_matrix)
+    bias_torque = _in_child(Engine.bias_torque)
+    gravity_torque = _in_child(Engine.gravity_torque)
+    elastic_torque = _in_child(Engine.elastic_torque)
+    friction_torque = _in_child(Engine.friction_torque)
+    forward_dynamics = _in_child(Engine.forward_dynamics)
+    read_back = _in_child(Engine.read_back)
+    fill_missing = _in_child(FileEngine.fill_missing)
+    neutralize_settings = _in_child(FileEngine.neutralize_settings)
+
+    def integrate(self, scene: Scene) -> Samples:
+        """Run the scene; the time limit grows with the number of steps."""
+        steps = scene.run.samples * scene.run.steps_per_sample
+        samples: Samples = self._call("integrate", _run, "integrate", scene, more=TIMEOUT_PER_STEP * steps)
+        return samples
+
+    @property
+    def stderr_errors(self) -> list[str]:
+        """Errors that the engine has printed so far."""
+        errors = (line.partition("Error:")[2].strip() for line in self._child.output() if line.startswith("Error:"))
+        return list(dict.fromkeys(errors))
+
+    def _call(self, what: str, function: Callable[..., Any], *arguments: Any, more: float = 0.0, **named: Any) -> Any:
+        words = f"{self.name}: {what} of {self._source}"
+        return self._child.call(words, CALL_TIMEOUT + more, function, *arguments, **named)
+
+
+_loaded: dict[str, Any] = {}  # of the child: its engine
+
+
+def _load(name: str, source: Chain | ForeignFile) -> tuple[str, int]:
+    engine = _loaded["engine"] = engines.load_here(name, source)
+    return engine.version, engine.n
+
+
+def _run(method: str, *arguments: Any, **named: Any) -> Any:
+    return getattr(_loaded["engine"], method)(*arguments, **named)
