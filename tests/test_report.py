@@ -17,9 +17,9 @@ from test_page import CUT_WORDS, DESK, OFF_SCREEN, PHONE, UNFOLD, VIOLATIONS
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.scene_report import building
-from flexlink.scene_report.parts import accuracy, energy, statics
+from flexlink.scene_report.parts import accuracy, statics
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
 
@@ -34,6 +34,10 @@ def scene() -> fl.Scene:
 @pytest.fixture(scope="module")
 def written(scene: fl.Scene, tmp_path_factory: pytest.TempPathFactory) -> fl.Report:
     return report(scene, tmp_path_factory.mktemp("report"))
+
+
+def chapters(*names: str) -> dict[str, tuple[str, str]]:
+    return {name: building.CHAPTERS[name] for name in names}
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +76,7 @@ def test_the_page_stands_alone_and_leads_only_to_what_is_there(written: fl.Repor
 
 def test_every_chapter_of_a_driven_arm_is_there(written: fl.Report) -> None:
     assert written.failures == ()
-    chapters = {"model", "motion", "agreement", "energy", "accuracy", "statics", "modes", "settling", "loads"}
+    chapters = {"model", "motion", "agreement", "energy", "accuracy", "statics", "vibration", "settling", "loads"}
     assert chapters <= Links(written.page.read_text(encoding="utf-8")).ids
 
 
@@ -102,9 +106,11 @@ def test_what_cannot_be_computed_is_a_sentence_and_the_rest_is_there(
         raise RuntimeError("out of\nluck")
 
     monkeypatch.setattr(statics, "made", falls)
-    monkeypatch.setattr(building, "PARTS", ("model", "motion", "energy", "statics", "reproduce"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("model", "motion", "energy", "statics", "reproduce"))
     found = report(scene.varied({"run.step": 5e-3}), tmp_path)  # beyond the largest stable one
-    assert [failure.partition(": ")[0] for failure in found.failures] == [energy.TITLE, statics.TITLE]
+    assert [failure.partition(": ")[0] for failure in found.failures] == [
+        title for title, _ in chapters("energy", "statics").values()
+    ]
     assert [(verdict.about, verdict.state) for verdict in found.verdicts] == [("Run", "fail")]
     assert not found.passed
     text = found.page.read_text(encoding="utf-8")
@@ -134,7 +140,7 @@ def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(mode
 
 
 def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path: Path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(building, "PARTS", ("model", "accuracy"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("model", "accuracy"))
     out = tmp_path / "a" / "b"
     fast = ["--set", "run.duration=0.05"]
     assert main(["report", str(models / "paper_fig5.toml"), "--out", str(out), *fast]) == 0
@@ -191,7 +197,7 @@ class TestInABrowser:
 
 
 def test_a_column_is_of_numbers_where_nothing_else_stands() -> None:
-    table = Sheet("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))
+    table = Table("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))
     assert table.numeric == {"number"}
     assert table.csv == "text,number,mixed\na,1.0,\nb,,none\n"
 
@@ -200,7 +206,7 @@ def test_a_mistake_in_another_file_stands_on_the_first_screen(
     scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("mujoco")
-    monkeypatch.setattr(building, "PARTS", ("theirs", "measurements"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("theirs", "measurements"))
     for name, gravity, state in (("right.xml", -9.81, "pass"), ("wrong.xml", 9.81, "fail")):
         theirs = tmp_path / name
         theirs.write_text(fl.to_mjcf(fl.lump(scene.varied({"gravity": (0.0, 0.0, gravity)}))), encoding="utf-8")

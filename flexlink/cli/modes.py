@@ -41,5 +41,5 @@ def show_modes(options: argparse.Namespace) -> int:
         found = modes(chain, posture, locked=locked, tip_wrench=wrench, follower=follower)
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     if options.plot is not None:
-        draw(plotting().plot_modes(found, scene.name, options.count), options.plot)
+        draw(plotting().plot_modes(found, chain, options.count), options.plot)
     return 0

@@ -35,4 +35,4 @@ def draw(results: Results) -> Iterator[Picture]:
         words = "Time of one core for one step, with sampling and energies."
         shown = [row for row in rows if row.quantity == "cost per step"]
         title = f"{rows[0].scene}: cost of a step by method"
-        yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown, results.finished))
+        yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown))

@@ -46,4 +46,4 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set_xlim(left=left)
         axes.set_ylim(len(methods) - 0.5, -0.5)
         legend_above(figure, axes, 3)
-        yield Picture(case, rows[0].title, figure, CAPTION, rows_csv(rows, results.finished))
+        yield Picture(case, rows[0].title, figure, CAPTION, rows_csv(rows))

@@ -34,4 +34,4 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
         words = "Simulated seconds in a second of one core, engines called from Python; the line is the limit for LU."
-        yield Picture(case, rows[0].title, figure, words, rows_csv(found, results.finished))
+        yield Picture(case, rows[0].title, figure, words, rows_csv(found))

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.pages.numbers import number, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 from validation.store import Series
 
@@ -21,14 +21,14 @@ MM = 1e3  # in a metre
 LITTLE = 0.01  # of the error: what is smaller is not worth mending
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table, if the study split any error."""
     runs = [run for _, series in results.showing("errors") for run in _runs(series)]
     if runs:
         lines = tuple(_line(name, errors) for name, errors in runs)
         heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "most of it")
         sentences = tuple(_sentences([errors for _, errors in runs]))
-        yield Finding("errors_split.where", "Where the error of a run comes from", sentences, heads, lines)
+        yield Table("errors_split.where", "Where the error of a run comes from", heads, lines, sentences)
 
 
 def _runs(series: Series) -> Iterator[tuple[str, Mapping[str, float]]]:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import amount, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 from validation.store import Row
 
@@ -15,13 +15,13 @@ CLAIM = "claim"
 HOLDS, PLAINLY = "holds", r"holds($|[;:])"  # what the note of a claim begins with: at all, and without limits
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table over all cases that judge a claim."""
     claims = _once([row for row in results.rows if row.quantity.startswith(CLAIM)])
     if claims:
         heads = (CLAIM, "measured", "verdict")
         lines = tuple((_words(row), f"{amount(row.value, row.unit)}: {row.metric}", row.note) for row in claims)
-        yield Finding("paper_claims", "Claim by claim", (_said(claims),), heads, lines, opened=True)
+        yield Table("paper_claims", "Claim by claim", heads, lines, (_said(claims),), opened=True)
 
 
 def _once(rows: list[Row]) -> list[Row]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import number, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
@@ -13,7 +13,7 @@ SHOWN = 4  # of a case; all stand in the notes of its table
 DIGITS = 7
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table over all cases: the first numbers of each, and the largest difference of all of them."""
     lines: list[tuple[str | float | None, ...]] = []
     compared = cases = 0
@@ -28,12 +28,12 @@ def find(results: Results) -> Iterator[Finding]:
             lines.append((f"{name}: {len(pairs) - SHOWN} more", "", "", f"at most {_percent(worst)}"))
     if lines:
         heads = ("benchmark", "published or exact", "ours", "difference")
-        yield Finding(
+        yield Table(
             "physics_published",
             "Published numbers beside ours",
-            (_said(compared, cases),),
             heads,
             tuple(lines),
+            (_said(compared, cases),),
             to_look_up=True,
         )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import number
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.prices import AIMS, LOOKS, OURS, SAID, Price, errors, prices, works
 from reports.results import Results
 
@@ -18,7 +18,7 @@ FAVOUR = (
 Line = tuple[str, float, dict[str, Price]]  # scene, error, contestant → price
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """A table of errors of the tip, and one of those of the deflection."""
     for aim, word in AIMS.items():
         wanted = errors(results, aim)
@@ -31,14 +31,14 @@ def find(results: Results) -> Iterator[Finding]:
             yield _finding(word, lines)
 
 
-def _finding(word: str, lines: list[Line]) -> Finding:
+def _finding(word: str, lines: list[Line]) -> Table:
     names = [who for who in LOOKS if any(who in price for _, _, price in lines)]
     said = [SAID.get(who, who) for who in names]
     times, methods = (f"{who} [ms]" for who in said), (f"{who} by" for who in said)
     table = tuple((scene, error, *_cells(price, names)) for scene, error, price in lines)
     heads = ("scene", f"error of the {word}", *times, "cheapest other / flexlink", *methods)
     title = f"What an error of the {word} costs: the cheapest of each"
-    return Finding(f"trade_prices.{word}", title, _sentences(lines), heads, table)
+    return Table(f"trade_prices.{word}", title, heads, table, _sentences(lines))
 
 
 def _cells(price: dict[str, Price], names: list[str]) -> Iterator[float | str | None]:

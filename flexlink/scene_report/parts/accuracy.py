@@ -10,13 +10,11 @@ import numpy as np
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, columns_csv, table_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "accuracy", "How good this model is, and what others cost", "Accuracy and cost"
 
 LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
 """Colours and markers of choices, the scene's own first."""
@@ -121,7 +119,7 @@ def _cost(own: Choice, study: Study) -> Verdict:
     return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the run, {number(faster)} times real time.")
 
 
-def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
+def _table(about: Refinement, choices: Sequence[Choice]) -> Table:
     heads = ("choice", "degrees of freedom", "steps", "tip off by [m]", "CPU [s]", "times real time", "remark")
     duration = about.scene.run.duration
     lines = tuple(
@@ -130,7 +128,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
          "" if one.outcome.whole else one.outcome.why)
         for one in choices
     )  # fmt: skip
-    return Sheet("choices", "This scene's choices, and others beside them", heads, lines)
+    return Table("choices", "This scene's choices, and others beside them", heads, lines)
 
 
 def _in_time(about: Refinement) -> Picture | None:
@@ -154,7 +152,7 @@ def _in_time(about: Refinement) -> Picture | None:
     axes.set(yscale="log", ylim=(1e-6 * top, 2 * top), xlabel="time [s]", ylabel="tip off by [m]")
     tidy_logs(axes)
     legend_over(axes, figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "How far the tip is from the limit of more and more hinges, along the run."
     return Picture("convergence", "Convergence in hinges", figure, told, csv)
 

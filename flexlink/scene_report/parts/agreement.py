@@ -11,12 +11,10 @@ from flexlink.diagnosis.diagnosis import Diagnosis
 from flexlink.diagnosis.trajectories import LITTLE, RunDifference, compare_trajectories, in_fixed_steps
 from flexlink.engines import ENGINES
 from flexlink.pages.numbers import number
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "agreement", "Agreement with other engines", "Agreement"
 
 SAMPLES = 60  # states
 EVALUATIONS = 8_000
@@ -85,24 +83,24 @@ def _affordable(study: Study) -> float:
     return min(run.duration, max(samples, 1) * run.sample)
 
 
-def _terms(diagnoses: Sequence[Diagnosis]) -> Sheet:
+def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
     quantities = list(dict.fromkeys(row.quantity for each in diagnoses for row in each.rows))
     lines = []
     for each in diagnoses:
         errors = {row.quantity: row.error for row in each.rows}
         lines.append((each.engine, *(errors.get(name) for name in quantities), "agrees" if each.passed else "DIFFERS"))
     heads = ("engine", *(f"of {name}" for name in quantities), "in all")
-    return Sheet("terms", "Terms of the equation of motion, differences over rounding", heads, tuple(lines))
+    return Table("terms", "Terms of the equation of motion, differences over rounding", heads, tuple(lines))
 
 
-def _of_runs(rows: Sequence[RunDifference]) -> Sheet:
+def _of_runs(rows: Sequence[RunDifference]) -> Table:
     heads = ("engine", "angles [rad]", "rates [rad/s]", "tip [m]", "agrees up to [rad]", "worst joint", "in all")
     lines = tuple(
         (row.engine, row.q, row.qd, row.tip, row.explained, f"{row.joint} at {row.time:g} s",
          "agrees" if row.passed else "DIFFERS")
         for row in rows
     )  # fmt: skip
-    return Sheet("runs", "Runs, largest differences from ours", heads, lines)
+    return Table("runs", "Runs, largest differences from ours", heads, lines)
 
 
 def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> Verdict:

@@ -8,13 +8,11 @@ from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, CYCLE, INK, legend_over, stacked_axes
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-
-ID, TITLE, SHORT = "energy", "Energy and power balance", "Energy"
 
 GOOD = 1e-3
 """Part of the energy exchanged that may be lost or made without a doubt; from a tenth on a run ends as an error."""
@@ -65,6 +63,6 @@ def _picture(study: Study) -> Picture:
     axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes[1].set_xlabel("time [s]")
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "Above what the energies have changed by, and the work done on the arm; below what does not balance."
     return Picture("energy", "Energy and power balance", figure, told, csv)

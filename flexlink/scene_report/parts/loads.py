@@ -7,11 +7,9 @@ import numpy as np
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "loads", "Loads and drive torques", "Loads"
 
 NAMED = 6
 
@@ -48,7 +46,7 @@ def _cuts(study: Study) -> list[int]:
     return [study.chain.body(int(k)) for k in study.chain.active] or [0]
 
 
-def _table(study: Study) -> Sheet:
+def _table(study: Study) -> Table:
     chain, loads = study.chain, study.run.loads
     heads = ("at", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
     moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
@@ -62,7 +60,7 @@ def _table(study: Study) -> Sheet:
             float(np.linalg.norm(force[:, 1:], axis=1).max()), float(np.abs(moment[:, 0]).max()),
             float(np.linalg.norm(moment[:, 1:], axis=1).max()), drive,
         ))  # fmt: skip
-    return Sheet("loads", "Largest loads along the run", heads, tuple(lines))
+    return Table("loads", "Largest loads along the run", heads, tuple(lines))
 
 
 def _picture(study: Study, driven: list[int]) -> Picture:
@@ -83,6 +81,6 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "Bending moment where links begin" + (", and the torque of the drives." if driven else ".")
     return Picture("loads", "Loads in time", figure, told, csv)

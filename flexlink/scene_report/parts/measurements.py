@@ -9,14 +9,12 @@ import numpy as np
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, INK, VERMILION, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.fitting import Comparison, Fit
 from flexlink.scene_report.measured import read_measured
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "measured", "Against measurements", "Measurements"
 
 DRAWN = 4  # columns
 EXPLAINS = 0.5
@@ -126,7 +124,7 @@ def _verdict(study: Study, beside: Comparison, best: Fit | None) -> Verdict:
     return Verdict("Measurements", "info", f"off by {_with_unit(off, name)}", text)
 
 
-def _columns(study: Study, beside: Comparison, best: Fit | None) -> Sheet:
+def _columns(study: Study, beside: Comparison, best: Fit | None) -> Table:
     heads = ["column", "off, rms", "off at most", "at [s]"]
     off, differences = beside.off(study.run), beside.differences(study.run)
     lines: list[tuple[Cell, ...]] = []
@@ -136,17 +134,17 @@ def _columns(study: Study, beside: Comparison, best: Fit | None) -> Sheet:
         lines.append((*line, best.off[name]) if best else line)
     if best:
         heads.append("rms with the best number")
-    return Sheet("measured", "Run less measured", tuple(heads), tuple(lines))
+    return Table("measured", "Run less measured", tuple(heads), tuple(lines))
 
 
-def _numbers(fits: Sequence[Fit]) -> Sheet:
+def _numbers(fits: Sequence[Fit]) -> Table:
     heads = ("number", "in the scene", "best", "±", "factor", "left of the difference", "path")
     lines = tuple(
         (fit.number.what, fit.number.value, fit.value, fit.spread, fit.factor,
          fit.left, fit.number.path)
         for fit in fits
     )  # fmt: skip
-    return Sheet("numbers", "Numbers of the scene, each fitted alone", heads, lines)
+    return Table("numbers", "Numbers of the scene, each fitted alone", heads, lines)
 
 
 def _drawn(beside: Comparison) -> list[str]:
@@ -170,7 +168,7 @@ def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
         columns |= {f"{label} {name}": found[label][name] for label in runs}
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "What was measured, beside the run" + (f" and the run with another {best.number.what}." if best else ".")
     return Picture("beside", "Measured and computed", figure, told, csv)
 
@@ -190,6 +188,6 @@ def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
         panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "Run less measured" + (f", also with the best value of {best.number.what}." if best else ".")
     return Picture("difference", "What is left", figure, told, csv)

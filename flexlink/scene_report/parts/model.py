@@ -14,12 +14,11 @@ from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, table_csv
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm, panels, views_of
-
-ID, TITLE, SHORT = "model", "What was modelled", "Model"
+from flexlink.scene_report.views import draw_arm, panels
 
 
 def made(study: Study) -> Part:
@@ -49,7 +48,7 @@ def made(study: Study) -> Part:
 def _drawing(study: Study) -> Picture:
     chain, (q, _) = study.chain, study.start
     points = frames(chain, q).points
-    views = views_of(points, chain.gravity)
+    views = views_of(chain, points)
     figure, axes = panels(views, points)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain)
@@ -59,7 +58,7 @@ def _drawing(study: Study) -> Picture:
     return Picture("arm", "The arm at the start", figure, seen, csv)
 
 
-def _links(study: Study) -> Sheet:
+def _links(study: Study) -> Table:
     heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
     arm = study.scene.arm
     lines: list[tuple[Cell, ...]] = []
@@ -69,14 +68,14 @@ def _links(study: Study) -> Sheet:
         else:
             named = link.lumping, link.material or "", link.section or ""
             lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, arm.loss_time(link)))
-    return Sheet("links", "Links", heads, tuple(lines))
+    return Table("links", "Links", heads, tuple(lines))
 
 
-def _joints(study: Study) -> Sheet:
+def _joints(study: Study) -> Table:
     heads = ("joint", "starts at [deg]", "limits [deg]", "viscous [N m s/rad]", "dry friction [N m]", "rotor [kg m²]")
     starts = study.scene.initial.joint_deg
     lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
-    return Sheet("joints", "Joints", heads, lines)
+    return Table("joints", "Joints", heads, lines)
 
 
 def _joint(link: Link, start: float) -> tuple[Cell, ...]:
@@ -87,9 +86,9 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
     return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
 
 
-def _springs(study: Study) -> Sheet:
+def _springs(study: Study) -> Table:
     heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "slack at [deg]", "at the start [deg]")
-    return Sheet("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
+    return Table("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
 
 
 def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:

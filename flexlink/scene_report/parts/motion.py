@@ -9,13 +9,12 @@ from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, GREY, colour_along, legend_over, stacked_axes
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_shadow, panels, views_of
-
-ID, TITLE, SHORT = "motion", "The motion", "Motion"
+from flexlink.scene_report.views import draw_shadow, panels
 
 POSTURES = 9  # in the picture of the arm
 NAMED = 6  # curves of one panel with a name
@@ -50,10 +49,10 @@ def _postures(study: Study) -> Picture:
     run, chain = study.run, study.chain
     chosen = np.unique(np.linspace(0, len(run.t) - 1, POSTURES).astype(int))
     points = np.array([frames(chain, run.q[k]).points for k in chosen])
-    views = views_of(points, chain.gravity)
+    views = views_of(chain, points)
     figure, axes = panels(views, np.concatenate([points.reshape(-1, 3), run.tip]))
     for panel, view in zip(axes, views, strict=True):
-        panel.plot(*view(run.tip), color=GREY, linewidth=0.8, zorder=1)
+        panel.plot(*view.flat(run.tip), color=GREY, linewidth=0.8, zorder=1)
         for posture, part in zip(points, np.linspace(0, 1, len(chosen)), strict=True):
             draw_shadow(panel, view, posture, colour=colour_along(part))
     heads = ("time [s]", "body", "x [m]", "y [m]", "z [m]")
@@ -83,7 +82,7 @@ def _in_time(study: Study) -> Picture:
     for panel in axes[:2]:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
+    csv = columns_csv(columns)
     told = "Angles of the driven joints, the tip" + (
         ", and how far bending takes it from straight links." if study.bends else "."
     )

@@ -14,13 +14,11 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, INK, stacked_axes, tidy_logs
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, table_csv
 from flexlink.results.deflection import unbent
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-
-ID, TITLE, SHORT = "settling", "Coming to rest", "Settling"
 
 WITHIN = (1e-2, 1e-3, 1e-4)
 """Parts of the tip's travel within which the arm counts as settled."""
@@ -73,13 +71,13 @@ def _targets(scene: Scene, chain: Chain) -> Array:
     return np.radians([(scene.drive.target_deg or ())[link] for link in links])
 
 
-def _table(study: Study, target: Array, end: float) -> Sheet:
+def _table(study: Study, target: Array, end: float) -> Table:
     heads = ("within [m]", "of the travel", "settled after [s]")
     lines = []
     for part in WITHIN:
         time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
         lines.append((part * study.travel, part, time if math.isfinite(time) else "not in this run"))
-    return Sheet("settling", f"Time to settle, from {number(end)} s on", heads, tuple(lines))
+    return Table("settling", f"Time to settle, from {number(end)} s on", heads, tuple(lines))
 
 
 def _picture(study: Study, target: Array, end: float) -> Picture:

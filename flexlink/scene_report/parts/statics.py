@@ -13,13 +13,12 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, table_csv
 from flexlink.results.deflection import unbent
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-from flexlink.scene_report.views import draw_arm, draw_shadow, panels, views_of
-
-ID, TITLE, SHORT = "statics", "At rest, joints held", "Statics"
+from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
 ROUNDING = 1e-12
 """Part of the largest number that nobody wants to read."""
@@ -49,11 +48,11 @@ def made(study: Study) -> Part:
     return Part(tuple(filter(None, sentences)), pictures=pictures, tables=_holding(chain, rest.q, rest.tau))
 
 
-def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Sheet, ...]:
+def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
     """Torques of the driven joints, if there are any."""
     heads, tau = ("joint", "angle [deg]", "held by [N m]"), _without_rounding(tau)
     lines = tuple((chain.joint_name(int(k)), float(np.degrees(q[k])), float(tau[k])) for k in chain.active)
-    return (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
+    return (Table("holding", "What holds the joints", heads, lines),) if lines else ()
 
 
 def _buckling(study: Study) -> str:
@@ -77,7 +76,7 @@ def _picture(study: Study, size: float) -> Picture:
     scale = max(1.0, _round(VISIBLE * study.reach / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
-    views = views_of(both, chain.gravity)
+    views = views_of(chain, both)
     figure, axes = panels(views, both)
     for panel, view in zip(axes, views, strict=True):
         draw_shadow(panel, view, straight, "straight")

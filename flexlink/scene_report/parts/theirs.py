@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "theirs", "Against another file", "Other file"
 
 SAMPLES = 100  # states
 
@@ -38,7 +36,7 @@ def _verdict(study: Study, found: Diagnosis) -> Verdict:
     return Verdict("Other file", "fail", "differs", text)
 
 
-def _tables(found: Diagnosis) -> tuple[Sheet, ...]:
+def _tables(found: Diagnosis) -> tuple[Table, ...]:
     if not found.rows:
         return ()
     heads = ("quantity", "difference over rounding", "worst joint", "in all")
@@ -46,4 +44,4 @@ def _tables(found: Diagnosis) -> tuple[Sheet, ...]:
         (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
         for row in found.rows
     )
-    return (Sheet("theirs", "Terms, this scene against the file", heads, lines),)
+    return (Table("theirs", "Terms, this scene against the file", heads, lines),)

@@ -9,14 +9,12 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, WIDTH
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, table_csv
+from flexlink.results.pictures.view import view_of_motion
 from flexlink.scene_report.part import Part
-from flexlink.scene_report.study import Array, Study
-from flexlink.scene_report.views import View, views_of
+from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip
-
-ID, TITLE, SHORT = "modes", "Modes", "Modes"
 
 DRAWN, LISTED = 4, 12
 BENT = 0.2
@@ -38,7 +36,7 @@ def made(study: Study) -> Part | None:
     )
     heads = ("mode", "frequency [Hz]", "damping ratio", "tip moves most along")
     lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
-    table = Sheet("modes", "Modes, slowest first", heads, lines, to_look_up=len(lines) > LISTED)
+    table = Table("modes", "Modes, slowest first", heads, lines, to_look_up=len(lines) > LISTED)
     return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
 
 
@@ -59,9 +57,9 @@ def _picture(study: Study, found: Modes) -> Picture:
             continue
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
         bent = found.points + BENT * study.reach / (np.abs(path).max() or 1.0) * path
-        view = _best_view(found.points, bent, study)
-        panel.plot(*view(found.points), color=GREY, linewidth=1.0)
-        panel.plot(*view(bent), color=BLUE, marker=".", markersize=4)
+        view = view_of_motion(study.chain, found.points, bent)
+        panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0)
+        panel.plot(*view.flat(bent), color=BLUE, marker=".", markersize=4)
         panel.set_title(f"{k + 1}: {number(float(found.hertz[k]))} Hz")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
@@ -71,12 +69,3 @@ def _picture(study: Study, found: Modes) -> Picture:
     csv = table_csv(("mode", "body", "x", "y", "z"), lines)
     told = "Grey: at rest. Blue: the mode, its size not to scale, each seen across the plane it moves in most."
     return Picture("shapes", "The slowest modes", figure, told, csv)
-
-
-def _best_view(rest: Array, bent: Array, study: Study) -> View:
-    """From the side or from above, wherever more of the mode is seen."""
-
-    def seen(view: View) -> float:
-        return sum(float(np.abs(a - b).sum()) for a, b in zip(view(rest), view(bent), strict=True))
-
-    return max(views_of(np.stack([rest, bent]), study.chain.gravity), key=seen)
