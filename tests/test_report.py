@@ -95,7 +95,7 @@ def test_numbers_beside_the_page_are_those_of_the_library(written: fl.Report, sc
 def test_the_model_that_was_chosen_stands_first_of_the_choices_and_finer_ones_are_better(written: fl.Report) -> None:
     choices = {line["choice"]: line for line in lines(written, "choices.csv")}
     assert next(iter(choices)) == "this scene"
-    error = {name: float(line["tip off by [m]"]) for name, line in choices.items() if line["tip off by [m]"]}
+    error = {name: float(line["tip error [m]"]) for name, line in choices.items() if line["tip error [m]"]}
     assert error["4 times the hinges"] < error["twice the hinges"] < error["this scene"] < error["rigid links"]
 
 
@@ -123,8 +123,8 @@ def test_where_the_motion_multiplies_errors_the_error_is_not_told_but_how_long_i
     falling = fl.load_scene(models / "three_links.toml")
     part = accuracy.made(Study(falling))
     assert part is not None
-    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Error of the model", "doubt")
-    until = re.search(r"Up to (\S+) s the two finest cuts differ by less than 1 %", part.sentences[0])
+    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Model error", "doubt")
+    until = re.search(r"Up to (\S+) s the two finest models differ by less than 1 %", part.sentences[0])
     assert until is not None
     assert 0.0 < float(until[1]) < falling.run.duration
 
@@ -136,7 +136,7 @@ def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(mode
     q, _ = fl.initial_state(rigid.scene, rigid.chain)
     assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)
     assert (found := accuracy.made(rigid)) is not None
-    assert "At the tip, by steps" in found.verdicts[0].text
+    assert "At the tip, from steps" in found.verdicts[0].text
 
 
 def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path: Path, capsys, monkeypatch) -> None:
@@ -146,8 +146,8 @@ def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path
     assert main(["report", str(models / "paper_fig5.toml"), "--out", str(out), *fast]) == 0
     told = capsys.readouterr()
     assert str(out / "index.html") in told.out
-    assert "Error of the model" in told.out
-    assert "What was modelled: done" in told.err
+    assert "Model error" in told.out
+    assert "Model: done" in told.err
 
 
 def test_a_file_that_is_not_there_or_of_no_known_kind_is_refused_before_the_work(models: Path, tmp_path: Path) -> None:

@@ -21,18 +21,18 @@ from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
 CHAPTERS = {
-    "model": ("What was modelled", "Model"),
-    "motion": ("The motion", "Motion"),
-    "theirs": ("Against another file", "Other file"),
-    "measurements": ("Against measurements", "Measurements"),
+    "model": ("Model", "Model"),
+    "motion": ("Motion", "Motion"),
+    "theirs": ("Comparison with another file", "Other file"),
+    "measurements": ("Comparison with measurements", "Measurements"),
     "agreement": ("Agreement with other engines", "Agreement"),
-    "energy": ("Energy and power balance", "Energy"),
-    "accuracy": ("How good this model is, and what others cost", "Accuracy and cost"),
-    "statics": ("At rest, joints held", "Statics"),
-    "vibration": ("Modes", "Modes"),
-    "settling": ("Coming to rest", "Settling"),
+    "energy": ("Energy balance", "Energy"),
+    "accuracy": ("Accuracy and cost", "Accuracy and cost"),
+    "statics": ("Static deflection, joints locked", "Statics"),
+    "vibration": ("Vibration modes, joints locked", "Modes"),
+    "settling": ("Settling", "Settling"),
     "loads": ("Loads and drive torques", "Loads"),
-    "reproduce": ("Machine, versions, command", "Reproduce"),
+    "reproduce": ("How to reproduce", "Reproduce"),
 }
 """Modules of `flexlink.scene_report.parts`, in the order of the page: heading, and name in the list of chapters."""
 

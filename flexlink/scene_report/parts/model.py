@@ -27,13 +27,13 @@ def made(study: Study) -> Part:
     springs = int((chain.stiffness > 0).sum())
     mass = float(chain.bodies["mass"].sum())
     length = float(np.linalg.norm(chain.bodies["translation"], axis=1).sum())
-    moves = "in a plane" if chain.is_planar else "in space"
+    moves = "planar" if chain.is_planar else "spatial"
     size = (
-        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. As a "
-        f"chain: {plural(chain.n, 'degree')} of freedom, {len(chain.active)} of them driven joints and {springs} "
-        f"springs, which moves {moves}."
+        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. "
+        f"Model: {plural(chain.n, 'degree')} of freedom ({plural(len(chain.active), 'driven joint')}, "
+        f"{plural(springs, 'spring')}), {moves} motion."
     )
-    gravity = f"Gravity ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
+    gravity = f"Gravity: ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
@@ -54,7 +54,7 @@ def _drawing(study: Study) -> Picture:
         draw_arm(panel, view, points, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
-    seen = "From the side, gravity downwards" + ("; below, from above." if len(views) > 1 else ".")
+    seen = "Side view, gravity downwards" + ("; below: top view." if len(views) > 1 else ".")
     return Picture("arm", "The arm at the start", figure, seen, csv)
 
 
@@ -72,7 +72,14 @@ def _links(study: Study) -> Table:
 
 
 def _joints(study: Study) -> Table:
-    heads = ("joint", "starts at [deg]", "limits [deg]", "viscous [N m s/rad]", "dry friction [N m]", "rotor [kg m²]")
+    heads = (
+        "joint",
+        "start [deg]",
+        "limits [deg]",
+        "viscous friction [N m s/rad]",
+        "dry friction [N m]",
+        "rotor inertia [kg m²]",
+    )
     starts = study.scene.initial.joint_deg
     lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
     return Table("joints", "Joints", heads, lines)
@@ -87,7 +94,7 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
 
 
 def _springs(study: Study) -> Table:
-    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "slack at [deg]", "at the start [deg]")
+    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
     return Table("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
 
 

@@ -17,7 +17,7 @@ from flexlink.scene_report.study import Study
 from matplotlib.figure import Figure  # isort: skip
 
 DRAWN, LISTED = 4, 12
-BENT = 0.2
+BENT = 0.12
 """Part of the arm's reach that a mode is drawn with."""
 
 
@@ -30,13 +30,13 @@ def made(study: Study) -> Part | None:
     found = modes(chain, rest.q, tip_wrench=wrench, follower=follower, locked=chain.active.tolist())
     slow = found.hertz[0]
     sentences = (
-        "Small vibrations about the arm at rest, its driven joints held; gravity counts. "
-        f"The slowest is {number(float(slow))} Hz, with a damping ratio of {number(float(found.damping_ratios[0]))}.",
-        "" if found.stable else "Not all of them die out: about this posture the arm is not stable.",
+        f"First natural frequency: {number(float(slow))} Hz, damping ratio {number(float(found.damping_ratios[0]))}. "
+        "Small vibrations about the static equilibrium, gravity included.",
+        "" if found.stable else "The posture is unstable: at least one mode grows.",
     )
     heads = ("mode", "frequency [Hz]", "damping ratio", "tip moves most along")
     lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
-    table = Table("modes", "Modes, slowest first", heads, lines, to_look_up=len(lines) > LISTED)
+    table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > LISTED)
     return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
 
 
@@ -67,5 +67,5 @@ def _picture(study: Study, found: Modes) -> Picture:
         panel.set(xticks=[], yticks=[])
         lines += [(k + 1, body, *p) for body, p in enumerate(path.tolist())]
     csv = table_csv(("mode", "body", "x", "y", "z"), lines)
-    told = "Grey: at rest. Blue: the mode, its size not to scale, each seen across the plane it moves in most."
-    return Picture("shapes", "The slowest modes", figure, told, csv)
+    caption = "Grey: equilibrium. Blue: mode shape, amplitude not to scale, from the side that shows most of it."
+    return Picture("shapes", "Lowest modes", figure, caption, csv)
