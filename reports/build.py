@@ -210,7 +210,7 @@ def _ran(section: Section, here: int, results: Results, whole: stored_full.Store
     known = whole.study.chapter(section.id).cases
     beyond = sorted({_family(one.case) for one in known if one.case not in results.plan})
     if not beyond:
-        return f"{ran} The full study has no more here."
+        return f"{ran} The full study has no others."
     return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
 
 
@@ -223,8 +223,8 @@ def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> S
     """A chapter of which nothing ran here, from the full study."""
     stored = whole.study.chapter(section.id)
     ran = (
-        "Nothing of this chapter ran for this page. What follows is the full study’s, "
-        f"{plural(len(stored.cases), 'case')}, measured {whole.study.measured}; more figures are under reports/full."
+        f"No case of this chapter ran for this page. Shown: the full study, {plural(len(stored.cases), 'case')}, "
+        f"measured {whole.study.measured}; more figures are in reports/full."
     )
     found = tuple(whole.findings(section.id))
     for finding in found:

@@ -25,7 +25,7 @@ def speed_table(results: Results, beside: Reference) -> Table:
          amount(beside.value(row), row.unit if beside.value(row) is not None else ""))[: len(heads)]
         for row in rows
     ]  # fmt: skip
-    return Table("speed", "Limits of time", heads, tuple(lines), classes=tuple(row.state for row in rows))
+    return Table("speed", "Time limits", heads, tuple(lines), classes=tuple(row.state for row in rows))
 
 
 def conditions(results: Results) -> list[tuple[str, str, str]]:

@@ -171,11 +171,10 @@ def since(commit: str, measured: Mapping[str, str]) -> Since:
     """Which files of flexlink/ and validation/ are not those that were measured at a commit, by their digests."""
     at = f"measured at commit {commit}" if commit else "measured outside a repository"
     if not measured:
-        return Since(f"It was {at}; which files have changed since is not known.", ())
+        return Since(f"It was {at}; changes since then are unknown.", ())
     files = tuple(changed(measured))
     if not files:
-        return Since(f"It was {at}; the files of flexlink/ and validation/ that numbers depend on are the same.", ())
+        return Since(f"It was {at}; no file that numbers depend on has changed since.", ())
     return Since(
-        f"It was {at}; since then {plural(len(files), 'file')} of flexlink/ and validation/ that numbers may depend on "
-        "changed.", files,
+        f"It was {at}; {plural(len(files), 'file')} that numbers may depend on changed since.", files,
     )  # fmt: skip

@@ -48,7 +48,7 @@ class CaseVerdict:
         if self.judged:
             parts.append(f"{self.judged - self.failed} of {self.judged} pass")
         if self.worst and not self.failed:
-            parts.append(f"at most {share(used(self.worst))} of a limit used")
+            parts.append(f"closest check at {share(used(self.worst))} of its limit")
         if self.speed:
             parts.append(f"speed: {self.speed}")
         if not parts:
@@ -101,7 +101,7 @@ def correct(results: Results) -> Verdict:
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
-        text = f"{len(failed)} of {checks} FAIL; they stand right below."
+        text = f"{len(failed)} of {checks} FAIL; see below."
     elif not judged:
         text = f"Nothing was judged: {plural(len(results.rows), 'number')}, none with a limit."
     elif results.missing:
@@ -109,10 +109,10 @@ def correct(results: Results) -> Verdict:
     else:
         text = f"{judged} of {checks} pass ({plural(len(results.cases), 'case')})."
     if results.missing and (failed or not judged):
-        text += f" Besides, {_missing(results)}."
+        text += f" {_missing(results)}."
     given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}
     if given_up:
-        text += f" {plural(len(given_up), 'limit')} of earlier versions given up: see “Limits given up”, with reasons."
+        text += f" {plural(len(given_up), 'limit')} withdrawn: see “Known limitations”."
     state: State = "fail" if failed else "incomplete" if results.missing or not judged else "pass"
     return Verdict("Correctness", state, state.upper(), text)
 
@@ -134,7 +134,7 @@ def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact
     found = []
     for each in wanted:
         rows = [(want, worst(results, want)) for want in each.value]
-        values = tuple((_said(want, row), _remark(row)) for want, row in rows if row)
+        values = tuple((_sentence(want, row), _remark(row)) for want, row in rows if row)
         if values:
             found.append(Fact(each.label, values))
     return found
@@ -147,12 +147,12 @@ def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
         row = worst(results, want)
         if row is None:
             continue
-        remark = _remark(row)
-        found.append(f"{_said(want, row)} ({remark})" if remark else _said(want, row))
+        remark, sentence = _remark(row), _sentence(want, row)
+        found.append(f"{sentence.removesuffix('.')} ({remark})." if remark else sentence)
     return found
 
 
-def _said(want: Wanted, row: Row) -> str:
+def _sentence(want: Wanted, row: Row) -> str:
     return want.text.format(value=amount(row.value, row.unit), quantity=row.quantity, where=row.where)
 
 

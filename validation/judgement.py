@@ -60,16 +60,16 @@ class Speed(NamedTuple):
             parts[-1] += " on this machine"
         if self.unmeasured:
             load = f" ({crowd(self.worst)})" if self.worst else ""
-            parts.append(f"{len(self.unmeasured)} not measured: the machine was busy{load}")
-        return ", ".join(parts) or "nothing was timed against a limit"
+            parts.append(f"{len(self.unmeasured)} not measured because the machine was busy{load}")
+        return ", ".join(parts) or "no time limit was measured"
 
 
 def crowd(conditions: Conditions) -> str:
     """What a machine did besides, in words."""
-    spread = f"a fixed loop took {100 * conditions.spread:.0f} % longer than at its best"
+    spread = f"fixed loop {100 * conditions.spread:.0f} % slower than its best"
     if conditions.load is None:
         return spread
-    return f"other processes kept {conditions.load:.2g} of {conditions.cores} cores busy, {spread}"
+    return f"other processes used {conditions.load:.2g} of {conditions.cores} cores, {spread}"
 
 
 def judged_rows(rows: Iterable[Row], finished: Mapping[str, Finished]) -> tuple[JudgedRow, ...]:

@@ -12,9 +12,9 @@ from validation.store import Series
 
 SECTION = "errors"
 PARTS = {
-    "model": "the type of the links",
-    "space": "their hinges, by number and rule",
-    "time": "method and steps",
+    "model": "link type",
+    "space": "number of hinges and rule",
+    "time": "method and step",
     "rounding": "rounding",
 }
 MM = 1e3  # in a metre
@@ -26,7 +26,7 @@ def find(results: Results) -> Iterator[Table]:
     runs = [run for _, series in results.showing("errors") for run in _runs(series)]
     if runs:
         lines = tuple(_line(name, errors) for name, errors in runs)
-        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "most of it")
+        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "largest part")
         sentences = tuple(_sentences([errors for _, errors in runs]))
         yield Table("errors_split.where", "Where the error of a run comes from", heads, lines, sentences)
 
@@ -48,11 +48,11 @@ def _most(errors: Mapping[str, float]) -> str:
 def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
     first = Counter(map(_most, runs)).most_common()
     yield (
-        f"What to mend first, of {plural(len(runs), 'run')}: "
+        f"Largest part of the error in {plural(len(runs), 'run')}: "
         + "; ".join(f"{PARTS[part]} in {count}" for part, count in first)
         + "."
     )
     idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
-    yield f"In {idle} of them smaller steps gain less than {100 * LITTLE:.0f} %."
+    yield f"In {idle} of them, smaller steps would gain less than {100 * LITTLE:.0f} %."
     worst = max(errors["rounding"] / errors["total"] for errors in runs)
-    yield f"Rounding is at most {number(worst, 2)} of an error."
+    yield f"Rounding causes at most {number(worst, 2)} of an error."

@@ -33,10 +33,10 @@ def find(results: Results) -> Iterator[Table]:
         for name, need in needs.items()
     )
     sentences = (*_winners(needs), *_steps(results, needs), *_paper(needs), *_orders(results), READ)
-    yield Table("physics_choice", "Which rule, how many hinges a link, for which need", heads, lines, sentences)
+    yield Table("physics_choice", "Lumping rule and number of hinges for each requirement", heads, lines, sentences)
 
 
-READ = "A number with > was not enough, and no larger one was tried; an empty cell means that the rule was not tried."
+READ = "“> n”: n hinges were not enough, and more were not tried. Empty: the rule was not tried."
 
 
 def _needs(results: Results) -> dict[str, Need]:

@@ -26,13 +26,13 @@ def find(results: Results) -> Iterator[Table]:
     lines = tuple((rule, step, f"{100 * step / longest:.0f} %", hinges) for rule, step, hinges in ranked)
     yield Table(
         "physics_price",
-        "The price of a rule",
+        "Stable step of each lumping rule",
         HEADS,
         lines,
         (
             "An explicit method must follow the highest frequency of the chain, which its shortest segments set. "
-            f"With as many hinges each (EI = ρA = L = 1), {first} allows the longest steps, and {last} takes "
-            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shrinks them further, since "
+            f"With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; {last} takes "
+            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shortens steps further, because "
             "the damping ratio of a mode grows with its frequency.",
         ),
     )

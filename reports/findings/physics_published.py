@@ -27,21 +27,21 @@ def find(results: Results) -> Iterator[Table]:
             worst = max(abs(ours / theirs - 1) for _, theirs, ours in pairs)
             lines.append((f"{name}: {len(pairs) - SHOWN} more", "", "", f"at most {_percent(worst)}"))
     if lines:
-        heads = ("benchmark", "published or exact", "ours", "difference")
+        heads = ("benchmark", "published or exact", "flexlink", "difference")
         yield Table(
             "physics_published",
-            "Published numbers beside ours",
+            "Published values and flexlink’s",
             heads,
             tuple(lines),
-            (_said(compared, cases),),
+            (_sentence(compared, cases),),
             to_look_up=True,
         )
 
 
-def _said(compared: int, cases: int) -> str:
+def _sentence(compared: int, cases: int) -> str:
     return (
-        f"{plural(compared, 'number')} of {cases} benchmarks; the tables below say with which rule and how many "
-        "hinges, and hold all of them in their notes."
+        f"{plural(compared, 'value')} of {cases} benchmarks. The tables below give the lumping rule, the number of "
+        "hinges, and all values in their notes."
     )
 
 

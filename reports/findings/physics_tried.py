@@ -18,4 +18,4 @@ def find(results: Results) -> Iterator[Table]:
     if any(results.of_kind("frequencies")):
         data = tomllib.loads(FILE.read_text(encoding="utf-8"))
         lines = tuple((entry["idea"], entry["outcome"]) for entry in data["tried"])
-        yield Table("physics_tried", "What was tried, and what was lost", ("idea", "outcome"), lines, (data["text"],))
+        yield Table("physics_tried", "Ideas that were tried", ("idea", "outcome"), lines, (data["text"],))

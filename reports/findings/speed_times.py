@@ -22,6 +22,8 @@ def find(results: Results) -> Iterator[Table]:
                     times.setdefault((family, float(n)), {})[curve.label] = float(time)
         engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
         lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
-        sentence = "Ours in a compiled loop, “public” the checked call from Python, engines called from Python."
+        sentence = (
+            "native: flexlink in a compiled loop; public: its checked call from Python. Engines are called from Python."
+        )
         heads = ("chain", "n", *(f"{engine} [µs]" for engine in engines))
         yield Table(f"{case}.{series.name}.times", series.title, heads, lines, (sentence,), to_look_up=True)
