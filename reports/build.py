@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -13,17 +13,18 @@ import matplotlib as mpl
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.pages.numbers import plural
+from flexlink.pages.chapter import Chapter, Shown
+from flexlink.pages.numbers import amount, plural
 from flexlink.pages.page import make_folder, template
-from flexlink.pages.picture import Shown
 from flexlink.pages.style import RC
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import Table, table_csv
+from flexlink.pages.verdict import Report
 from reports import findings, reference, speed_limits, stored_full, verdict
 from reports.chapters import Section, chapter_of_kinds, contents, sections
 from reports.drawing import figures_of, modules
-from reports.finding import Finding
 from reports.results import Results, used
-from reports.tables import FAIL, Table, limit, rows_csv, table
+from reports.tables import Meaning, checks, limit, meanings, rows_csv
+from validation.judgement import JudgedRow
 from validation.store import Environment, Row
 
 HERE = Path(__file__).parent
@@ -40,31 +41,26 @@ class CaseBlock:
     about: str
     verdict: verdict.CaseVerdict
     table: Table
+    common: str  # what is the same in all rows, and has no column
+    meanings: tuple[Meaning, ...]
 
 
 @dataclasses.dataclass(frozen=True)
-class Chapter:
-    """A chapter of the page; figures of `more` are folded; `ran` says what ran, and what only the full study has."""
+class StudyChapter(Chapter):
+    """A chapter with cases; figures of `more` are folded; `ran` says what ran, and what only the full study has."""
 
-    id: str
-    title: str
-    short: str
-    text: str
-    headlines: tuple[str, ...]
-    figures: tuple[Shown, ...]
-    more: tuple[Shown, ...]
-    findings: tuple[Finding, ...]
-    cases: tuple[CaseBlock, ...]
+    headlines: tuple[str, ...] = ()
+    more: tuple[Shown, ...] = ()
+    cases: tuple[CaseBlock, ...] = ()
     ran: str = ""
 
 
 @dataclasses.dataclass(frozen=True)
-class Report:
-    """What was written: the page, the figures of its first screen, its chapters."""
+class StudyReport(Report):
+    """The report, with the figures of its first screen."""
 
-    page: Path
+    chapters: Sequence[StudyChapter]
     overview: tuple[Shown, ...]
-    chapters: tuple[Chapter, ...]
 
 
 def build(
@@ -106,30 +102,31 @@ def write(
     out: Path,
     reference_run: Path = reference.FOLDER,
     beside_full: Path | None = stored_full.FOLDER,
-) -> Report:
+) -> StudyReport:
     """The same of results that are read, with what is on the page."""
     beside, whole = reference.read(reference_run), stored_full.read(beside_full) if beside_full else None
     make_folder(out)
     shown, definitions = figures_of(study, out)
     chapters = tuple(_chapters(study, out, shown, whole))
-    write_text(out / "all_checks.csv", rows_csv(study.rows, study.finished))
+    verdicts = verdict.correct(study), verdict.fast(study)
+    write_text(out / "all_checks.csv", rows_csv(study.rows))
     write_text(out / "verdict.csv", _verdict_csv(study))
     write_text(out / "speed.csv", speed_limits.csv_text(study, beside))
     page = template(HERE / "template.html", limit=limit).render(
         title="flexlink validation report",
         compared=verdict.compared(study),
         measured=verdict.measured(study),
-        correct=verdict.correct(study),
-        fast=verdict.fast(study),
+        verdicts=verdicts,
         facts=verdict.numbers_that_matter(study, contents().number),
         overview=shown.get(SUMMARY, []),
-        failed=[row for row in study.rows if row.passed is False and not row.timed],
+        failed=(failed := [row for row in study.rows if row.state == "FAIL"]),
+        failing=_failing(failed),
         missing=study.missing,
         chapters=chapters,
-        speed=speed_limits.lines(study, beside),
+        speed=speed_limits.speed_table(study, beside),
         conditions=speed_limits.conditions(study),
         beside=beside,
-        environment=environment_rows(study.environment),
+        environment=Table("machine", "Machine and versions", ("what", "value"), environment_rows(study.environment)),
         limitations=_limitations(),
         unobtained=[row for row in study.rows if row.value is None],
         given_up=given_up(study),
@@ -138,7 +135,17 @@ def write(
         definitions=definitions,
     )
     write_text(out / "index.html", page)
-    return Report(out / "index.html", tuple(shown.get(SUMMARY, ())), chapters)
+    return StudyReport(out / "index.html", verdicts, chapters, tuple(shown.get(SUMMARY, ())))
+
+
+def _failing(rows: Sequence[Row]) -> Table:
+    """The failing checks on the first screen."""
+    lines = tuple(
+        (row.case, row.quantity, row.where, amount(row.value, row.unit), limit(row), f"{row.reason} {row.note}".strip())
+        for row in rows
+    )
+    heads = ("case", "quantity", "setting", "value", "limit", "why this limit")
+    return Table("failing", "Failing checks", heads, lines, classes=("FAIL",) * len(lines))
 
 
 def readme_figure(results: Path, path: Path) -> Path:
@@ -163,16 +170,16 @@ def given_up(results: Results) -> list[Row]:
     return list({(row.case, row.quantity): row for row in results.rows if row.given_up}.values())
 
 
-def _findings(results: Results, out: Path) -> Iterator[tuple[str, Finding]]:
+def _findings(results: Results, out: Path) -> Iterator[tuple[str, Table]]:
     for finder in modules(findings):
         for finding in finder.find(results):
-            write_text(out / f"{finding.name}.csv", table_csv(finding.heads, finding.lines))
+            write_text(out / f"{finding.name}.csv", finding.csv)
             yield finder.SECTION, finding
 
 
 def _chapters(
     results: Results, out: Path, shown: Mapping[str, list[Shown]], whole: stored_full.Stored | None
-) -> Iterator[Chapter]:
+) -> Iterator[StudyChapter]:
     chapter_of, inferred = chapter_of_kinds(), list(_findings(results, out))
     for section in sections():
         blocks = tuple(
@@ -185,11 +192,11 @@ def _chapters(
         first = tuple(one for one in drawn if any(fnmatch(one.name, pattern) for pattern in section.open))
         more = tuple(one for one in drawn if one not in first)
         if drawn or blocks:
-            yield Chapter(
-                section.id, section.title, section.short, section.text.strip(),
-                tuple(verdict.headlines(results, section.headline)), first, more, found,
-                tuple(sorted(blocks, key=lambda block: block.verdict.state != FAIL)),
-                _ran(section, len(blocks), results, whole),
+            yield StudyChapter(
+                section.id, section.title, section.short, (section.text.strip(),), first, found,
+                headlines=tuple(verdict.headlines(results, section.headline)), more=more,
+                cases=tuple(sorted(blocks, key=lambda block: block.verdict.state != "FAIL")),
+                ran=_ran(section, len(blocks), results, whole),
             )  # fmt: skip
         elif whole and whole.study.chapter(section.id).says:
             yield _stored_chapter(section, whole, out)
@@ -203,7 +210,7 @@ def _ran(section: Section, here: int, results: Results, whole: stored_full.Store
     known = whole.study.chapter(section.id).cases
     beyond = sorted({_family(one.case) for one in known if one.case not in results.plan})
     if not beyond:
-        return f"{ran} The full study has no more here."
+        return f"{ran} The full study has no others."
     return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
 
 
@@ -212,31 +219,26 @@ def _family(case: str) -> str:
     return case.partition("-")[0]
 
 
-def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> Chapter:
+def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> StudyChapter:
     """A chapter of which nothing ran here, from the full study."""
     stored = whole.study.chapter(section.id)
     ran = (
-        "Nothing of this chapter ran for this page. What follows is the full study’s, "
-        f"{plural(len(stored.cases), 'case')}, measured {whole.study.measured}; more figures are under reports/full."
+        f"No case of this chapter ran for this page. Shown: the full study, {plural(len(stored.cases), 'case')}, "
+        f"measured {whole.study.measured}; more figures are in reports/full."
     )
     found = tuple(whole.findings(section.id))
     for finding in found:
-        write_text(out / f"{finding.name}.csv", table_csv(finding.heads, finding.lines))
-    return Chapter(
-        section.id, section.title, section.short, section.text.strip(), stored.headlines,
-        (), tuple(whole.figures(section, out)), found, (), ran,
+        write_text(out / f"{finding.name}.csv", finding.csv)
+    return StudyChapter(
+        section.id, section.title, section.short, (section.text.strip(),), tables=found,
+        headlines=stored.headlines, more=tuple(whole.figures(section, out)), ran=ran,
     )  # fmt: skip
 
 
-def _case_block(case: str, rows: tuple[Row, ...], results: Results, out: Path) -> CaseBlock:
-    write_text(out / f"{case}.csv", rows_csv(rows, results.finished))
-    return CaseBlock(
-        case,
-        rows[0].title,
-        results.plan[case].about.strip(),
-        verdict.case_verdict(rows, results),
-        table(rows, results.finished),
-    )
+def _case_block(case: str, rows: tuple[JudgedRow, ...], results: Results, out: Path) -> CaseBlock:
+    write_text(out / f"{case}.csv", rows_csv(rows))
+    about = results.plan[case].about.strip()
+    return CaseBlock(case, rows[0].title, about, verdict.case_verdict(rows), *checks(rows), tuple(meanings(rows)))
 
 
 def _verdict_csv(results: Results) -> str:
@@ -244,17 +246,17 @@ def _verdict_csv(results: Results) -> str:
     lines = [
         (case, rows[0].title, v.state, v.judged, v.failed, v.informing, v.worst and used(v.worst),
          v.worst and f"{v.worst.quantity}, {v.worst.where}", v.speed, sum(row.seconds for row in rows))
-        for case, rows, v in ((case, rows, verdict.case_verdict(rows, results)) for case, rows in results.cases.items())
+        for case, rows, v in ((case, rows, verdict.case_verdict(rows)) for case, rows in results.cases.items())
     ]  # fmt: skip
     missing = [(each.case, each.title, each.why, *[None] * 7) for each in results.missing]
     return table_csv(heads, [*lines, *missing])
 
 
-def environment_rows(environment: Environment) -> list[tuple[str, str]]:
+def environment_rows(environment: Environment) -> tuple[tuple[str, str], ...]:
     """(name, text) of everything that is known."""
     versions = environment.versions.items()
     own = ((f.name, getattr(environment, f.name)) for f in dataclasses.fields(environment) if f.name not in NO_TEXT)
-    return [(name, str(value) or "–") for name, value in (*own, *versions)]
+    return tuple((name, str(value) or "–") for name, value in (*own, *versions))
 
 
 def _limitations() -> list[dict[str, str]]:

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import matplotlib as mpl
 
-from flexlink.pages.picture import Picture, Shown
+from flexlink.pages.chapter import Shown
+from flexlink.pages.picture import Picture
 from flexlink.pages.style import RC
 from reports import curves, figures
 from reports.chapters import chapter_of_kinds

@@ -10,16 +10,15 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import jinja2
 import msgspec
 from PIL import Image
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.pages.page import make_folder
+from flexlink.pages.page import make_folder, template
 from flexlink.pages.tables import table_csv
 from reports import verdict
-from reports.build import Report, environment_rows, given_up, write
+from reports.build import StudyReport, environment_rows, given_up, write
 from reports.results import Results
 from reports.stored_full import (
     CHAPTERS,
@@ -65,7 +64,7 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
             file.unlink()
     for name in ("verdict.csv", "speed.csv", *_files(report)):
         shutil.copyfile(out / name, folder / name)
-    write_text(folder / "all_checks.csv", rows_csv(study.rows, study.finished, without=WORDS))
+    write_text(folder / "all_checks.csv", rows_csv(study.rows, without=WORDS))
     write_text(folder / "quantities.csv", table_csv(("case", *WORDS[2:], "quantities"), _meanings(study)))
     write_text(folder / "machine.csv", table_csv(("what", "value"), _machine(study)))
     for file in list(folder.iterdir()):
@@ -79,7 +78,7 @@ def save(results: Path, out: Path, folder: Path = FOLDER) -> Path:
     return folder / "README.md"
 
 
-def _files(report: Report) -> Iterator[str]:
+def _files(report: StudyReport) -> Iterator[str]:
     """Figures and the tables of findings."""
     for figure in (
         *report.overview,
@@ -87,7 +86,7 @@ def _files(report: Report) -> Iterator[str]:
     ):
         yield from (f"{figure.name}.png", f"{figure.name}.csv")
     for chapter in report.chapters:
-        yield from (f"{finding.name}.csv" for finding in chapter.findings)
+        yield from (f"{finding.name}.csv" for finding in chapter.tables)
 
 
 def _shrink(file: Path) -> None:
@@ -117,36 +116,27 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
         yield missing.case, missing.why
 
 
-def _whole(study: Results, report: Report) -> FullStudy:
+def _whole(study: Results, report: StudyReport) -> FullStudy:
     """What the default report says and shows of it."""
     chapters = (
         StoredChapter(
             chapter.id,
             chapter.headlines,
-            tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.findings),
+            tuple(StoredFinding(one.name, one.title, one.sentences) for one in chapter.tables),
             tuple(StoredFigure(one.name, one.title, one.caption) for one in (*chapter.figures, *chapter.more)),
             tuple(StoredCase(one.case, one.title, one.verdict.state, one.verdict.text) for one in chapter.cases),
         )
         for chapter in report.chapters
     )
-    state = verdict.correct(study).state
-    return FullStudy(verdict.measured(study), study.environment.commit, state, tuple(chapters))
+    return FullStudy(verdict.measured(study), study.environment.commit, report.verdicts[0].word, tuple(chapters))
 
 
-def _readme(study: Results, report: Report, folder: Path) -> str:
+def _readme(study: Results, report: StudyReport, folder: Path) -> str:
     def csv(name: str) -> str:
         whole = f"{name}.csv"
         return whole if (folder / whole).exists() else f"{whole}.gz"
 
-    loader = jinja2.FileSystemLoader(HERE)
-    environment = jinja2.Environment(
-        loader=loader,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template("full.md").render(
+    return template(HERE / "full.md").render(
         command=COMMAND,
         csv=csv,
         measured=verdict.measured(study),
@@ -154,7 +144,7 @@ def _readme(study: Results, report: Report, folder: Path) -> str:
         given_up=given_up(study),
         correct=verdict.correct(study),
         fast=verdict.fast(study),
-        failed=[row for row in study.rows if row.passed is False and not row.timed],
+        failed=[row for row in study.rows if row.state == "FAIL"],
         missing=study.missing,
         report=report,
     )

@@ -16,7 +16,7 @@ LOOKS = {
     "Drake": (ORANGE, "v"), "Exudyn": (SKY, "P"),
 }  # fmt: skip
 """Contestant, as the rows and the methods' names call it → colour, marker."""
-SAID = {"solvers": "SciPy, CVODE"}
+DISPLAY_NAMES = {"solvers": "SciPy, CVODE"}
 AIMS = {"error": "tip", "deflection error": "deflection"}
 """What an error is of, as rows and series call it → in a word."""
 COST = "CPU time"

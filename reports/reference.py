@@ -10,10 +10,9 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
 from flexlink.pages.tables import table_csv
 from reports.results import Results
-from reports.tables import state
 from reports.verdict import PASS, correct, measured
 from validation.facts import said
-from validation.judgement import correctness, crowd, speed
+from validation.judgement import JudgedRow, correctness, crowd, speed
 from validation.store import Row
 
 FOLDER = Path(__file__).parent / "reference_run"
@@ -49,17 +48,17 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     FlexlinkError
         The study is not whole, not right, or was timed on a busy machine; or the folder cannot be written.
     """
-    verdict, fast = correct(results), speed(results.rows, results.finished)
-    if verdict.state != PASS:
+    verdict, fast = correct(results), speed(results.rows)
+    if verdict.word != PASS:
         raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
     if fast.unmeasured:
-        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.said()}; {HOW}")
+        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.sentence()}; {HOW}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FlexlinkError(f"{folder}: cannot be made a folder: {error.strerror or error}") from None
     timed = [row for row in results.rows if row.timed]
-    write_text(folder / "speed.csv", table_csv(HEADS, (_line(row, results) for row in timed)))
+    write_text(folder / "speed.csv", table_csv(HEADS, (_line(row) for row in timed)))
     cases = [(case, correctness(rows)) for case, rows in results.cases.items()]
     lines = ((case, found.judged, len(found.failed)) for case, found in cases)
     write_text(folder / "correctness.csv", table_csv(("case", "checks", "failed"), lines))
@@ -68,10 +67,9 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     return folder
 
 
-def _line(row: Row, results: Results) -> tuple[object, ...]:
+def _line(row: JudgedRow) -> tuple[object, ...]:
     side = row.bound if row.tolerance is not None else ""
-    word = state(row, results.finished)
-    return *_asked(row), row.engine, row.varied.get(FOUND), row.value, row.unit, side, row.tolerance, word
+    return *_asked(row), row.engine, row.varied.get(FOUND), row.value, row.unit, side, row.tolerance, row.state
 
 
 def read(folder: Path = FOLDER) -> Reference:

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
+from validation.judgement import JudgedRow, judged_rows
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 
 HOW = "make results with: python -m validation"
@@ -38,7 +39,7 @@ class Results:
         All other cases of the study.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[JudgedRow, ...]
     environment: Environment
     store: Store
     finished: Mapping[str, Finished] = dataclasses.field(default_factory=dict)
@@ -75,17 +76,17 @@ class Results:
         place = {case: number for number, case in enumerate(plan)}
         rows = [row for row in stored if row.case in whole and row.key == whole[row.case].key]
         rows.sort(key=lambda row: place[row.case])
-        return cls(tuple(rows), store.environment(), store, whole, plan, tuple(missing))
+        return cls(judged_rows(rows, whole), store.environment(), store, whole, plan, tuple(missing))
 
     @cached_property
-    def cases(self) -> dict[str, tuple[Row, ...]]:
+    def cases(self) -> dict[str, tuple[JudgedRow, ...]]:
         """Rows by case, in the order of the study."""
-        found: dict[str, list[Row]] = {}
+        found: dict[str, list[JudgedRow]] = {}
         for row in self.rows:
             found.setdefault(row.case, []).append(row)
         return {case: tuple(rows) for case, rows in found.items()}
 
-    def of_kind(self, *kinds: str) -> Iterator[tuple[str, tuple[Row, ...]]]:
+    def of_kind(self, *kinds: str) -> Iterator[tuple[str, tuple[JudgedRow, ...]]]:
         """The cases of these kinds."""
         for case, rows in self.cases.items():
             if rows[0].kind in kinds:

@@ -2,45 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 from flexlink.pages.numbers import amount
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import Table, table_csv
 from reports.reference import Reference
 from reports.results import Results
-from reports.tables import TIMED, limit
-from validation.judgement import crowd, speed_state
-from validation.store import Row
-
-ORDER = tuple(TIMED)
+from reports.tables import STATES, limit
+from validation.judgement import JudgedRow, crowd
 
 
-@dataclasses.dataclass(frozen=True)
-class Line:
-    """A limit of time."""
-
-    row: Row
-    state: str
-    reference: float | None
-
-    @property
-    def word(self) -> str:
-        """The state in a word or two."""
-        return TIMED[self.state]
-
-    @property
-    def cells(self) -> dict[str, str]:
-        """Head → text."""
-        row = self.row
-        beside = {"reference run": amount(self.reference, row.unit)} if self.reference is not None else {}
-        named = {"quantity": row.quantity, "setting": row.where}
-        return named | {"value": amount(row.value, row.unit), "limit": limit(row)} | beside
-
-
-def lines(results: Results, beside: Reference) -> list[Line]:
+def limits_of_time(results: Results) -> list[JudgedRow]:
     """What was missed first, then what was not measured, then what was met."""
-    found = [Line(row, speed_state(row, results.finished), beside.value(row)) for row in results.rows]
-    return sorted((line for line in found if line.state), key=lambda line: ORDER.index(line.state))
+    found = [row for row in results.rows if row.timed and row.passed is not None]
+    return sorted(found, key=lambda row: STATES.index(row.state))
+
+
+def speed_table(results: Results, beside: Reference) -> Table:
+    """The table of the page."""
+    heads = ("state", "quantity", "setting", "value", "limit", *(("reference run",) if beside.machine else ()))
+    rows = limits_of_time(results)
+    lines = [
+        (row.state, row.quantity, row.where, amount(row.value, row.unit), limit(row),
+         amount(beside.value(row), row.unit if beside.value(row) is not None else ""))[: len(heads)]
+        for row in rows
+    ]  # fmt: skip
+    return Table("speed", "Time limits", heads, tuple(lines), classes=tuple(row.state for row in rows))
 
 
 def conditions(results: Results) -> list[tuple[str, str, str]]:
@@ -52,11 +37,10 @@ def conditions(results: Results) -> list[tuple[str, str, str]]:
 def csv_text(results: Results, beside: Reference) -> str:
     """The table with every digit, and the machine's load and spread beside each line."""
     heads = ("case", "quantity", "where", "value", "unit", "side", "limit", "state", "reference", "load", "spread")
-    return table_csv(heads, (_line(line, results) for line in lines(results, beside)))
+    return table_csv(heads, (_line(row, beside) for row in limits_of_time(results)))
 
 
-def _line(line: Line, results: Results) -> tuple[object, ...]:
-    row, done = line.row, results.finished[line.row.case].conditions
-    machine = (done.load, done.spread) if done else (None, None)
-    where = row.case, row.quantity, row.where
-    return *where, row.value, row.unit, row.bound, row.tolerance, line.state, line.reference, *machine
+def _line(row: JudgedRow, beside: Reference) -> tuple[object, ...]:
+    machine = (row.conditions.load, row.conditions.spread) if row.conditions else (None, None)
+    what = row.case, row.quantity, row.where, row.value, row.unit, row.bound, row.tolerance, row.state
+    return *what, beside.value(row), *machine

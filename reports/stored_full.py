@@ -23,10 +23,10 @@ import msgspec
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.spec import Spec
+from flexlink.pages.chapter import Shown
 from flexlink.pages.numbers import plural
-from flexlink.pages.picture import Shown
+from flexlink.pages.tables import Table
 from reports.chapters import Section
-from reports.finding import Finding
 from validation.sources import changed
 
 FOLDER = Path(__file__).parent / "full"
@@ -100,12 +100,12 @@ class Stored(NamedTuple):
     folder: Path
     study: FullStudy
 
-    def findings(self, chapter: str) -> Iterator[Finding]:
+    def findings(self, chapter: str) -> Iterator[Table]:
         """Those of a chapter, with the tables that they stand on."""
         for finding in self.study.chapter(chapter).findings:
             heads, *lines = csv.reader(io.StringIO(self._data(finding.name).decode(), newline=""))
             table = tuple(tuple(_cell(text) for text in line) for line in lines)
-            yield Finding(finding.name, finding.title, finding.sentences, tuple(heads), table, to_look_up=True)
+            yield Table(finding.name, finding.title, tuple(heads), table, finding.sentences, to_look_up=True)
 
     def figures(self, section: Section, out: Path) -> Iterator[Shown]:
         """Those of a chapter that stand unfolded, as part of the page; PNG and CSV are copied to `out`."""
@@ -171,11 +171,10 @@ def since(commit: str, measured: Mapping[str, str]) -> Since:
     """Which files of flexlink/ and validation/ are not those that were measured at a commit, by their digests."""
     at = f"measured at commit {commit}" if commit else "measured outside a repository"
     if not measured:
-        return Since(f"It was {at}; which files have changed since is not known.", ())
+        return Since(f"It was {at}; changes since then are unknown.", ())
     files = tuple(changed(measured))
     if not files:
-        return Since(f"It was {at}; the files of flexlink/ and validation/ that numbers depend on are the same.", ())
+        return Since(f"It was {at}; no file that numbers depend on has changed since.", ())
     return Since(
-        f"It was {at}; since then {plural(len(files), 'file')} of flexlink/ and validation/ that numbers may depend on "
-        "changed.", files,
+        f"It was {at}; {plural(len(files), 'file')} that numbers may depend on changed since.", files,
     )  # fmt: skip

@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from typing import get_args
 
 from flexlink.pages.numbers import amount
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import Table, table_csv
 from reports.results import used
 from validation.facts import head, said
-from validation.judgement import BUSY, MET, MISSED, speed_state
-from validation.store import Finished, Row, Series
+from validation.judgement import JudgedRow, State
+from validation.store import Row, Series
 
-PASS, FAIL, INFO = "pass", "FAIL", "info"
-TIMED = {MISSED: "missed", BUSY: "not measured", MET: "met"}  # what became of a limit of time, in a word or two
-ORDER = (FAIL, *TIMED.values(), PASS, INFO)  # of the lines
+STATES = get_args(State)  # in the order of a table's lines
 CSV_FIELDS = tuple(f.name for f in dataclasses.fields(Row) if f.name not in ("key", "varied"))
-
-
-@dataclasses.dataclass(frozen=True)
-class Line:
-    """One row on the page: its state, and its cells in the order of the heads."""
-
-    state: str
-    cells: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,40 +27,8 @@ class Meaning:
     given_up: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Table:
-    """The checks of one case.
-
-    Attributes
-    ----------
-    common
-        What is the same in all rows and therefore has no column.
-    heads, numeric
-        Heads of the columns, and which of them hold numbers.
-    lines
-        One per row: failing ones first, then those with a limit, then information.
-    meanings
-        What the quantities are.
-    """
-
-    common: str
-    heads: tuple[str, ...]
-    numeric: frozenset[str]
-    lines: tuple[Line, ...]
-    meanings: tuple[Meaning, ...]
-
-
-def state(row: Row, finished: Mapping[str, Finished]) -> str:
-    """In a word: pass or FAIL, met, missed or not measured of a limit of time, info without a limit."""
-    if row.passed is None:
-        return INFO
-    if row.timed:
-        return TIMED[speed_state(row, finished)]
-    return PASS if row.passed else FAIL
-
-
-def table(rows: Sequence[Row], finished: Mapping[str, Finished]) -> Table:
-    """The checks of a case as they are shown."""
+def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
+    """The checks of a case: failing ones first, information last; and what all have in common, which has no column."""
     facts = {name: {row.varied.get(name) for row in rows} for row in rows for name in row.varied}
     differ = {name for name, values in facts.items() if len(values) > 1}
     columns: dict[str, list[str]] = {
@@ -87,13 +46,11 @@ def table(rows: Sequence[Row], finished: Mapping[str, Finished]) -> Table:
         "of its limit": [share(used(row)) for row in rows],
         "note": [row.note for row in rows],
     }
-    shown = {name: column for name, column in shown.items() if any(column)}
-    cells = zip(*shown.values(), strict=True)
-    lines = [Line(state(row, finished), line) for row, line in zip(rows, cells, strict=True)]
-    return Table(
-        ", ".join(alike), tuple(shown), frozenset({"value", "limit", "of its limit"}),
-        tuple(sorted(lines, key=lambda line: ORDER.index(line.state))), tuple(meanings(rows)),
-    )  # fmt: skip
+    states: list[str] = [row.state for row in rows]
+    shown = {"state": states} | {name: column for name, column in shown.items() if any(column)}
+    lines = tuple(sorted(zip(*shown.values(), strict=True), key=lambda line: STATES.index(line[0])))
+    classes = tuple(line[0] for line in lines)
+    return Table(rows[0].case, rows[0].title, tuple(shown), lines, classes=classes), ", ".join(alike)
 
 
 def meanings(rows: Iterable[Row]) -> Iterable[Meaning]:
@@ -121,18 +78,13 @@ def share(part: float | None) -> str:
     return f"{100.0 * part:.0f} %" if part >= 0.01 else "< 1 %"
 
 
-def rows_csv(rows: Sequence[Row], finished: Mapping[str, Finished], without: Collection[str] = ()) -> str:
+def rows_csv(rows: Sequence[JudgedRow], without: Collection[str] = ()) -> str:
     """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
     fields = tuple(f for f in CSV_FIELDS if f not in without)
     facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
     heads = (*fields, *(head(name) for name in facts), "state")
-    return table_csv(
-        heads,
-        (
-            [*(getattr(row, f) for f in fields), *(row.varied.get(f) for f in facts), state(row, finished)]
-            for row in rows
-        ),
-    )
+    cells = ([getattr(row, f) for f in fields] + [row.varied.get(f) for f in facts] + [row.state] for row in rows)
+    return table_csv(heads, cells)
 
 
 def series_csv(*many: Series) -> str:

@@ -7,22 +7,15 @@ from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 from flexlink.pages.numbers import amount, plural
+from flexlink.pages.verdict import State, Verdict
 from reports.chapters import Number, Wanted
 from reports.results import Results, used
-from reports.tables import FAIL, share, state
-from validation.judgement import correctness, speed
+from reports.tables import share
+from validation.judgement import JudgedRow, correctness, speed
 from validation.store import Row
 
-PASS, INCOMPLETE = "PASS", "INCOMPLETE"
+PASS = "PASS"
 NAMES = {"pin": "Pinocchio", "mujoco": "MuJoCo", "mpmath": "mpmath"}  # package → what was compared with
-
-
-@dataclasses.dataclass(frozen=True)
-class Verdict:
-    """A verdict of the first screen: one word, and a sentence or two."""
-
-    state: str
-    text: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,7 +39,7 @@ class CaseVerdict:
     @property
     def state(self) -> str:
         """'FAIL' or 'pass'; of a case without a check of correctness 'timed' or 'info'."""
-        return FAIL if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
+        return "FAIL" if self.failed else "pass" if self.judged else "timed" if self.speed else "info"
 
     @property
     def text(self) -> str:
@@ -55,7 +48,7 @@ class CaseVerdict:
         if self.judged:
             parts.append(f"{self.judged - self.failed} of {self.judged} pass")
         if self.worst and not self.failed:
-            parts.append(f"at most {share(used(self.worst))} of a limit used")
+            parts.append(f"closest check at {share(used(self.worst))} of its limit")
         if self.speed:
             parts.append(f"speed: {self.speed}")
         if not parts:
@@ -63,9 +56,9 @@ class CaseVerdict:
         return "; ".join(parts)
 
 
-def case_verdict(rows: Sequence[Row], results: Results) -> CaseVerdict:
+def case_verdict(rows: Sequence[JudgedRow]) -> CaseVerdict:
     """The line of a case."""
-    right, fast = correctness(rows), speed(rows, results.finished)
+    right, fast = correctness(rows), speed(rows)
     judged = [row for row in rows if row.passed is not None and not row.timed]
     worst = max(judged, key=lambda row: used(row) or 0.0, default=None)
     informing = sum(row.passed is None for row in rows)
@@ -108,7 +101,7 @@ def correct(results: Results) -> Verdict:
     judged, failed = correctness(results.rows)
     checks = plural(judged, "check")
     if failed:
-        text = f"{len(failed)} of {checks} FAIL; they stand right below."
+        text = f"{len(failed)} of {checks} FAIL; see below."
     elif not judged:
         text = f"Nothing was judged: {plural(len(results.rows), 'number')}, none with a limit."
     elif results.missing:
@@ -116,11 +109,12 @@ def correct(results: Results) -> Verdict:
     else:
         text = f"{judged} of {checks} pass ({plural(len(results.cases), 'case')})."
     if results.missing and (failed or not judged):
-        text += f" Besides, {_missing(results)}."
+        text += f" {_missing(results)}."
     given_up = {(row.case, row.quantity) for row in results.rows if row.given_up}
     if given_up:
-        text += f" {plural(len(given_up), 'limit')} of earlier versions given up: see “Limits given up”, with reasons."
-    return Verdict(FAIL if failed else INCOMPLETE if results.missing or not judged else PASS, text)
+        text += f" {plural(len(given_up), 'limit')} withdrawn: see “Known limitations”."
+    state: State = "fail" if failed else "incomplete" if results.missing or not judged else "pass"
+    return Verdict("Correctness", state, state.upper(), text)
 
 
 def _missing(results: Results) -> str:
@@ -129,9 +123,10 @@ def _missing(results: Results) -> str:
 
 def fast(results: Results) -> Verdict:
     """Whether the limits of time are met; a busy machine says nothing about them."""
-    found = speed(results.rows, results.finished)
-    word = "missed" if found.missed else "not measured" if found.unmeasured or not found.met else "met"
-    return Verdict(word, f"{found.said()[0].upper()}{found.said()[1:]}.")
+    found = speed(results.rows)
+    state: State = "missed" if found.missed else "not-measured" if found.unmeasured or not found.met else "met"
+    text = found.sentence()
+    return Verdict("Speed", state, state.replace("-", " "), f"{text[0].upper()}{text[1:]}.")
 
 
 def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact]:
@@ -139,7 +134,7 @@ def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact
     found = []
     for each in wanted:
         rows = [(want, worst(results, want)) for want in each.value]
-        values = tuple((_said(want, row), _remark(row, results)) for want, row in rows if row)
+        values = tuple((_sentence(want, row), _remark(row)) for want, row in rows if row)
         if values:
             found.append(Fact(each.label, values))
     return found
@@ -152,23 +147,23 @@ def headlines(results: Results, wanted: Iterable[Wanted]) -> list[str]:
         row = worst(results, want)
         if row is None:
             continue
-        remark = _remark(row, results)
-        found.append(f"{_said(want, row)} ({remark})" if remark else _said(want, row))
+        remark, sentence = _remark(row), _sentence(want, row)
+        found.append(f"{sentence.removesuffix('.')} ({remark})." if remark else sentence)
     return found
 
 
-def _said(want: Wanted, row: Row) -> str:
+def _sentence(want: Wanted, row: Row) -> str:
     return want.text.format(value=amount(row.value, row.unit), quantity=row.quantity, where=row.where)
 
 
-def _remark(row: Row, results: Results) -> str:
+def _remark(row: JudgedRow) -> str:
     """What must be said beside a number: that it breaks its limit, or was timed on a busy machine."""
-    if row.timed and results.finished[row.case].busy:
+    if row.busy:
         return "machine busy"
-    return {FAIL: "fails its limit", "missed": "misses its limit"}.get(state(row, results.finished), "")
+    return {"FAIL": "fails its limit", "missed": "misses its limit"}.get(row.state, "")
 
 
-def worst(results: Results, want: Wanted) -> Row | None:
+def worst(results: Results, want: Wanted) -> JudgedRow | None:
     """The row of the worst value that fits, if any does."""
     rows = [
         row

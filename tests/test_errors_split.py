@@ -77,8 +77,8 @@ def test_the_table_names_the_part_to_mend_and_leaves_nothing_for_what_is_nothing
         ("arm: coarse", None, "space"), ("arm: slack", None, "time"),
     ]  # fmt: skip
     said = " ".join(found.sentences)
-    assert "of 2 runs" in said
-    assert "In 1 of them smaller steps gain less than 1 %" in said
+    assert "in 2 runs: " in said
+    assert "In 1 of them, smaller steps would gain less than 1 %" in said
 
 
 def test_files_of_finding_and_figure_are_their_own_and_no_cases(results):

@@ -43,7 +43,7 @@ def test_it_says_command_machine_versions_and_what_the_machine_did_besides_or_wh
     assert said["command"] == "python -m validation --full"
     assert (said["processor"], said["commit"], said["mujoco"]) == ("A processor", "0123456789ab", VERSIONS["mujoco"])
     assert said["terms"].startswith("2026-07-01 10:30 UTC; 0.5 s; A processor")
-    assert "other processes kept 1.8 of 2 cores busy" in said["calls"]
+    assert "other processes used 1.8 of 2 cores" in said["calls"]
     assert said["never_ran"] == "not measured"
 
 

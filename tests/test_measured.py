@@ -115,7 +115,7 @@ def test_every_number_that_is_tried_can_be_varied(scene: fl.Scene) -> None:
 def test_the_page_says_which_number_and_by_how_much(
     scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(building, "PARTS", ("measurements",))
+    monkeypatch.setattr(building, "CHAPTERS", {"measurements": building.CHAPTERS["measurements"]})
     measured = measured_of(scene.varied({"material.aluminium.young": 0.95 * 70e9}))
     lines = [",".join(["t [s]", *measured.columns])]
     lines += [
@@ -125,9 +125,9 @@ def test_the_page_says_which_number_and_by_how_much(
     (tmp_path / "measured.csv").write_text("\n".join([*lines, "99.0,0,0,0"]), encoding="utf-8")
     found = report(scene, tmp_path / "out", against=tmp_path / "measured.csv")
     (verdict,) = found.verdicts
-    assert "Best explained by stiffness of aluminium: −" in verdict.text
+    assert "Best explanation: stiffness of aluminium −" in verdict.text
     page = found.page.read_text(encoding="utf-8")
-    assert "1 outside the run are left out" in page
+    assert "1 outside the run are ignored" in page
     assert (tmp_path / "out" / "difference.csv").is_file()
 
 

@@ -186,7 +186,7 @@ def results(tmp_path):
 def test_every_claim_has_a_line_with_its_number_and_its_verdict(results):
     (found,) = paper_claims.find(Results.read(results))
     assert found.lines[1] == ("claim 1", "1: max |Δ|", "holds for T1")
-    assert found.sentences[0].endswith("as they stand: 1; within limits: 1; that do not hold: 1.")
+    assert found.sentences[0] == "3 claims: 1 confirmed, 1 confirmed within limits, 1 not confirmed."
 
 
 def test_a_claim_that_two_cases_judge_stands_once_by_the_one_with_more_arms(tmp_path):

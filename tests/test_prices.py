@@ -90,9 +90,9 @@ def test_of_two_cases_with_a_scene_the_one_with_more_runs_counts(tmp_path: Path)
 
 def test_the_list_has_wins_losses_and_where_flexlink_does_not_get_to(tmp_path: Path) -> None:
     (finding,) = trade_prices.find(study(tmp_path))
-    assert "Of 2 prices, each of an error on a scene, flexlink's is the lowest in 1." in finding.sentences
-    assert "Another is cheaper in 1: arm at 10⁻⁴ (in 0.67 of its time)." in finding.sentences
-    assert "flexlink does not get there within the study's budget: arm at 10⁻⁶." in finding.sentences
+    assert "flexlink is the cheapest in 1 of 2 combinations of scene and error." in finding.sentences
+    assert "Another program is cheaper in 1: arm at 10⁻⁴ (0.67 × flexlink’s time)." in finding.sentences
+    assert "flexlink does not reach the error within the study's time budget: arm at 10⁻⁶." in finding.sentences
     lines = [dict(zip(finding.heads, line, strict=True)) for line in finding.lines]
     assert [line["error of the tip"] for line in lines] == [1e-2, 1e-4, 1e-6]
     assert [line["cheapest other / flexlink"] for line in lines] == [1.5, pytest.approx(2 / 3), None]

@@ -17,10 +17,10 @@ from test_page import CUT_WORDS, DESK, OFF_SCREEN, PHONE, UNFOLD, VIOLATIONS
 
 import flexlink as fl
 from flexlink.cli.main import main
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Report
 from flexlink.scene_report import building
-from flexlink.scene_report.parts import accuracy, energy, statics
+from flexlink.scene_report.parts import accuracy, statics
 from flexlink.scene_report.report import report
 from flexlink.scene_report.study import Study
 
@@ -35,6 +35,10 @@ def scene() -> fl.Scene:
 @pytest.fixture(scope="module")
 def written(scene: fl.Scene, tmp_path_factory: pytest.TempPathFactory) -> Report:
     return report(scene, tmp_path_factory.mktemp("report"))
+
+
+def chapters(*names: str) -> dict[str, tuple[str, str]]:
+    return {name: building.CHAPTERS[name] for name in names}
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +77,7 @@ def test_the_page_stands_alone_and_leads_only_to_what_is_there(written: Report) 
 
 def test_every_chapter_of_a_driven_arm_is_there(written: Report) -> None:
     assert written.failures == ()
-    chapters = {"model", "motion", "agreement", "energy", "accuracy", "statics", "modes", "settling", "loads"}
+    chapters = {"model", "motion", "agreement", "energy", "accuracy", "statics", "vibration", "settling", "loads"}
     assert chapters <= Links(written.page.read_text(encoding="utf-8")).ids
 
 
@@ -92,7 +96,7 @@ def test_numbers_beside_the_page_are_those_of_the_library(written: Report, scene
 def test_the_model_that_was_chosen_stands_first_of_the_choices_and_finer_ones_are_better(written: Report) -> None:
     choices = {line["choice"]: line for line in lines(written, "choices.csv")}
     assert next(iter(choices)) == "this scene"
-    error = {name: float(line["tip off by [m]"]) for name, line in choices.items() if line["tip off by [m]"]}
+    error = {name: float(line["tip error [m]"]) for name, line in choices.items() if line["tip error [m]"]}
     assert error["4 times the hinges"] < error["twice the hinges"] < error["this scene"] < error["rigid links"]
 
 
@@ -103,9 +107,11 @@ def test_what_cannot_be_computed_is_a_sentence_and_the_rest_is_there(
         raise RuntimeError("out of\nluck")
 
     monkeypatch.setattr(statics, "made", falls)
-    monkeypatch.setattr(building, "PARTS", ("model", "motion", "energy", "statics", "reproduce"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("model", "motion", "energy", "statics", "reproduce"))
     found = report(scene.varied({"run.step": 5e-3}), tmp_path)  # beyond the largest stable one
-    assert [failure.partition(": ")[0] for failure in found.failures] == [energy.TITLE, statics.TITLE]
+    assert [failure.partition(": ")[0] for failure in found.failures] == [
+        title for title, _ in chapters("energy", "statics").values()
+    ]
     assert [(verdict.about, verdict.state) for verdict in found.verdicts] == [("Run", "fail")]
     assert not found.passed
     text = found.page.read_text(encoding="utf-8")
@@ -118,8 +124,8 @@ def test_where_the_motion_multiplies_errors_the_error_is_not_told_but_how_long_i
     falling = fl.load_scene(models / "three_links.toml")
     part = accuracy.made(Study(falling))
     assert part is not None
-    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Error of the model", "doubt")
-    until = re.search(r"Up to (\S+) s the two finest cuts differ by less than 1 %", part.sentences[0])
+    assert next((verdict.about, verdict.state) for verdict in part.verdicts) == ("Model error", "doubt")
+    until = re.search(r"Up to (\S+) s the two finest models differ by less than 1 %", part.sentences[0])
     assert until is not None
     assert 0.0 < float(until[1]) < falling.run.duration
 
@@ -131,18 +137,18 @@ def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(mode
     q, _ = fl.initial_state(rigid.scene, rigid.chain)
     assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)
     assert (found := accuracy.made(rigid)) is not None
-    assert "At the tip, by steps" in found.verdicts[0].text
+    assert "At the tip, from steps" in found.verdicts[0].text
 
 
 def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path: Path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(building, "PARTS", ("model", "accuracy"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("model", "accuracy"))
     out = tmp_path / "a" / "b"
     fast = ["--set", "run.duration=0.05"]
     assert main(["report", str(models / "paper_fig5.toml"), "--out", str(out), *fast]) == 0
     told = capsys.readouterr()
     assert str(out / "index.html") in told.out
-    assert "Error of the model" in told.out
-    assert "What was modelled: done" in told.err
+    assert "Model error" in told.out
+    assert "Model: done" in told.err
 
 
 def test_a_file_that_is_not_there_or_of_no_known_kind_is_refused_before_the_work(models: Path, tmp_path: Path) -> None:
@@ -192,7 +198,7 @@ class TestInABrowser:
 
 
 def test_a_column_is_of_numbers_where_nothing_else_stands() -> None:
-    table = Sheet("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))
+    table = Table("name", "Title", ("text", "number", "mixed"), (("a", 1.0, None), ("b", None, "none")))
     assert table.numeric == {"number"}
     assert table.csv == "text,number,mixed\na,1.0,\nb,,none\n"
 
@@ -201,7 +207,7 @@ def test_a_mistake_in_another_file_stands_on_the_first_screen(
     scene: fl.Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("mujoco")
-    monkeypatch.setattr(building, "PARTS", ("theirs", "measurements"))
+    monkeypatch.setattr(building, "CHAPTERS", chapters("theirs", "measurements"))
     for name, gravity, state in (("right.xml", -9.81, "pass"), ("wrong.xml", 9.81, "fail")):
         theirs = tmp_path / name
         theirs.write_text(fl.to_mjcf(fl.lump(scene.varied({"gravity": (0.0, 0.0, gravity)}))), encoding="utf-8")

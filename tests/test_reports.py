@@ -17,15 +17,16 @@ from studies import REASON, first_screen, page_from, page_of, row, stored, words
 from flexlink.common.errors import FlexlinkError
 from flexlink.pages.numbers import JOIN, number
 from flexlink.pages.picture import Picture
+from flexlink.pages.tables import Table
 from reports.__main__ import main
 from reports.build import build
 from reports.curves import curves, panels_of
-from reports.finding import Finding
 from reports.findings.paper_conclusion import conclusion as judge
 from reports.findings.paper_conclusion import evaluations
 from reports.panels import PANELS, draw_tall, motions
 from reports.results import Results, used
-from reports.tables import limit, table
+from reports.tables import checks, limit, meanings
+from validation.judgement import judged_rows
 from validation.store import Planned, Series, Store
 
 ROOT = Path(__file__).parent.parent
@@ -80,7 +81,7 @@ def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None
     page = words_of(tmp_path, row("fine"), row("broken", value=3e-9, quantity="T_GC"))
     failing = page[page.index('id="failing"') :].split("</section>")[0]
     assert "T_GC" in failing
-    assert "Mass matrix against" not in failing
+    assert "the rounding bound: largest" not in failing
     assert failing.count("<tr class") == 1
     assert 'href="#case-broken"' in failing
 
@@ -88,7 +89,10 @@ def test_good_findings_do_not_stand_under_failing_checks(tmp_path: Path) -> None
 def test_a_number_that_is_praised_says_where_it_fails_its_limit(tmp_path: Path) -> None:
     page = words_of(tmp_path, row("broken", value=3e-9, quantity="M"))
     space = "\N{NO-BREAK SPACE}"
-    said = f"at most 3{space}×{space}10⁻⁹ of what rounding explains (paper_fig5, mujoco). (fails its limit)"
+    said = (
+        f"3{space}×{space}10⁻⁹ × the rounding bound: largest difference of the mass matrix from Pinocchio and MuJoCo "
+        "(paper_fig5, mujoco) (fails its limit)."
+    )
     assert said in page
     assert "(fails its limit)" in first_screen(page), "so does the first screen"
 
@@ -236,17 +240,17 @@ def test_the_share_of_a_limit_passes_one_exactly_when_the_check_fails() -> None:
 
 def test_reasons_stand_once_for_all_rows_and_notes_beside_theirs() -> None:
     rows = [row(note="Largest at joint 'upper.1'."), row(note="Hm.", engine="pinocchio")]
-    found = table(rows, {})
-    assert [meaning.reason for meaning in found.meanings] == [REASON]
-    assert [line.cells[found.heads.index("note")] for line in found.lines] == ["Largest at joint 'upper.1'.", "Hm."]
+    found, _ = checks(judged_rows(rows, {}))
+    assert [meaning.reason for meaning in meanings(rows)] == [REASON]
+    assert [line[found.heads.index("note")] for line in found.lines] == ["Largest at joint 'upper.1'.", "Hm."]
 
 
 def test_what_is_the_same_in_all_rows_has_no_column_and_what_differs_has(tmp_path: Path) -> None:
     rows = [row(varied={"method": "RK4", "step": h}, quantity="q") for h in (1e-3, 1e-4)]
-    found = table(rows, {})
-    assert found.common == "paper_fig5, mujoco, RK4"
-    assert found.heads == ("quantity", "setting", "value", "limit", "of its limit")
-    assert [line.cells[1] for line in found.lines] == ["h = 0.001 s", "h = 0.0001 s"]
+    found, common = checks(judged_rows(rows, {}))
+    assert common == "paper_fig5, mujoco, RK4"
+    assert found.heads == ("state", "quantity", "setting", "value", "limit", "of its limit")
+    assert [line[2] for line in found.lines] == ["h = 0.001 s", "h = 0.0001 s"]
     words_of(tmp_path, *rows)
     with (tmp_path / "report" / "terms.csv").open(encoding="utf-8", newline="") as file:
         assert [(line["method"], float(line["step [s]"])) for line in csv.DictReader(file)] == [
@@ -269,10 +273,10 @@ def test_a_limit_that_was_given_up_is_a_known_limitation(tmp_path: Path) -> None
         tmp_path, row(tolerance=None, given_up="A limit first set was 1e-8; it cannot be met."), row("fine")
     )
     assert "it cannot be met" in page[page.index('id="given-up"') :]
-    assert "1 limit of earlier versions given up" in first_screen(page), "the verdict admits it"
+    assert "1 limit withdrawn" in first_screen(page), "the verdict admits it"
 
 
-def conclusion(rk4: float, rk10: float) -> Finding:
+def conclusion(rk4: float, rk10: float) -> Table:
     """Methods whose error is `rk4` N⁻⁴ and `rk10` N⁻¹⁰ after N evaluations."""
     work = np.geomspace(10.0, 1e5, 9)
     return judge("name", "scene", {"RK4": (work, rk4 * work**-4), "RK10": (work, rk10 * work**-10)})

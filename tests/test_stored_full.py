@@ -48,14 +48,14 @@ def chapter(text: str, name: str) -> str:
 def test_a_chapter_of_which_nothing_ran_is_the_full_studys_and_says_so(tmp_path: Path, folder: Path) -> None:
     text = page(tmp_path, folder, row("paper_short", **CLAIM))
     said = chapter(text, "trade")
-    assert "Nothing of this chapter ran for this page. What follows is the full study’s, 2 cases" in said
-    assert "A ten-thousandth of the motion takes MuJoCo at least 7 times the CPU time of flexlink" in said
+    assert "No case of this chapter ran for this page. Shown: the full study, 2 cases" in said
+    assert "7 × flexlink&#39;s CPU time or more: MuJoCo" in said
     assert 'id="agreement"' not in text, "neither study has it"
 
 
 def test_tables_of_the_full_study_are_on_the_page_and_beside_it(tmp_path: Path, folder: Path) -> None:
     said = chapter(page(tmp_path, folder, row()), "claims")
-    assert "Of 1 claim those that hold as they stand: 1" in said
+    assert "1 claim: 1 confirmed" in said
     assert "It bends" in said
     assert (tmp_path / "report" / "paper_claims.csv").read_bytes() == (folder / "paper_claims.csv").read_bytes()
 
@@ -65,7 +65,7 @@ def test_a_chapter_says_what_ran_and_what_only_the_full_study_has(tmp_path: Path
     assert "Ran for this page: 1 case. Only in the full study (reports/full): paper_long." in chapter(text, "claims")
     assert "Only in the full study (reports/full): speed_trade." in chapter(text, "trade")
     whole = page(tmp_path / "again", folder, row("paper_short", **CLAIM), row("paper_long", **CLAIM))
-    assert "Ran for this page: 2 cases. The full study has no more here." in chapter(whole, "claims")
+    assert "Ran for this page: 2 cases. The full study has no others." in chapter(whole, "claims")
 
 
 def test_a_figure_of_the_full_study_is_part_of_the_page_and_its_files_stand_beside(
@@ -87,7 +87,7 @@ def test_the_page_names_the_command_of_the_full_study(tmp_path: Path, folder: Pa
     text = page(tmp_path, folder if held else None, row())
     head = text.partition('<section class="glance"')[0]
     assert "python -m validation --full" in head
-    assert ("is checked in: reports/full, PASS" in head) == held
+    assert ("is stored in reports/full: PASS" in head) == held
 
 
 def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path, monkeypatch) -> None:
@@ -99,15 +99,15 @@ def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path,
         "validation/cases/pointwise.toml",
     } <= measured.keys()
     assert stored_full.since("abc", measured).files == ()
-    assert "at commit abc; the files of flexlink/ and validation/ that numbers depend on are the same" in (
+    assert "at commit abc; no file that numbers depend on has changed since" in (
         stored_full.since("abc", measured).text
     )
     older = measured | {"flexlink/kernels/bodies/rne.py": "another", "flexlink/gone.py": "any"}
     del older["validation/runner.py"]
     found = stored_full.since("abc", older)
     assert found.files == ("flexlink/gone.py", "flexlink/kernels/bodies/rne.py", "validation/runner.py")
-    assert "since then 3 files of flexlink/ and validation/" in found.text
-    assert "not known" in stored_full.since("", {}).text
+    assert "3 files that numbers may depend on changed since" in found.text
+    assert "unknown" in stored_full.since("", {}).text
 
 
 def test_digests_are_those_that_git_gives_a_file(tmp_path: Path) -> None:
@@ -123,15 +123,15 @@ def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_p
     assert stored_full.read_sources(folder) == now
     text = (folder / "README.md").read_text(encoding="utf-8")
     assert text.startswith("# The full study: PASS\n\n- Correctness: **PASS**. 1 of 1 check")
-    assert "measured at commit 0123456789ab; since then 1 file of flexlink/ and validation/" in text
+    assert "measured at commit 0123456789ab; 1 file that numbers may depend on changed since" in text
     assert "- flexlink/kernels/bodies/rne.py\n" in text
 
 
 def test_limits_given_up_stand_in_the_readme_with_their_reasons(tmp_path: Path) -> None:
     results = stored(tmp_path / "results", row(), row("b", tolerance=None, given_up="It cannot be met."))
     text = (full.save(results, tmp_path / "latest", tmp_path / "full")).read_text(encoding="utf-8")
-    assert "1 limit of earlier versions given up: see “Limits given up”" in text
-    assert re.search(r"## Limits given up\n\n- b, M: It cannot be met\.", text)
+    assert "1 limit withdrawn: see “Known limitations”" in text
+    assert re.search(r"## Limits withdrawn\n\n- b, M: It cannot be met\.", text)
 
 
 def test_a_torn_file_of_the_full_study_is_one_line(tmp_path: Path, folder: Path) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from flexlink.common.errors import ArgumentError, FlexlinkError
 from flexlink.common.progress import Progress
 from validation.case import ALL, CASES, MODELS, Case, load_cases
-from validation.judgement import MISSED, correctness, speed, speed_state
+from validation.judgement import correctness, judged_rows, speed
 from validation.store import Row, Store
 
 try:
@@ -147,7 +147,7 @@ def _print_cases(console: Console, cases: Sequence[Case]) -> None:
 
 
 def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
-    finished = store.finished()
+    rows = judged_rows(rows, store.finished())
     table = Table("case", "passed", "failed", "information", "speed", box=None)
     for case in dict.fromkeys(row.case for row in rows):
         own = [row for row in rows if row.case == case]
@@ -155,17 +155,17 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
         failed = len(right.failed)
         informing = sum(row.passed is None for row in own)
         colour = "red" if failed else "green"
-        fast = speed(own, finished).brief()
+        fast = speed(own).brief()
         table.add_row(case, str(right.judged - failed), f"[{colour}]{failed}[/]", str(informing), fast)
     console.print(table)
     right = correctness(rows)
     for row in right.failed:
         console.print(f"[red]FAILED[/red] {escape(_describe(row))}", highlight=False, soft_wrap=True)
     for row in rows:
-        if speed_state(row, finished) == MISSED:
+        if row.state == "missed":
             console.print(f"[yellow]missed[/yellow] {escape(_describe(row))}", highlight=False, soft_wrap=True)
     console.print(f"correctness: {right.judged - len(right.failed)} of {right.judged} checks pass")
-    console.print(f"speed: {escape(speed(rows, finished).said())}", soft_wrap=True)
+    console.print(f"speed: {escape(speed(rows).sentence())}", soft_wrap=True)
 
 
 def _describe(row: Row) -> str:

@@ -2,12 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Literal, NamedTuple
 
 from validation.store import Conditions, Finished, Row
 
-MET, MISSED, BUSY = "met on this machine", "missed", "not measured: the machine was busy"
+State = Literal["FAIL", "missed", "not measured", "met", "pass", "info"]
+
+
+@dataclasses.dataclass(frozen=True)
+class JudgedRow(Row):
+    """A row with the verdict on it in a word, and with what else the machine did while its case was timed.
+
+    Attributes
+    ----------
+    state
+        pass or FAIL of a check of correctness; met, missed or not measured (on a busy machine) of a limit of time; info
+        without a limit.
+    conditions
+        None where nothing was timed, or where the case is not finished.
+    """
+
+    state: State
+    conditions: Conditions | None
+
+    @property
+    def busy(self) -> bool:
+        """Whether it was timed on a busy machine."""
+        return self.timed and self.conditions is not None and self.conditions.busy
 
 
 class Correctness(NamedTuple):
@@ -30,22 +53,41 @@ class Speed(NamedTuple):
         named = ((self.met, "met"), (self.missed, "missed"), (self.unmeasured, "not measured"))
         return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
 
-    def said(self) -> str:
+    def sentence(self) -> str:
         """The verdict in a line."""
         parts = [f"{len(rows)} {word}" for rows, word in ((self.met, "met"), (self.missed, "missed")) if rows]
         if parts:
             parts[-1] += " on this machine"
         if self.unmeasured:
-            parts.append(f"{len(self.unmeasured)} {BUSY}{f' ({crowd(self.worst)})' if self.worst else ''}")
-        return ", ".join(parts) or "nothing was timed against a limit"
+            load = f" ({crowd(self.worst)})" if self.worst else ""
+            parts.append(f"{len(self.unmeasured)} not measured because the machine was busy{load}")
+        return ", ".join(parts) or "no time limit was measured"
 
 
 def crowd(conditions: Conditions) -> str:
     """What a machine did besides, in words."""
-    spread = f"a fixed loop took {100 * conditions.spread:.0f} % longer than at its best"
+    spread = f"fixed loop {100 * conditions.spread:.0f} % slower than its best"
     if conditions.load is None:
         return spread
-    return f"other processes kept {conditions.load:.2g} of {conditions.cores} cores busy, {spread}"
+    return f"other processes used {conditions.load:.2g} of {conditions.cores} cores, {spread}"
+
+
+def judged_rows(rows: Iterable[Row], finished: Mapping[str, Finished]) -> tuple[JudgedRow, ...]:
+    """Rows with their verdicts; a limit of time is not measured on a busy machine, or while its case goes on."""
+    return tuple(_judged(row, finished.get(row.case)) for row in rows)
+
+
+def _judged(row: Row, case: Finished | None) -> JudgedRow:
+    state: State
+    if row.passed is None:
+        state = "info"
+    elif not row.timed:
+        state = "pass" if row.passed else "FAIL"
+    elif case is None or case.busy:
+        state = "not measured"
+    else:
+        state = "met" if row.passed else "missed"
+    return JudgedRow(**vars(row), state=state, conditions=case.conditions if case else None)
 
 
 def correctness(rows: Sequence[Row]) -> Correctness:
@@ -54,22 +96,10 @@ def correctness(rows: Sequence[Row]) -> Correctness:
     return Correctness(len(judged), tuple(row for row in judged if not row.passed))
 
 
-def speed(rows: Sequence[Row], finished: Mapping[str, Finished]) -> Speed:
+def speed(rows: Sequence[JudgedRow]) -> Speed:
     """The verdict on limits of time; of a case that was timed on a busy machine none is met or missed."""
-    found: dict[str, list[Row]] = {MET: [], MISSED: [], BUSY: []}
-    for row in rows:
-        state = speed_state(row, finished)
-        if state:
-            found[state].append(row)
-    busy = [done.conditions for done in finished.values() if done.conditions and done.busy]
-    worst = max(busy, key=lambda c: ((c.load or 0.0) / c.cores, c.spread), default=None)
-    return Speed(tuple(found[MET]), tuple(found[MISSED]), tuple(found[BUSY]), worst)
-
-
-def speed_state(row: Row, finished: Mapping[str, Finished]) -> str:
-    """What became of a limit of time; "" of a row that has none."""
-    if not row.timed or row.passed is None:
-        return ""
-    if row.case not in finished or finished[row.case].busy:
-        return BUSY
-    return MET if row.passed else MISSED
+    met, missed, unmeasured = (
+        tuple(row for row in rows if row.state == state) for state in ("met", "missed", "not measured")
+    )
+    busy = [row.conditions for row in unmeasured if row.conditions is not None]
+    return Speed(met, missed, unmeasured, max(busy, key=lambda c: ((c.load or 0.0) / c.cores, c.spread), default=None))

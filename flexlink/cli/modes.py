@@ -74,5 +74,5 @@ def run_command(options: argparse.Namespace) -> int:
     print_modes(scene, found, range(min(options.count, len(found.eigenvalues))))
     print(first)
     if options.plot is not None:
-        draw(plotting().plot_modes(found, scene.name, options.count), options.plot)
+        draw(plotting().plot_modes(found, chain, options.count), options.plot)
     return 0

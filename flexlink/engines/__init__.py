@@ -67,7 +67,6 @@ def load_here(name: str, source: Chain | ForeignFile) -> Engine:
             f"install it with: python -m pip install 'flexlink[{adapter.extra}]'"
         ) from error
     cls = getattr(module, adapter.class_name)
-    engine: Engine = (
-        cls.from_file(source) if isinstance(source, ForeignFile) else cls(require_type("chain", source, Chain))
-    )
+    foreign = isinstance(source, ForeignFile)
+    engine: Engine = cls.from_file(source) if foreign else cls(require_type("chain", source, Chain))
     return engine

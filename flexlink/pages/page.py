@@ -13,10 +13,12 @@ DATA = Path(__file__).parent / "data"
 
 
 def template(path: Path, **filters: object) -> jinja2.Template:
-    """The template of a file, which may extend `page.html` and take macros from `elements.html`."""
+    """The template of a file; one of HTML may extend `page.html` and take macros from `elements.html`."""
+    is_html = path.suffix == ".html"
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader([path.parent, DATA]),
-        autoescape=True,
+        autoescape=is_html,
+        keep_trailing_newline=not is_html,
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,

@@ -11,22 +11,11 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from flexlink.common.output import write_text, write_whole
+from flexlink.pages.chapter import Shown
 from flexlink.pages.inline import inline
 from flexlink.pages.style import RC
 
 PNG_DPI = 160
-
-
-@dataclasses.dataclass(frozen=True)
-class Shown:
-    """A figure on a page."""
-
-    name: str
-    id: str
-    title: str
-    svg: str
-    caption: str
-    files: tuple[str, ...]
 
 
 @dataclasses.dataclass(frozen=True)

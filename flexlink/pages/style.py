@@ -96,6 +96,8 @@ def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
         axes.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), **look)
     else:
         figure.legend(handles, labels, loc="outside upper left", **look)
+        more_rows = -(-len(labels) // columns) - 2
+        figure.set_figheight(figure.get_figheight() + 0.2 * max(0, more_rows))  # so that no panel shrinks
 
 
 def colour_along(part: float) -> str:

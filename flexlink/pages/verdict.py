@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-State = Literal["pass", "fail", "doubt", "info"]
+from flexlink.pages.chapter import Chapter
+
+State = Literal["pass", "fail", "doubt", "info", "incomplete", "met", "missed", "not-measured"]
+"""CSS classes of verdicts."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,13 +33,18 @@ class Report:
         index.html in its folder.
     verdicts
         What its first screen says.
-    failures
-        Chapters that could not be computed, each with the reason.
+    chapters
+        What the page holds, in order.
     """
 
     page: Path
     verdicts: tuple[Verdict, ...]
-    failures: tuple[str, ...]
+    chapters: Sequence[Chapter]
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """Chapters that could not be computed, each with the reason."""
+        return tuple(f"{chapter.title}: {chapter.failure}" for chapter in self.chapters if chapter.failure)
 
     @property
     def passed(self) -> bool:

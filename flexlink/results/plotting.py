@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexlink.results.notebook_figure import NotebookFigure as Figure
+from flexlink.results.pictures.view import view_of_motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from flexlink.chain.chain import Chain
     from flexlink.dynamics.vibration.modal import Modes
     from flexlink.results.samples import RunSamples
 
@@ -83,28 +85,26 @@ PANELS: tuple[tuple[Callable[[Axes, RunSamples], None], Callable[[RunSamples], b
 """What a picture of a run shows, from top to bottom, and of which runs."""
 
 
-def plot_modes(found: Modes, name: str, count: int = 8) -> Figure:
-    """Mode shapes as displaced arms, one panel a mode, seen along the axis of frame 0 in which the arm moves least."""
+def plot_modes(found: Modes, chain: Chain, count: int = 8) -> Figure:
+    """Mode shapes as displaced arms, one panel a mode, each from where most of it is seen."""
     shown = min(count, len(found.eigenvalues))
-    paths = found.paths[:shown].real
-    spread = np.ptp(found.points, axis=0) + np.abs(paths).max(axis=(0, 1))
-    across, up = sorted(np.argsort(spread)[1:])
     reach = np.ptp(found.points, axis=0).max() or 1.0
     rows = -(-shown // 2)
     figure = Figure(figsize=(7.2, 3.0 * rows + 0.6), layout="constrained")
-    figure.suptitle(f"{name}: mode shapes, amplitude not to scale")
-    panels = np.atleast_1d(figure.subplots(rows, 2, sharex=True, sharey=True)).ravel()
-    for k, panel in enumerate(panels):
-        panel.set_visible(k < shown)
-        if k < shown:
-            largest = np.abs(paths[k]).max() or 1.0
-            bent = found.points + 0.25 * reach / largest * paths[k]
-            panel.plot(*found.points[:, [across, up]].T, color="0.7", linewidth=1.0, label="posture")
-            panel.plot(*bent[:, [across, up]].T, marker=".", markersize=4, label=f"mode {k + 1}")
-            panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz", fontsize="medium")
-            panel.set(xlabel=f"{'xyz'[across]} [m]", ylabel=f"{'xyz'[up]} [m]")
-            panel.set_aspect("equal")
-            panel.grid(alpha=0.3)
+    figure.suptitle(f"{chain.name}: mode shapes, amplitude not to scale")
+    panels = np.atleast_1d(figure.subplots(rows, 2, squeeze=False)).ravel()
+    for panel in panels[shown:]:
+        panel.set_visible(False)
+    for k, panel in enumerate(panels[:shown]):
+        path = found.paths[k].real
+        bent = found.points + 0.25 * reach / (np.abs(path).max() or 1.0) * path
+        view = view_of_motion(chain, found.points, bent)
+        panel.plot(*view.flat(found.points), color="0.7", linewidth=1.0, label="posture")
+        panel.plot(*view.flat(bent), marker=".", markersize=4, label=f"mode {k + 1}")
+        panel.set_title(f"{k + 1}: {found.hertz[k]:.4g} Hz", fontsize="medium")
+        panel.set(xlabel=view.labels[0], ylabel=view.labels[1])
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.grid(alpha=0.3)
     return figure
 
 

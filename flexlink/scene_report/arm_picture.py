@@ -12,7 +12,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.style import legend_over
-from flexlink.scene_report.views import draw_arm, panels, views_of
+from flexlink.results.pictures.view import views_of
+from flexlink.scene_report.views import draw_arm, panels
 
 
 def plot_scene(scene: Scene) -> Figure:
@@ -24,7 +25,7 @@ def plot_scene(scene: Scene) -> Figure:
 def plot_chain(chain: Chain, q: ArrayLike | None) -> Figure:
     """The arm at the angles q (n,) [rad]; None: joints at zero, springs slack."""
     points = frames(chain, chain.rest if q is None else np.asarray(q)).points
-    views = views_of(points, chain.gravity)
+    views = views_of(chain, points)
     figure, axes = panels(views, points)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain)

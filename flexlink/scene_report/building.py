@@ -7,73 +7,82 @@ import importlib
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 
 import matplotlib as mpl
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
-from flexlink.pages.page import DATA, make_folder, template
-from flexlink.pages.picture import Shown
+from flexlink.pages.chapter import Chapter
+from flexlink.pages.page import make_folder, template
 from flexlink.pages.style import RC
-from flexlink.pages.verdict import Report
+from flexlink.pages.verdict import Report, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
-PARTS = (
-    "model", "motion", "theirs", "measurements", "agreement", "energy", "accuracy", "statics", "vibration", "settling",
-    "loads", "reproduce",
-)  # fmt: skip
-"""Modules of `flexlink.scene_report.parts`, in the order of the page."""
+CHAPTERS = {
+    "model": ("Model", "Model"),
+    "motion": ("Motion", "Motion"),
+    "theirs": ("Comparison with another file", "Other file"),
+    "measurements": ("Comparison with measurements", "Measurements"),
+    "agreement": ("Agreement with other engines", "Agreement"),
+    "energy": ("Energy balance", "Energy"),
+    "accuracy": ("Accuracy and cost", "Accuracy and cost"),
+    "statics": ("Static deflection, joints locked", "Statics"),
+    "vibration": ("Vibration modes, joints locked", "Modes"),
+    "settling": ("Settling", "Settling"),
+    "loads": ("Loads and drive torques", "Loads"),
+    "reproduce": ("How to reproduce", "Reproduce"),
+}
+"""Modules of `flexlink.scene_report.parts`, in the order of the page: heading, and name in the list of chapters."""
 
 
-@dataclasses.dataclass(frozen=True)
-class Chapter:
-    """A part, its files written."""
-
-    id: str
-    title: str
-    short: str
-    part: Part
-    figures: tuple[Shown, ...] = ()
-    failure: str = ""
-
-
-def build(study: Study, folder: Path, told: Callable[[str], None]) -> Report:
+def build(study: Study, folder: Path, progress: Callable[[str], None]) -> Report:
     """Write all files; the page last, and whole. Errors as in `report`."""
     study.chain  # noqa: B018  without one there is nothing to report on
     make_folder(folder)
     definitions: dict[str, str] = {}
-    chapters = []
-    for name in PARTS:
+    chapters: list[Chapter] = []
+    verdicts: list[Verdict] = []
+    for name, (title, short) in CHAPTERS.items():
         began = time.perf_counter()
-        chapter = _chapter(importlib.import_module(f"flexlink.scene_report.parts.{name}"), study, folder, definitions)
-        if chapter is not None:
-            chapters.append(chapter)
-            told(f"{chapter.title}: {chapter.failure or 'done'} ({time.perf_counter() - began:.1f} s)")
-    verdicts = tuple(verdict for chapter in chapters for verdict in chapter.part.verdicts)
+        part = _part(name, study)
+        if part is None:
+            continue
+        if isinstance(part, Part):
+            chapters.append(_written(Chapter(name, title, short), part, folder, definitions))
+            verdicts += part.verdicts
+        else:
+            chapters.append(Chapter(name, title, short, failure=part))
+        progress(f"{title}: {chapters[-1].failure or 'done'} ({time.perf_counter() - began:.1f} s)")
     page = folder / "index.html"
-    filled = template(DATA / "scene.html").render(
+    filled = template(Path(__file__).parent / "data" / "scene.html").render(
         title=f"{study.scene.name}: flexlink report", name=study.scene.name, chapters=chapters, verdicts=verdicts,
         definitions=definitions,
     )  # fmt: skip
     write_text(page, filled)
-    return Report(page, verdicts, tuple(f"{c.title}: {c.failure}" for c in chapters if c.failure))
+    return Report(page, tuple(verdicts), chapters)
 
 
-def _chapter(module: ModuleType, study: Study, folder: Path, definitions: dict[str, str]) -> Chapter | None:
+def _part(name: str, study: Study) -> Part | str | None:
+    """What a chapter holds; None if there is nothing to say, the reason if it cannot be computed."""
+    module = importlib.import_module(f"flexlink.scene_report.parts.{name}")
     try:
         with mpl.rc_context(RC), np.errstate(all="ignore"):
             part: Part | None = module.made(study)
     except Exception as error:  # of whatever engine: the other chapters are not lost by it
-        told = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
-        return Chapter(module.ID, module.TITLE, module.SHORT, Part(), failure=" ".join(told.split()))
-    if part is None:
-        return None
-    figures = tuple(picture.shown(folder, definitions) for picture in part.pictures)
+        reason = str(error) if isinstance(error, FlexlinkError) else f"{type(error).__name__}: {error}"
+        return " ".join(reason.split())
+    return part
+
+
+def _written(chapter: Chapter, part: Part, folder: Path, definitions: dict[str, str]) -> Chapter:
+    """The chapter with what a part holds, its files written."""
     for table in part.tables:
         write_text(folder / f"{table.name}.csv", table.csv)
     for name, text in part.files.items():
         write_text(folder / name, text)
-    return Chapter(module.ID, module.TITLE, module.SHORT, part, figures)
+    return dataclasses.replace(
+        chapter, sentences=part.sentences, tables=part.tables, literal=part.literal, files=tuple(part.files),
+        figures=tuple(picture.shown(folder, definitions) for picture in part.pictures),
+    )  # fmt: skip

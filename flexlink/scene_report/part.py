@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 
 from flexlink.pages.picture import Picture
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
 
 
@@ -30,6 +30,6 @@ class Part:
     sentences: tuple[str, ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     pictures: tuple[Picture, ...] = ()
-    tables: tuple[Sheet, ...] = ()
+    tables: tuple[Table, ...] = ()
     literal: str = ""
     files: dict[str, str] = dataclasses.field(default_factory=dict)

@@ -173,9 +173,9 @@ class Refinement:
         if self.says_state or not any(self.model):
             return found
         if not controlled:
-            found.append(self._choice("steps by a tolerance", self.model, self.strict))
+            found.append(self._choice("adaptive steps", self.model, self.strict))
         others = [(self.times_the_hinges(factor, _times(factor)), self.cut(factor)) for factor in FACTORS]
-        others += [(f"bending about {' and '.join(flex)} only", self.limited_axes(flex)) for flex in FLEX[1:-1]]
+        others += [(f"{', '.join(flex)} bending only", self.limited_axes(flex)) for flex in FLEX[1:-1]]
         others.append(("rigid links", (None,) * len(self.model)))
         for label, model in others:
             if model != self.model and can_move(self.scene, model):

@@ -10,6 +10,7 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing.connection import Connection
+from typing import Any
 
 from flexlink.common.errors import ArgumentError, EngineError, MissingDependencyError
 from flexlink.common.processes import exit_when_closed

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, INK, MARKERS, legend_above, stacked_axes
 from reports.results import Results
 from reports.tables import rows_csv
-from validation.store import Finished, Row
+from validation.judgement import JudgedRow
+from validation.store import Row
 
 SECTION = "agreement"
 TAKES: tuple[str, ...] = ()
@@ -25,12 +26,10 @@ def draw(results: Results) -> Iterator[Picture]:
     limits = (min(shown) / 4.0, max(shown) * 4.0)
     for case, scene in dict.fromkeys((row.case, row.scene) for row in rows):
         own = [row for row in rows if (row.case, row.scene) == (case, scene)]
-        yield _picture(case, scene, own, limits, results.finished)
+        yield _picture(case, scene, own, limits)
 
 
-def _picture(
-    case: str, scene: str, rows: Sequence[Row], limits: tuple[float, float], finished: Mapping[str, Finished]
-) -> Picture:
+def _picture(case: str, scene: str, rows: Sequence[JudgedRow], limits: tuple[float, float]) -> Picture:
     labels = list(dict.fromkeys(_label(row) for row in rows))
     engines = list(dict.fromkeys(row.engine for row in rows))
     figure, (axes,) = stacked_axes(1, 1.3 + 0.33 * len(labels))
@@ -51,7 +50,7 @@ def _picture(
         measures.setdefault(row.metric, []).append(row.quantity)
     words = "; ".join(f"{', '.join(dict.fromkeys(names))}: {metric}" for metric, names in measures.items())
     caption = f"A point at the left edge is exactly 0. {words}."
-    return Picture(f"{case}.{scene}", f"{scene}: {rows[0].title}", figure, caption, rows_csv(rows, finished))
+    return Picture(f"{case}.{scene}", f"{scene}: {rows[0].title}", figure, caption, rows_csv(rows))
 
 
 def _label(row: Row) -> str:

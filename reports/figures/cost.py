@@ -32,7 +32,7 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set(xlabel=f"cost of a step [{unit}]", xlim=(0.0, 1.3 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        words = "Time of one core for one step, with sampling and energies."
+        words = "CPU time of one step on one core, sampling and energies included."
         shown = [row for row in rows if row.quantity == "cost per step"]
         title = f"{rows[0].scene}: cost of a step by method"
-        yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown, results.finished))
+        yield Picture(f"{case}.cost", title, figure, words, rows_csv(shown))

@@ -26,5 +26,5 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.set(xlabel=series.x_label, ylabel="change of energy [J]")
             legend_above(figure, axes, 2)
             title = f"{series.scene}: where the energy goes"
-            words = "Change of each part of the energy since the start."
+            words = "Change of each energy since the start."
             yield Picture(f"{case}.{series.name}", title, figure, words, series_csv(series))

@@ -30,6 +30,6 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 CAPTION = (
-    "Largest change of the total energy, which the exact motion keeps. Predicted: what the method's damping takes from "
-    "the elastic modes that the release excites, plus rounding."
+    "Largest change of the total energy, which the exact motion conserves. Predicted: numerical damping of the excited "
+    "elastic modes, plus rounding."
 )

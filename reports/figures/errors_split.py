@@ -21,9 +21,8 @@ LOOKS = {
     "total": (INK, "|"),
 }  # fmt: skip
 CAPTION = (
-    "Largest distance of the tip from the arm's own, and what it is made of: the type of the links (model), their "
-    "hinges (space), method and steps (time), rounding. The rightmost part is the one to mend; a part that is exactly "
-    "nothing is not drawn."
+    "Largest tip error and its parts: type of the links (model), number of hinges (space), time steps (time), "
+    "rounding. Improve the rightmost part first. Parts that are exactly zero are not drawn."
 )
 LINE = 0.5  # in, a run
 

@@ -20,13 +20,13 @@ ENGINES = (("native", BLUE, "o"), ("pinocchio", ORANGE, "s"), ("mujoco", VERMILI
 MOST = 16  # digits of float64
 SHADES = ListedColormap(["#b2182b", "#d6604d", "#f4a582", "#fddbc7", "#d1e5f0", "#92c5de", "#4393c3", "#2166ac"])
 MAP = (
-    "Digits of q̈ that are right, a cell for each value of one axis alone, least left, most right; the worse of two "
-    "scenes. Grey: refused by name, or no such value. The CSV has every cell, also of two axes, and the command "
-    "that looks at it once more."
+    "Correct digits of q̈, one cell for each value of one parameter, smallest left; the worse of two scenes. Grey: "
+    "refused with an error message, or no such value. The CSV has all cells, also of two parameters, with the command "
+    "that repeats each."
 )
 CLOUD = (
-    "Largest error of q̈ as a part of the largest element, every cell of the map: one axis or two at extremes. 1 is no "
-    "digit at all."
+    "Largest error of q̈ relative to its largest element, in every cell of the map: one or two parameters at extremes. "
+    "1: no correct digit."
 )
 
 

@@ -20,15 +20,14 @@ TAKES = ()  # `outcomes` is drawn by the figure of that name
 ENGINES = {"native": "flexlink", "pinocchio": "Pinocchio", "mujoco": "MuJoCo"}
 KNOWN = ("within", "near", "warned", "false doubt")
 COLOURS = ListedColormap([GREY, GREEN, VERMILION])  # refused or unknown, known, wrong without a word
-TITLE = "Wrong without a word"
+TITLE = "Wrong without a warning"
 KEY = (
-    "Red: the number of runs whose tip is off by more than ten tolerances, of fixed steps 5 % of its motion, without a "
-    "word. Green: there is none. Grey: every run was refused, stopped, or too sensitive for a truth; an engine that "
-    "leaves the finite numbers counts as refused. The CSV of the outcomes has every run, with the command that looks "
-    "at it once more."
+    "Red: number of runs with a tip error above ten tolerances (fixed steps: 5 % of the motion) and no warning. Green: "
+    "none. Grey: all runs were refused, stopped, or too sensitive for a reference; a run that overflows counts as "
+    "refused. The CSV of the outcomes has all runs, with the command that repeats each."
 )
-ALONE = f"One axis at a time, least left, most right, in all scenes. {KEY}"
-PAIRS = f"Two axes at a time, a few values each, in all scenes. {KEY}"
+ALONE = f"One parameter at a time, smallest left, in all scenes. {KEY}"
+PAIRS = f"Two parameters at a time, a few values each, in all scenes. {KEY}"
 AND = " and "
 """Between the names of the axes of a cell."""
 

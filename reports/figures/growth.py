@@ -42,7 +42,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 CAPTION = (
-    "Largest difference of any joint angle up to time t. The first curve is flexlink against itself, started "
-    "one unit in the last place away or with another solver for q̈: all that rounding alone can do. An engine that "
-    "computes the same motion grows along with it."
+    "Largest difference of any joint angle up to time t. First curve: flexlink against itself, started one unit in the "
+    "last place away or with another solver for q̈, which is the effect of rounding alone. Engines that compute the "
+    "same motion follow that curve."
 )

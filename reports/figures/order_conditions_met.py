@@ -13,8 +13,8 @@ SECTION = "integrators"
 TAKES: tuple[str, ...] = ()
 CURVES = (("residual", "through the order", BLUE, "o"), ("residual one order above", "next order", VERMILION, "s"))
 CAPTION = (
-    "Largest residual of all order conditions through each method's order, in many-digit arithmetic from the exact "
-    "coefficients (at the left edge: exactly zero), and of the conditions one order above, which must not vanish."
+    "Largest residual of all order conditions up to each method's order, in multi-digit arithmetic from the exact "
+    "coefficients (left edge: exactly zero), and of the conditions one order higher, which must not vanish."
 )
 
 
@@ -46,4 +46,4 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set_xlim(left=left)
         axes.set_ylim(len(methods) - 0.5, -0.5)
         legend_above(figure, axes, 3)
-        yield Picture(case, rows[0].title, figure, CAPTION, rows_csv(rows, results.finished))
+        yield Picture(case, rows[0].title, figure, CAPTION, rows_csv(rows))

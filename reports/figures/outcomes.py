@@ -19,9 +19,9 @@ SHOWN = (
     ("false doubt", ORANGE), ("silent wrong", VERMILION),
 )  # fmt: skip
 CAPTION = (
-    "Runs by method and by step or tolerance, a part of the reach: off by at most a tolerance (within) or ten (near), "
-    "with a warning, ended by a named error, too dear to be judged, without a truth, warned without need, wrong "
-    "without a word."
+    "Runs by method and by step or tolerance (part of the reach): error at most one tolerance (within) or ten (near), "
+    "with a warning, ended with an error message, too expensive to judge, without a reference, needless warning, wrong "
+    "without a warning."
 )
 
 

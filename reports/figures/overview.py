@@ -40,9 +40,9 @@ def draw(results: Results) -> Iterator[Picture]:
     axes.set_ylim(len(names) - 0.5, -0.5)
     tidy_logs(axes)
     legend_above(figure, axes, 3)
-    title = "All checks of correctness, and how much of its limit each uses"
-    words = "Left is better; right of the line fails."
-    yield Picture("overview", title, figure, words, rows_csv(rows, results.finished))
+    title = "All checks of correctness: share of the limit that each uses"
+    words = "Further left is better; checks right of the line fail."
+    yield Picture("overview", title, figure, words, rows_csv(rows))
 
 
 def _offset(row: Row) -> float:

@@ -59,14 +59,14 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 READ = (
-    "Lines join the numbers of hinges that were tried; the number beside a rule is its order, fitted to the last three "
-    "(of the first panel)."
+    "Marks: numbers of hinges that were tried. The number beside a rule is its observed order, fitted to the last "
+    "three marks of the first panel."
 )
 PRICE = (
-    "Error of the first mode against what an explicit method pays: hinges times steps a second at RK4's largest stable "
-    "step (EI = ρA = L = 1). Short segments at the ends of a link, as legendre has them, cost small steps."
+    "Error of the first mode against the work of an explicit method: hinges × steps per second at RK4's largest stable "
+    "step (EI = ρA = L = 1). Short segments at the ends of a link, as with legendre, need small steps."
 )
-MOTION = "Continuous reference, the judged chain, and the chain beside it."
+MOTION = "Continuous reference, judged chain, and chain for comparison."
 
 
 def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:

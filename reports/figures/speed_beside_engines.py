@@ -33,5 +33,5 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set(xlabel="simulated seconds per second [1]", xlim=(0.0, 1.25 * max(values)))
         axes.invert_yaxis()
         axes.grid(visible=False, axis="y")
-        words = "Simulated seconds in a second of one core, engines called from Python; the line is the limit for LU."
-        yield Picture(case, rows[0].title, figure, words, rows_csv(found, results.finished))
+        words = "Simulated seconds per CPU second on one core; engines are called from Python. Line: limit for LU."
+        yield Picture(case, rows[0].title, figure, words, rows_csv(found))

@@ -50,8 +50,8 @@ def _picture(name: str, series: Series, exponents: Exponents) -> Picture:
     axes[-1].set_xlabel(series.x_label)
     legend_above(figure, axes[0], 2)
     caption = (
-        "Against the number of joints n, for T1 in a plane and skew, T2 and T3, where measured; exponents are fitted "
-        "from n = 100 on. Engines are called from Python."
+        "Time against the number of joints n, for planar and skew T1, T2 and T3 where measured. Exponents are fitted "
+        "for n ≥ 100. Engines are called from Python."
     )
     return Picture(name, series.title, figure, caption, series_csv(series))
 

@@ -15,8 +15,8 @@ from reports.tables import series_csv
 SECTION = "extremes"
 TAKES = ("stable steps",)
 CAPTION = (
-    "Largest step with which a run about rest does not grow, found by halving, against the one that is predicted from "
-    "the modes: a point a scene and method. The lowest are as close as the halvings tell. The line is the limit."
+    "Relative difference between the largest stable step, found by bisection, and its prediction from the modes: one "
+    "point for each scene and method. The lowest points reach the resolution of the bisection. Line: limit."
 )
 
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import table_csv
-from reports.prices import AIMS, LOOKS, OURS, SAID, Run, front, runs, works
+from reports.prices import AIMS, DISPLAY_NAMES, LOOKS, OURS, Run, front, runs, works
 from reports.results import Results
 
 SECTION = "trade"
@@ -17,8 +17,8 @@ TAKES = ("work",)
 APART = 20.0  # in error, of two names
 SHOWN = 1.0  # an error of everything or more is no result
 CAPTION = (
-    "Left is more accurate, lower is cheaper. Faint: every run; line: those than which no other of the contestant is "
-    "both as cheap and as right, named where a method first joins it. Errors are parts of the motion or deflection."
+    "Further left: more accurate; lower: cheaper. Faint: all runs. Line: Pareto front of each contestant, labelled "
+    "where a method first joins it. Errors are relative to the motion or the deflection."
 )
 HEADS = ("contestant", "method", "step [s] or tolerance [m]", "CPU time [s]", "evaluations", *AIMS, *(
     f"on its front, {word}" for word in AIMS.values()
@@ -47,7 +47,7 @@ def _contestant(axes: Axes, many: Sequence[Run], aim: str) -> None:
     who, best = many[0].who, front(many, aim)
     colour, marker = LOOKS[who]
     looks = (many, marker, {"markersize": 2.5, "alpha": 0.3, "markeredgewidth": 0}), (
-        best, f"{marker}-", {"markersize": 4.0, "label": SAID.get(who, who)},
+        best, f"{marker}-", {"markersize": 4.0, "label": DISPLAY_NAMES.get(who, who)},
     )  # fmt: skip
     for part, line, look in looks:
         axes.plot(

@@ -19,9 +19,8 @@ ROOM = 0.15  # of the smallest error, for the name of the first run
 SHOWN = 1.0  # an error of everything or more is no result
 APART = 4.0  # in error, of two names
 CAPTION = (
-    "Whole error of the tip, of model, hinges and steps, as a part of its motion. A mark is a type of the links, a "
-    "rule, a number of hinges, a method and its steps; the line: those than which no other is both as cheap and as "
-    "right, with type, hinges and rule."
+    "Total tip error (model, hinges, steps) relative to the tip's motion. Each mark is one choice of link type, "
+    "lumping rule, number of hinges, method and steps. Line: Pareto front, labelled with type, hinges and rule."
 )
 
 

@@ -8,15 +8,15 @@ from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import INK, legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import table_csv
-from reports.prices import LOOKS, OURS, SAID, Price, errors, prices, works
+from reports.prices import DISPLAY_NAMES, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
 TAKES: tuple[str, ...] = ()
 AIM = "error"
 CAPTION = (
-    "CPU time of each contestant's cheapest way to the error, over that of flexlink's. Left of the line flexlink is "
-    "dearer. Hollow: not measured, but by the method's order or its limit of stability, in the other's favour."
+    "CPU time of each contestant's cheapest run with that error, over flexlink's. Left of the line flexlink is slower. "
+    "Hollow: extrapolated by the method's order or its stability limit, in the contestant's favour."
 )
 HEADS = (
     "scene",
@@ -48,7 +48,7 @@ def _picture(error: float, found: dict[str, dict[str, Price]]) -> Picture:
         ]
         filled = [colour if not found[scenes[y]][who].remark else "none" for _, y in places]
         for k, ((ratio, y), face) in enumerate(zip(places, filled, strict=True)):
-            label = SAID.get(who, who) if k == 0 else None
+            label = DISPLAY_NAMES.get(who, who) if k == 0 else None
             axes.plot(ratio, y, marker, color=colour, markerfacecolor=face, linestyle="", label=label)
     axes.axvline(1.0, color=INK)
     axes.set(xscale="log", xlabel="CPU time / that of flexlink [1]", yticks=range(len(scenes)), yticklabels=scenes)

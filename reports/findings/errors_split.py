@@ -6,29 +6,29 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from flexlink.pages.numbers import number, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 from validation.store import Series
 
 SECTION = "errors"
 PARTS = {
-    "model": "the type of the links",
-    "space": "their hinges, by number and rule",
-    "time": "method and steps",
+    "model": "link type",
+    "space": "number of hinges and rule",
+    "time": "method and step",
     "rounding": "rounding",
 }
 MM = 1e3  # in a metre
 LITTLE = 0.01  # of the error: what is smaller is not worth mending
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table, if the study split any error."""
     runs = [run for _, series in results.showing("errors") for run in _runs(series)]
     if runs:
         lines = tuple(_line(name, errors) for name, errors in runs)
-        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "most of it")
+        heads = ("run", *(f"{part} [mm]" for part in PARTS), "error [mm]", "largest part")
         sentences = tuple(_sentences([errors for _, errors in runs]))
-        yield Finding("errors_split.where", "Where the error of a run comes from", sentences, heads, lines)
+        yield Table("errors_split.where", "Where the error of a run comes from", heads, lines, sentences)
 
 
 def _runs(series: Series) -> Iterator[tuple[str, Mapping[str, float]]]:
@@ -48,11 +48,11 @@ def _most(errors: Mapping[str, float]) -> str:
 def _sentences(runs: Sequence[Mapping[str, float]]) -> Iterator[str]:
     first = Counter(map(_most, runs)).most_common()
     yield (
-        f"What to mend first, of {plural(len(runs), 'run')}: "
+        f"Largest part of the error in {plural(len(runs), 'run')}: "
         + "; ".join(f"{PARTS[part]} in {count}" for part, count in first)
         + "."
     )
     idle = sum(errors["time"] < LITTLE * errors["total"] for errors in runs)
-    yield f"In {idle} of them smaller steps gain less than {100 * LITTLE:.0f} %."
+    yield f"In {idle} of them, smaller steps would gain less than {100 * LITTLE:.0f} %."
     worst = max(errors["rounding"] / errors["total"] for errors in runs)
-    yield f"Rounding is at most {number(worst, 2)} of an error."
+    yield f"Rounding causes at most {number(worst, 2)} of an error."

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import amount, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 from validation.store import Row
 
@@ -15,13 +15,13 @@ CLAIM = "claim"
 HOLDS, PLAINLY = "holds", r"holds($|[;:])"  # what the note of a claim begins with: at all, and without limits
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table over all cases that judge a claim."""
     claims = _once([row for row in results.rows if row.quantity.startswith(CLAIM)])
     if claims:
         heads = (CLAIM, "measured", "verdict")
         lines = tuple((_words(row), f"{amount(row.value, row.unit)}: {row.metric}", row.note) for row in claims)
-        yield Finding("paper_claims", "Claim by claim", (_said(claims),), heads, lines, opened=True)
+        yield Table("paper_claims", "Claim by claim", heads, lines, (_sentence(claims),), opened=True)
 
 
 def _once(rows: list[Row]) -> list[Row]:
@@ -42,11 +42,10 @@ def _arms(row: Row) -> float:
     return float(row.varied.get("arms", 0))
 
 
-def _said(claims: list[Row]) -> str:
+def _sentence(claims: list[Row]) -> str:
     plain = sum(bool(re.match(PLAINLY, row.note)) for row in claims)
     limited = sum(row.note.startswith(HOLDS) for row in claims) - plain
     left = len(claims) - plain - limited
     return (
-        f"Of {plural(len(claims), 'claim')} those that hold as they stand: {plain}; within limits: "
-        f"{limited}; that do not hold: {left}."
+        f"{plural(len(claims), 'claim')}: {plain} confirmed, {limited} confirmed within limits, {left} not confirmed."
     )

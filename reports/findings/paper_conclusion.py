@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.pages.numbers import amount, number
+from flexlink.pages.tables import Table
 from reports.curves import floats, groups
-from reports.finding import Finding
 from reports.results import Results
 
 SECTION = "integrators"
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Costs = Mapping[str, float]  # method → evaluations per simulated second, of those that reach an accuracy
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One finding a scene of every comparison of methods."""
     for case, series in results.showing("comparison"):
         works = {
@@ -30,7 +30,7 @@ def find(results: Results) -> Iterator[Finding]:
         yield conclusion(f"{case}.{series.name}.conclusion", series.scene, works)
 
 
-def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Finding:
+def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) -> Table:
     """The cheapest method at every accuracy that any method reaches, and what that makes of the paper's conclusion."""
     table = {}
     for target in TARGETS:
@@ -41,7 +41,7 @@ def conclusion(name: str, scene: str, works: Mapping[str, tuple[Array, Array]]) 
     best = {target: min(costs, key=costs.__getitem__) for target, costs in table.items()}
     lines = tuple((target, *(costs.get(method) for method in works), best[target]) for target, costs in table.items())
     heads = ("error [rad]", *works, "cheapest")
-    return Finding(name, f"The paper’s conclusion on {scene}", (*_sentences(table, best),), heads, lines)
+    return Table(name, f"The paper’s conclusion on {scene}", heads, lines, (*_sentences(table, best),))
 
 
 def evaluations(work: Array, error: Array, target: float) -> float | None:

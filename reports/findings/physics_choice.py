@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from flexlink.pages.numbers import JOIN, number
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
@@ -22,7 +22,7 @@ class Need(NamedTuple):
     missed: dict[str, float]
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table over all cases."""
     needs = _needs(results)
     if not needs:
@@ -33,10 +33,10 @@ def find(results: Results) -> Iterator[Finding]:
         for name, need in needs.items()
     )
     sentences = (*_winners(needs), *_steps(results, needs), *_paper(needs), *_orders(results), READ)
-    yield Finding("physics_choice", "Which rule, how many hinges a link, for which need", sentences, heads, lines)
+    yield Table("physics_choice", "Lumping rule and number of hinges for each requirement", heads, lines, sentences)
 
 
-READ = "A number with > was not enough, and no larger one was tried; an empty cell means that the rule was not tried."
+READ = "“> n”: n hinges were not enough, and more were not tried. Empty: the rule was not tried."
 
 
 def _needs(results: Results) -> dict[str, Need]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import number
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
 HEADS = ("rule", "largest stable RK4 step [s]", "of the longest", "hinges")
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table: the rules by stable step, with the same number of hinges each."""
     found = [
         (str(row.varied["rule"]), row.value, row.varied["hinges"])
@@ -24,15 +24,15 @@ def find(results: Results) -> Iterator[Finding]:
     ranked = sorted(found, key=lambda each: -each[1])
     (first, longest, _), (last, shortest, _) = ranked[0], ranked[-1]
     lines = tuple((rule, step, f"{100 * step / longest:.0f} %", hinges) for rule, step, hinges in ranked)
-    yield Finding(
+    yield Table(
         "physics_price",
-        "The price of a rule",
-        (
-            "An explicit method must follow the highest frequency of the chain, which its shortest segments set. "
-            f"With as many hinges each (EI = ρA = L = 1), {first} allows the longest steps, and {last} takes "
-            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shrinks them further, since "
-            "the damping ratio of a mode grows with its frequency.",
-        ),
+        "Stable step of each lumping rule",
         HEADS,
         lines,
+        (
+            "An explicit method must follow the highest frequency of the chain, which its shortest segments set. "
+            f"With equal numbers of hinges (EI = ρA = L = 1), {first} allows the longest steps; {last} takes "
+            f"{number(longest / shortest, 2)} times as many. Kelvin-Voigt damping shortens steps further, because "
+            "the damping ratio of a mode grows with its frequency.",
+        ),
     )

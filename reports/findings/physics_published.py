@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import number, plural
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
@@ -13,7 +13,7 @@ SHOWN = 4  # of a case; all stand in the notes of its table
 DIGITS = 7
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table over all cases: the first numbers of each, and the largest difference of all of them."""
     lines: list[tuple[str | float | None, ...]] = []
     compared = cases = 0
@@ -27,21 +27,21 @@ def find(results: Results) -> Iterator[Finding]:
             worst = max(abs(ours / theirs - 1) for _, theirs, ours in pairs)
             lines.append((f"{name}: {len(pairs) - SHOWN} more", "", "", f"at most {_percent(worst)}"))
     if lines:
-        heads = ("benchmark", "published or exact", "ours", "difference")
-        yield Finding(
+        heads = ("benchmark", "published or exact", "flexlink", "difference")
+        yield Table(
             "physics_published",
-            "Published numbers beside ours",
-            (_said(compared, cases),),
+            "Published values and flexlink’s",
             heads,
             tuple(lines),
+            (_sentence(compared, cases),),
             to_look_up=True,
         )
 
 
-def _said(compared: int, cases: int) -> str:
+def _sentence(compared: int, cases: int) -> str:
     return (
-        f"{plural(compared, 'number')} of {cases} benchmarks; the tables below say with which rule and how many "
-        "hinges, and hold all of them in their notes."
+        f"{plural(compared, 'value')} of {cases} benchmarks. The tables below give the lumping rule, the number of "
+        "hinges, and all values in their notes."
     )
 
 

@@ -6,16 +6,16 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
-from reports.finding import Finding
+from flexlink.pages.tables import Table
 from reports.results import Results
 
 SECTION = "physics"
 FILE = Path(__file__).parent.parent / "tried.toml"
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table, if the study holds physics at all."""
     if any(results.of_kind("frequencies")):
         data = tomllib.loads(FILE.read_text(encoding="utf-8"))
         lines = tuple((entry["idea"], entry["outcome"]) for entry in data["tried"])
-        yield Finding("physics_tried", "What was tried, and what was lost", (data["text"],), ("idea", "outcome"), lines)
+        yield Table("physics_tried", "Ideas that were tried", ("idea", "outcome"), lines, (data["text"],))

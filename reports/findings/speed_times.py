@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from flexlink.pages.tables import Table
 from reports.curves import curves, panels_of
-from reports.finding import Finding
 from reports.results import Results
 
 SECTION = "speed"
 ORDER = ("native", "public", "pinocchio", "pinocchio, fastest", "mujoco")
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """One table a job."""
     for case, series in results.showing("cost"):
         times: dict[tuple[str, float], dict[str, float]] = {}
@@ -22,6 +22,8 @@ def find(results: Results) -> Iterator[Finding]:
                     times.setdefault((family, float(n)), {})[curve.label] = float(time)
         engines = [engine for engine in ORDER if any(engine in row for row in times.values())]
         lines = tuple((family, n, *(row.get(engine) for engine in engines)) for (family, n), row in times.items())
-        sentence = "Ours in a compiled loop, “public” the checked call from Python, engines called from Python."
+        sentence = (
+            "native: flexlink in a compiled loop; public: its checked call from Python. Engines are called from Python."
+        )
         heads = ("chain", "n", *(f"{engine} [µs]" for engine in engines))
-        yield Finding(f"{case}.{series.name}.times", series.title, (sentence,), heads, lines, to_look_up=True)
+        yield Table(f"{case}.{series.name}.times", series.title, heads, lines, (sentence,), to_look_up=True)

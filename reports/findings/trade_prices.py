@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.numbers import number
-from reports.finding import Finding
-from reports.prices import AIMS, LOOKS, OURS, SAID, Price, errors, prices, works
+from flexlink.pages.tables import Table
+from reports.prices import AIMS, DISPLAY_NAMES, LOOKS, OURS, Price, errors, prices, works
 from reports.results import Results
 
 SECTION = "trade"
 MOST = 8  # losses that a sentence names
 FAVOUR = (
-    "Times of others that no run shows are by the method's order beyond its best run, or of a run at the limit of "
-    "stability, taken to be right: both in their favour."
+    "Times of others without a run are extrapolated by the method's order, or taken from a run at the stability limit "
+    "that is assumed to be accurate: both in their favour."
 )
 Line = tuple[str, float, dict[str, Price]]  # scene, error, contestant → price
 
 
-def find(results: Results) -> Iterator[Finding]:
+def find(results: Results) -> Iterator[Table]:
     """A table of errors of the tip, and one of those of the deflection."""
     for aim, word in AIMS.items():
         wanted = errors(results, aim)
@@ -31,14 +31,14 @@ def find(results: Results) -> Iterator[Finding]:
             yield _finding(word, lines)
 
 
-def _finding(word: str, lines: list[Line]) -> Finding:
+def _finding(word: str, lines: list[Line]) -> Table:
     names = [who for who in LOOKS if any(who in price for _, _, price in lines)]
-    said = [SAID.get(who, who) for who in names]
+    said = [DISPLAY_NAMES.get(who, who) for who in names]
     times, methods = (f"{who} [ms]" for who in said), (f"{who} by" for who in said)
     table = tuple((scene, error, *_cells(price, names)) for scene, error, price in lines)
     heads = ("scene", f"error of the {word}", *times, "cheapest other / flexlink", *methods)
-    title = f"What an error of the {word} costs: the cheapest of each"
-    return Finding(f"trade_prices.{word}", title, _sentences(lines), heads, table)
+    title = f"CPU time for an error of the {word}: cheapest run of each program"
+    return Table(f"trade_prices.{word}", title, heads, table, _sentences(lines))
 
 
 def _cells(price: dict[str, Price], names: list[str]) -> Iterator[float | str | None]:
@@ -59,14 +59,12 @@ def _sentences(lines: list[Line]) -> tuple[str, ...]:
     ratios = {(scene, error): ratio for scene, error, price in lines if (ratio := _ratio(price)) is not None}
     lost = sorted((ratio, asked) for asked, ratio in ratios.items() if ratio < 1.0)
     nowhere = [f"{scene} at {number(error)}" for scene, error, price in lines if OURS not in price]
-    won = (
-        f"Of {len(ratios)} prices, each of an error on a scene, flexlink's is the lowest in {len(ratios) - len(lost)}."
-    )
+    won = f"flexlink is the cheapest in {len(ratios) - len(lost)} of {len(ratios)} combinations of scene and error."
     sentences = [won]
     if lost:
-        named = [f"{scene} at {number(error)} (in {number(ratio, 2)} of its time)" for ratio, (scene, error) in lost]
+        named = [f"{scene} at {number(error)} ({number(ratio, 2)} × flexlink’s time)" for ratio, (scene, error) in lost]
         more = "; …" if len(lost) > MOST else ""
-        sentences.append(f"Another is cheaper in {len(lost)}: {'; '.join(named[:MOST])}{more}.")
+        sentences.append(f"Another program is cheaper in {len(lost)}: {'; '.join(named[:MOST])}{more}.")
     if nowhere:
-        sentences.append(f"flexlink does not get there within the study's budget: {'; '.join(nowhere)}.")
+        sentences.append(f"flexlink does not reach the error within the study's time budget: {'; '.join(nowhere)}.")
     return (*sentences, FAVOUR)

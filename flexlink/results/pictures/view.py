@@ -1,4 +1,7 @@
-"""From where an arm is looked at: a planar one across its plane, a spatial one from the side; gravity points down."""
+"""From where an arm is looked at: a planar one across its plane, a spatial one from the side; gravity points down.
+
+Films show a spatial arm in parallel perspective, papers from the side and from above, true to scale along both axes.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +31,16 @@ class View(NamedTuple):
         """Right, up and depth of vectors of frame 0, shape (…, 3)."""
         return np.asarray(vectors @ self.axes.T)
 
+    def flat(self, points: Array) -> Array:
+        """Coordinates in the picture [m] of points (…, 3): shape (2, …), right and up."""
+        return np.moveaxis(self(points)[..., :2], -1, 0)
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """What points right and up, as labels of axes [m]."""
+        right, up = (_axis_name(axis) for axis in self.axes[:2])
+        return f"{right or 'across'} [m]", f"{up or 'up'} [m]"
+
 
 def view_of(chain: Chain) -> View:
     """Across the plane in which the arm moves, or, of one that moves in space, from the side and above."""
@@ -41,6 +54,33 @@ def view_of(chain: Chain) -> View:
     towards = math.cos(ELEVATION) * sideways + math.sin(ELEVATION) * vertical
     right = np.cross(vertical, sideways)
     return View(np.array([right, np.cross(towards, right), towards]), True, vertical)
+
+
+def views_of(chain: Chain, points: Array) -> list[View]:
+    """Where pictures are true to scale: `view_of` a planar arm; else from the side that shows more, and from above."""
+    view = view_of(chain)
+    if not view.spatial:
+        return [view]
+    vertical = view.vertical
+    first = _level(vertical)
+    second = np.cross(vertical, first)
+    extents = np.ptp(points.reshape(-1, 3) @ np.array([first, second]).T, axis=0)
+    right = first if extents[0] >= extents[1] else second
+    side = np.array([right, vertical, np.cross(right, vertical)])
+    return [View(axes, False, vertical) for axes in (side, np.array([first, second, vertical]))]
+
+
+def view_of_motion(chain: Chain, rest: Array, moved: Array) -> View:
+    """That of `views_of` in which most is seen of how points move from `rest` to `moved`, both (…, 3)."""
+    return max(views_of(chain, np.stack([rest, moved])), key=lambda view: float(np.abs(view.flat(moved - rest)).sum()))
+
+
+def _axis_name(direction: Array) -> str:
+    """x, −y, …: the axis of frame 0 along which a direction points; empty for any other."""
+    k = int(np.argmax(np.abs(direction)))
+    if abs(direction[k]) < 1 - 1e-6:
+        return ""
+    return f"{'' if direction[k] > 0 else '−'}{'xyz'[k]}"
 
 
 def _across(normal: Array, vertical: Array, weighs: bool) -> Array:

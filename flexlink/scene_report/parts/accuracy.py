@@ -10,13 +10,11 @@ import numpy as np
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, CYCLE, GREY, INK, MARKERS, legend_over, stacked_axes, tidy_logs
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, columns_csv, table_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.refinement import ENOUGH, Choice, Refinement
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "accuracy", "How good this model is, and what others cost", "Accuracy and cost"
 
 LOOKS = ((INK, "*"), *zip((*CYCLE, GREY, INK, BLUE), (*MARKERS, "X", "<", ">"), strict=True))
 """Colours and markers of choices, the scene's own first."""
@@ -40,27 +38,26 @@ def made(study: Study) -> Part | None:
 
 def _of_the_cut(about: Refinement) -> list[str]:
     if not any(about.model):
-        return ["No link bends: there are no hinges to refine."]
+        return ["All links are rigid: there are no hinges to refine."]
     if about.says_state:
-        return ["The scene starts from the joints of this very cut (initial.q), so that no other cut can be run."]
+        return ["Error of the hinges unknown: initial.q fixes their number, so no other number can be run."]
     limit = about.limit
     if limit is None:
-        early = "; ".join(f"with {factor:g} times the hinges: {why}" for factor, why in _early(about))
-        return [f"The error of the hinges is not known: too few other cuts can be run ({early})."]
+        early = "; ".join(f"{factor:g} times the hinges: {why}" for factor, why in _early(about))
+        return [f"Error of the hinges unknown: too few runs with other numbers of hinges ended ({early})."]
     if not about.is_known:
         until = about.known_until(ENOUGH)
         return [
-            "The error of the hinges cannot be told over the whole run: with more of them the tip still changes by "
-            f"{_length(limit.error)}. Motion that multiplies errors does so. Up to {number(until)} s "
-            f"the two finest cuts differ by less than {number(100 * ENOUGH)} % of the tip's travel: a run up to there "
-            "(run.duration) tells more."
+            f"Error of the hinges unknown: more hinges still move the tip by {_length(limit.error)}, as in motion that "
+            f"amplifies small errors. Up to {number(until)} s the two finest models differ by less than "
+            f"{number(100 * ENOUGH)} % of the tip’s travel: for an estimate, shorten the run to that (run.duration)."
         ]
     error = about.error(about.run.tip)
-    order = f", whose order is {number(limit.order, 2)} here" if math.isfinite(limit.order) else ""
+    order = f"observed order {number(limit.order, 2)}, " if math.isfinite(limit.order) else ""
     return [
-        f"The tip is off by at most {_length(error)}, {number(error / about.study.travel)} of its travel, from where "
-        f"more and more hinges would have it{order}; that limit itself is known to {_length(limit.error)}. "
-        "Joints, loads and material are taken as the scene says: measurements alone tell how right those are."
+        f"Tip error from the number of hinges: {_length(error)}, {number(error / about.study.travel)} of the tip’s "
+        f"travel, relative to the converged model ({order}known to ±{_length(limit.error, '')}). Data of joints, "
+        "loads and materials are taken as given; only measurements can check them."
     ]
 
 
@@ -72,57 +69,57 @@ def _early(about: Refinement) -> list[tuple[float, str]]:
 def _of_the_steps(about: Refinement) -> str:
     what = "tolerance" if about.scene.run.controlled else "step"
     if math.isnan(about.of_steps):
-        return f"The error of the steps is not known: the run with a finer {what} does not end."
+        return f"Error of the time steps unknown: the run with a smaller {what} did not end."
     finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
-    return f"Its steps are off by {_length(about.of_steps)}, as the run with {finer} tells."
+    return f"Tip error from the time steps: {_length(about.of_steps)}, by a run with {finer}."
 
 
 def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
     own, sentences = choices[0], []
     duration = about.scene.run.duration
     sentences.append(
-        f"The run takes {_seconds(own.seconds)} of CPU here, {number(duration / own.seconds)} times faster than the "
-        "arm moves."
+        f"CPU time on this machine: {_seconds(own.seconds)} ({number(duration / own.seconds)} × real-time speed)."
     )
     known = [one for one in choices[1:] if math.isfinite(one.error) and one.outcome.completed]
     cheaper = [one for one in known if one.seconds < own.seconds]
     if math.isfinite(own.error) and known:
-        better = [one for one in known if one.error < own.error]
+        better = [one for one in known if one.error < 0.9 * own.error]  # a choice of the same error is no better
         if cheaper:
             best = min(cheaper, key=lambda one: one.error)
             sentences.append(
-                f"Of what is cheaper, the best: {best.label}, {_seconds(best.seconds)}, off by {_length(best.error)}."
+                f"Best cheaper choice: {best.label} ({_seconds(best.seconds)}, tip error {_length(best.error)})."
             )
         if better:
             least = min(better, key=lambda one: one.seconds)
             sentences.append(
-                f"Of what is better, the cheapest: {least.label}, {_seconds(least.seconds)}, {_length(least.error)}."
+                f"Cheapest more accurate choice: {least.label} ({_seconds(least.seconds)}, tip error "
+                f"{_length(least.error)})."
             )
-        sentences.append("flexlink advise finds the cheapest model for a tolerance of yours.")
+        sentences.append("The cheapest model for your own tolerance: flexlink advise.")
     return " ".join(sentences)
 
 
 def _verdict(about: Refinement) -> Verdict:
     error = about.error(about.run.tip) if any(about.model) else about.of_steps
     if math.isnan(error):
-        return Verdict("Error of the model", "doubt", "not known", "The chapter says why.")
+        return Verdict("Model error", "doubt", "unknown", "Reason: see “Accuracy and cost”.")
     share = error / about.study.travel
     doubts = about.run.warnings
     state: State = "pass" if share <= ENOUGH and not doubts else "doubt"
     what = "hinges and steps" if any(about.model) else "steps"
-    warned = " The run itself warns, see its chapter." if doubts else ""
+    warned = " The run gave warnings: see “Motion”." if doubts else ""
     return Verdict(
-        "Error of the model", state, _length(error), f"At the tip, by {what}: {number(share)} of its travel.{warned}"
+        "Model error", state, _length(error), f"At the tip, from {what}: {number(share)} of the tip’s travel.{warned}"
     )
 
 
 def _cost(own: Choice, study: Study) -> Verdict:
     faster = study.scene.run.duration / own.seconds
-    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the run, {number(faster)} times real time.")
+    return Verdict("Cost", "info", _seconds(own.seconds), f"CPU time of the run: {number(faster)} × real-time speed.")
 
 
-def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
-    heads = ("choice", "degrees of freedom", "steps", "tip off by [m]", "CPU [s]", "times real time", "remark")
+def _table(about: Refinement, choices: Sequence[Choice]) -> Table:
+    heads = ("choice", "degrees of freedom", "steps", "tip error [m]", "CPU time [s]", "× real time", "remark")
     duration = about.scene.run.duration
     lines = tuple(
         (one.label, one.n or None, one.stepping, one.error if math.isfinite(one.error) else None,
@@ -130,7 +127,7 @@ def _table(about: Refinement, choices: Sequence[Choice]) -> Sheet:
          "" if one.outcome.completed else one.outcome.reason)
         for one in choices
     )  # fmt: skip
-    return Sheet("choices", "This scene's choices, and others beside them", heads, lines)
+    return Table("choices", "This scene and alternatives", heads, lines)
 
 
 def _in_time(about: Refinement) -> Picture | None:
@@ -149,14 +146,20 @@ def _in_time(about: Refinement) -> Picture | None:
         columns[f"{label} [m]"] = off
         seen = off > 0
         axes.plot(about.run.t[seen], off[seen], color=INK if place == 0 else CYCLE[place - 1], label=label)
-    axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="limit known to")
-    top = max(float(column.max()) for name, column in columns.items() if name != "t [s]")
-    axes.set(yscale="log", ylim=(1e-6 * top, 2 * top), xlabel="time [s]", ylabel="tip off by [m]")
+    axes.axhline(about.limit.error, color=GREY, linestyle="--", linewidth=1.0, label="uncertainty")
+    errors = np.concatenate([column for name, column in columns.items() if name != "t [s]"])
+    top, low = float(errors.max()), float(np.quantile(errors, 0.1))  # the start, where all agree, is cut off
+    axes.set(
+        yscale="log",
+        ylim=(max(0.3 * low, 1e-6 * top), 2 * max(top, about.limit.error)),
+        xlabel="time [s]",
+        ylabel="tip error [m]",
+    )
     tidy_logs(axes)
     legend_over(axes, figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "How far the tip is from the limit of more and more hinges, along the run."
-    return Picture("convergence", "Convergence in hinges", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Tip error along the run, relative to the converged model; dashed: how well that model is known."
+    return Picture("convergence", "Convergence with the number of hinges", figure, caption, csv)
 
 
 def _prices(choices: Sequence[Choice]) -> Picture | None:
@@ -169,17 +172,17 @@ def _prices(choices: Sequence[Choice]) -> Picture | None:
         colour, marker = LOOKS[place % len(LOOKS)]
         size = 7 if place else 11
         axes.plot([one.seconds], [one.error], marker, color=colour, markersize=size, label=one.label)
-    axes.set(xscale="log", yscale="log", xlabel="CPU time of the run [s]", ylabel="tip off by [m]")
+    axes.set(xscale="log", yscale="log", xlabel="CPU time [s]", ylabel="tip error [m]")
     tidy_logs(axes)
     legend_over(axes, figure=figure)
-    csv = table_csv(("choice", "CPU [s]", "tip off by [m]"), [(one.label, one.seconds, one.error) for one in known])
-    told = "Further down is better, further left cheaper. CPU time: evaluations times what one takes on this machine."
-    return Picture("price_list", "What accuracy costs", figure, told, csv)
+    csv = table_csv(("choice", "CPU time [s]", "tip error [m]"), [(one.label, one.seconds, one.error) for one in known])
+    caption = "Lower: more accurate; further left: cheaper. CPU time = evaluations × time of one on this machine."
+    return Picture("price_list", "Accuracy against CPU time", figure, caption, csv)
 
 
-def _length(metres: float) -> str:
+def _length(metres: float, below: str = "below ") -> str:
     if metres < 1e-9:
-        return "less than 1 nm"
+        return f"{below}1 nm"
     if metres >= 0.1:
         return f"{number(metres)} m"
     return f"{number(1e3 * metres)} mm" if metres >= 1e-4 else f"{number(1e6 * metres)} µm"

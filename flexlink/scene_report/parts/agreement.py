@@ -11,12 +11,10 @@ from flexlink.diagnosis.diagnosis import Diagnosis
 from flexlink.diagnosis.trajectories import MEANINGFUL_TOLERANCE, RunDifference, compare_trajectories, in_fixed_steps
 from flexlink.engines import ENGINES
 from flexlink.pages.numbers import number
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "agreement", "Agreement with other engines", "Agreement"
 
 SAMPLES = 60  # states
 EVALUATIONS = 8_000
@@ -30,9 +28,10 @@ def made(study: Study) -> Part:
     diagnoses, without = _diagnoses(study)
     runs, of_runs, why = _runs(study)
     sentences = [
-        "Every engine that is installed loads the exported file of this arm. Term by term: the largest difference at "
-        f"{SAMPLES} states, half of them drawn at random, in units of what rounding explains, so that up to 1 two "
-        "right programs may differ.",
+        f"Every installed engine loads this arm from its exported file. Terms are compared at {SAMPLES} states, half "
+        "of them random; the largest difference is divided by the rounding bound, so up to 1 means equal.",
+        "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
+        "springs T_FL, of friction T_FR; accelerations q̈.",
         of_runs,
         *(str(each) for each in diagnoses if not each.passed),
         *why,
@@ -55,7 +54,7 @@ def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
         except MissingDependencyError:
             without.append(f"{name} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'.")
         except FlexlinkError as error:
-            without.append(f"{name} could not be compared: {error}.")
+            without.append(f"{name}: comparison failed: {error}.")
     return found, without
 
 
@@ -68,14 +67,14 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     except MissingDependencyError:
         return [], "", []
     except FlexlinkError as error:
-        return [], f"Runs could not be compared: {error}.", []
+        return [], f"Runs were not compared: {error}.", []
     part = "the whole run" if duration == scene.run.duration else f"the first {number(duration)} s of the run"
-    said = f"Over {part}, all in the same steps ({found.steps}): the largest differences of any angle, and of the tip."
+    sentence = f"Runs are compared over {part}, with the same method and step in every engine ({found.steps})."
     why = [f"Not compared: {reason}." for reason in found.refused]
     why += [f"{row.engine}: {row.diverged}." for row in found.rows if row.diverged]
     if any(row.explained > MEANINGFUL_TOLERANCE for row in found.rows):
-        why.append("This motion multiplies rounding so far that agreement of the runs says little.")
-    return found.rows, said, why
+        why.append("The motion amplifies rounding errors so much that comparing runs proves little; rely on the terms.")
+    return found.rows, sentence, why
 
 
 def _affordable(study: Study) -> float:
@@ -85,24 +84,24 @@ def _affordable(study: Study) -> float:
     return min(run.duration, max(samples, 1) * run.sample)
 
 
-def _terms(diagnoses: Sequence[Diagnosis]) -> Sheet:
+def _terms(diagnoses: Sequence[Diagnosis]) -> Table:
     quantities = list(dict.fromkeys(row.quantity for each in diagnoses for row in each.rows))
     lines = []
     for each in diagnoses:
         errors = {row.quantity: row.error for row in each.rows}
         lines.append((each.engine, *(errors.get(name) for name in quantities), "agrees" if each.passed else "DIFFERS"))
-    heads = ("engine", *(f"of {name}" for name in quantities), "in all")
-    return Sheet("terms", "Terms of the equation of motion, differences over rounding", heads, tuple(lines))
+    heads = ("engine", *quantities, "verdict")
+    return Table("terms", "Terms of the equation of motion: difference / rounding bound", heads, tuple(lines))
 
 
-def _of_runs(rows: Sequence[RunDifference]) -> Sheet:
-    heads = ("engine", "angles [rad]", "rates [rad/s]", "tip [m]", "agrees up to [rad]", "worst joint", "in all")
+def _of_runs(rows: Sequence[RunDifference]) -> Table:
+    heads = ("engine", "angles [rad]", "rates [rad/s]", "tip [m]", "rounding bound [rad]", "worst joint", "verdict")
     lines = tuple(
         (row.engine, row.q, row.qd, row.tip, row.explained, f"{row.joint} at {row.time:g} s",
          "agrees" if row.passed else "DIFFERS")
         for row in rows
     )  # fmt: skip
-    return Sheet("runs", "Runs, largest differences from ours", heads, lines)
+    return Table("runs", "Runs: largest difference from flexlink", heads, lines)
 
 
 def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> Verdict:
@@ -110,8 +109,8 @@ def _verdict(diagnoses: Sequence[Diagnosis], runs: Sequence[RunDifference]) -> V
     bad = sorted({*(each.engine for each in diagnoses if not each.passed), *(r.engine for r in runs if not r.passed)})
     state: State = "fail" if bad else "pass" if good else "doubt"
     word = {"fail": "differ", "pass": "agree", "doubt": "none installed"}[state]
-    text = f"{', '.join(bad)} give other numbers than flexlink." if bad else ""
+    text = f"Results that differ from flexlink’s: {', '.join(bad)}." if bad else ""
     if good and not bad:
-        run = f"; the run in {', '.join(row.engine for row in runs)}" if runs else ""
-        text = f"Every term of the equation of motion in {', '.join(good)}{run}."
-    return Verdict("Engines", state, word, text or "No other engine has computed this arm.")
+        run = f"; same run: {', '.join(row.engine for row in runs)}" if runs else ""
+        text = f"Same terms of the equation of motion: {', '.join(good)}{run}."
+    return Verdict("Engines", state, word, text or "No other engine could be compared.")

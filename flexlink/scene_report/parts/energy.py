@@ -8,13 +8,11 @@ from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, CYCLE, INK, legend_over, stacked_axes
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-
-ID, TITLE, SHORT = "energy", "Energy and power balance", "Energy"
 
 GOOD = 1e-3
 """Part of the energy exchanged that may be lost or made without a doubt; from a tenth on a run ends as an error."""
@@ -29,15 +27,15 @@ def made(study: Study) -> Part | None:
     worst = int(np.argmax(imbalance))
     share = float(imbalance[worst]) / exchanged if exchanged > 0 else 0.0
     text = (
-        f"E − E(0) − W is at most {number(imbalance[worst])} J, at {number(run.t[worst])} s: {number(share)} of the "
-        f"{number(exchanged)} J that were exchanged."
+        f"Largest energy error: {number(imbalance[worst])} J at {number(run.t[worst])} s, {number(share)} of the "
+        f"{number(exchanged)} J exchanged."
     )
     explained = (
-        "E is the energy of motion, gravity and springs; W the work of drives, friction, damping and tip wrench, "
-        "integrated by the run's own method. What is left over is the discretisation's doing, or rounding."
+        "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
+        "tip wrench, integrated with the run’s own method. The error comes from the time steps and from rounding."
     )
     state: State = "pass" if share <= GOOD or bool((imbalance <= _rounding(run)).all()) else "doubt"
-    verdict = Verdict("Energy", state, "balances" if state == "pass" else "balances poorly", text)
+    verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, explained), (verdict,), (_picture(study),))
 
 
@@ -52,19 +50,19 @@ def _picture(study: Study) -> Picture:
     run = study.run
     assert run.work is not None
     figure, axes = stacked_axes(2, 2.2)
-    parts = {"motion": run.energy.kinetic, "gravity": run.energy.gravity, "springs": run.energy.elastic}
+    parts = {"kinetic": run.energy.kinetic, "gravity": run.energy.gravity, "elastic": run.energy.elastic}
     columns = {"t [s]": run.t}
     for (name, values), colour in zip(parts.items(), CYCLE, strict=False):
         columns[f"{name} [J]"] = np.asarray(values) - np.asarray(values)[0]
         axes[0].plot(run.t, columns[f"{name} [J]"], color=colour, label=name)
     axes[0].plot(run.t, run.work, color=INK, linestyle="--", label="work W")
-    axes[0].set_ylabel("since the start [J]")
+    axes[0].set_ylabel("change [J]")
     legend_over(axes[0])
     axes[1].plot(run.t, run.imbalance, color=BLUE)
-    axes[1].set_ylabel("E − E(0) − W [J]")
+    axes[1].set_ylabel("energy error [J]")
     axes[1].ticklabel_format(axis="y", style="sci", scilimits=(-2, 3))
     axes[1].set_xlabel("time [s]")
     columns |= {"work [J]": run.work, "imbalance [J]": run.imbalance}
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "Above what the energies have changed by, and the work done on the arm; below what does not balance."
-    return Picture("energy", "Energy and power balance", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Top: change of the energies since the start, and work W done on the arm. Bottom: energy error."
+    return Picture("energy", "Energy balance", figure, caption, csv)

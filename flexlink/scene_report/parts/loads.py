@@ -7,11 +7,9 @@ import numpy as np
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "loads", "Loads and drive torques", "Loads"
 
 NAMED = 6
 
@@ -22,25 +20,23 @@ def made(study: Study) -> Part:
     bending = np.linalg.norm(run.loads.moment[:, :-1, 1:], axis=2)
     row, body = np.unravel_index(int(bending.argmax()), bending.shape)
     sentences = [
-        f"The largest bending moment is {number(float(bending[row, body]))} N m, at {_place(study, int(body))}, at "
+        f"Largest bending moment: {number(float(bending[row, body]))} N m at {_place(study, int(body))}, "
         f"{number(float(run.t[row]))} s.",
-        "Axial force > 0 is tension; bending is the resultant of both moments across the link. Each in axes of the "
-        "segment beyond the cut.",
+        "Bending is the resultant of both transverse moments, shear that of both transverse forces, in the frame of "
+        "the segment beyond the cut.",
     ]
     peaks = np.abs(run.tau).max(axis=0)
     driven = [int(k) for k in chain.active if peaks[k] > 0]
     if driven:
         most = max(driven, key=lambda k: peaks[k])
-        sentences.insert(
-            1, f"The largest torque of a drive is {number(float(peaks[most]))} N m, of {chain.joint_name(most)}."
-        )
+        sentences.insert(1, f"Largest drive torque: {number(float(peaks[most]))} N m at {chain.joint_name(most)}.")
     return Part(tuple(sentences), pictures=(_picture(study, driven),), tables=(_table(study),))
 
 
 def _place(study: Study, body: int) -> str:
     chain = study.chain
     first, stop = int(chain.bodies["first"][body]), int(chain.bodies["stop"][body])
-    return chain.joint_name(first) if stop > first else f"body {body}, which no joint moves"
+    return chain.joint_name(first) if stop > first else f"body {body} (fixed)"
 
 
 def _cuts(study: Study) -> list[int]:
@@ -48,9 +44,9 @@ def _cuts(study: Study) -> list[int]:
     return [study.chain.body(int(k)) for k in study.chain.active] or [0]
 
 
-def _table(study: Study) -> Sheet:
+def _table(study: Study) -> Table:
     chain, loads = study.chain, study.run.loads
-    heads = ("at", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
+    heads = ("location", "tension [N]", "compression [N]", "shear [N]", "torque [N m]", "bending [N m]", "drive [N m]")
     moving = [k for k in range(len(chain.bodies) - 1) if chain.bodies["stop"][k] > chain.bodies["first"][k]]
     lines: list[tuple[Cell, ...]] = []
     for body in moving:
@@ -62,7 +58,7 @@ def _table(study: Study) -> Sheet:
             float(np.linalg.norm(force[:, 1:], axis=1).max()), float(np.abs(moment[:, 0]).max()),
             float(np.linalg.norm(moment[:, 1:], axis=1).max()), drive,
         ))  # fmt: skip
-    return Sheet("loads", "Largest loads along the run", heads, tuple(lines))
+    return Table("loads", "Largest loads during the run", heads, tuple(lines))
 
 
 def _picture(study: Study, driven: list[int]) -> Picture:
@@ -83,6 +79,6 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     for panel in axes:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "Bending moment where links begin" + (", and the torque of the drives." if driven else ".")
-    return Picture("loads", "Loads in time", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Bending moment at the root of each link" + ("; drive torques." if driven else ".")
+    return Picture("loads", "Loads over time", figure, caption, csv)

@@ -9,14 +9,12 @@ import numpy as np
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, INK, VERMILION, legend_over, stacked_axes
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.fitting import Comparison, Fit
 from flexlink.scene_report.measured import read_measured
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "measured", "Against measurements", "Measurements"
 
 DRAWN = 4  # columns
 EXPLAINS = 0.5
@@ -34,16 +32,16 @@ def made(study: Study) -> Part | None:
     beside = Comparison(study.scene, study.run, measured)
     if len(beside.t) < 2:
         return Part((
-            f"{study.against.name}: {measured.t[0]:g} … {measured.t[-1]:g} s, of which the run, {study.run.t[0]:g} … "
-            f"{study.run.t[-1]:g} s, holds less than two samples. Times are the scene's (initial.time).",
+            f"Fewer than two samples of {study.against.name} ({measured.t[0]:g} … {measured.t[-1]:g} s) fall into the "
+            f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s): use the times of the scene (initial.time).",
         ))  # fmt: skip
     fits = beside.fits
     best = fits[0] if fits and fits[0].explained > EXPLAINS else None
     first = (
-        f"{study.against.name}: {plural(len(beside.measured), 'column')} at {len(beside.t)} times from "
+        f"{study.against.name}: {plural(len(beside.measured), 'column')}, {len(beside.t)} samples from "
         f"{number(float(beside.t[0]))} to {number(float(beside.t[-1]))} s"
     )
-    first += f"; {beside.left_out} outside the run are left out." if beside.left_out else "."
+    first += f"; {beside.left_out} outside the run are ignored." if beside.left_out else "."
     sentences = (first, _of_the_difference(study, beside), *_of_the_numbers(fits, best))
     tables = [_columns(study, beside, best)]
     if fits:
@@ -55,35 +53,33 @@ def made(study: Study) -> Part | None:
 def _of_the_difference(study: Study, beside: Comparison) -> str:
     off, name = _worst(study, beside)
     size = float(np.nanmax(beside.measured[name]) - np.nanmin(beside.measured[name]))
-    share = f", {_share(off / size)} of the range that was measured" if size > 0 else ""
-    return f"The run is off by {_with_unit(off, name)} (root mean square) in {_bare(name)}{share}."
+    share = f", {_share(off / size)} of the measured range" if size > 0 else ""
+    return f"RMS difference: {_with_unit(off, name)} in {_bare(name)}{share}."
 
 
 def _of_the_numbers(fits: Sequence[Fit], best: Fit | None) -> list[str]:
     if not fits:
-        return ["No number of the scene, tried alone, explains anything of it."]
+        return ["No single parameter of the scene explains any of the difference."]
     if best is None:
         return [
-            f"No number of the scene, tried alone, explains it: with the best, {fits[0].number.what}, "
-            f"{_share(fits[0].left)} of the difference is left."
+            f"No single parameter of the scene explains the difference: the best, {fits[0].number.what}, leaves "
+            f"{_share(fits[0].left)} of it."
         ]
-    said = [
-        f"Best explained by {best.number.what}: {_change(best)}, {_value(best)} instead of "
-        f"{number(best.number.value)}. With it {_share(best.left)} of the difference is left."
+    sentences = [
+        f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
+        f"{number(best.number.value)}; {_share(best.left)} of the difference remains."
     ]
     rivals = [
-        f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} left)"
+        f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} remains)"
         for fit in fits[1:]
         if fit.left < CLEARLY * best.left
     ]
     if rivals:
-        said.append(
-            f"Nearly as good, and not to be told from it where the model has other errors, too: {', '.join(rivals)}."
-        )
+        sentences.append(f"Nearly as good, so that the cause is uncertain: {', '.join(rivals)}.")
     elif len(fits) > 1:
-        said.append(f"With the next, {fits[1].number.what}, it is {_share(fits[1].left)}.")
-    said.append("Each number is tried alone; ± is one standard deviation, as if what is left were noise.")
-    return said
+        sentences.append(f"The next best, {fits[1].number.what}, leaves {_share(fits[1].left)}.")
+    sentences.append("Each parameter is fitted alone; ± is one standard deviation if the rest is noise.")
+    return sentences
 
 
 def _share(part: float) -> str:
@@ -120,14 +116,14 @@ def _with_unit(value: float, name: str) -> str:
 
 def _verdict(study: Study, beside: Comparison, best: Fit | None) -> Verdict:
     off, name = _worst(study, beside)
-    text = f"Root mean square, in {_bare(name)}."
+    text = f"RMS difference in {_bare(name)}."
     if best is not None:
-        text += f" Best explained by {best.number.what}: {_change(best)}."
-    return Verdict("Measurements", "info", f"off by {_with_unit(off, name)}", text)
+        text += f" Best explanation: {best.number.what} {_change(best)}."
+    return Verdict("Measurements", "info", _with_unit(off, name), text)
 
 
-def _columns(study: Study, beside: Comparison, best: Fit | None) -> Sheet:
-    heads = ["column", "off, rms", "off at most", "at [s]"]
+def _columns(study: Study, beside: Comparison, best: Fit | None) -> Table:
+    heads = ["column", "RMS difference", "largest difference", "at [s]"]
     off, differences = beside.off(study.run), beside.differences(study.run)
     lines: list[tuple[Cell, ...]] = []
     for name, column in differences.items():
@@ -135,18 +131,18 @@ def _columns(study: Study, beside: Comparison, best: Fit | None) -> Sheet:
         line = name, off[name], abs(float(column[worst])), float(beside.t[worst])
         lines.append((*line, best.off[name]) if best else line)
     if best:
-        heads.append("rms with the best number")
-    return Sheet("measured", "Run less measured", tuple(heads), tuple(lines))
+        heads.append("RMS after fitting")
+    return Table("measured", "Run minus measurement", tuple(heads), tuple(lines))
 
 
-def _numbers(fits: Sequence[Fit]) -> Sheet:
-    heads = ("number", "in the scene", "best", "±", "factor", "left of the difference", "path")
+def _numbers(fits: Sequence[Fit]) -> Table:
+    heads = ("parameter", "in the scene", "fitted", "±", "factor", "remaining difference", "path")
     lines = tuple(
         (fit.number.what, fit.number.value, fit.value, fit.spread, fit.factor,
          fit.left, fit.number.path)
         for fit in fits
     )  # fmt: skip
-    return Sheet("numbers", "Numbers of the scene, each fitted alone", heads, lines)
+    return Table("numbers", "Parameters of the scene, each fitted alone", heads, lines)
 
 
 def _drawn(beside: Comparison) -> list[str]:
@@ -157,22 +153,22 @@ def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:
     names = _drawn(beside)
     figure, axes = stacked_axes(len(names), 2.2)
     columns: dict[str, np.ndarray] = {"t [s]": beside.t}
-    runs = {"run": study.run} | ({"best number": best.run} if best else {})
+    runs = {"run": study.run} | ({"fitted": best.run} if best else {})
     found = {label: beside.at_times(run) for label, run in runs.items()}
     for panel, name in zip(axes, names, strict=True):
         panel.plot(beside.t, beside.measured[name], ".", color=GREY, markersize=3, label="measured")
         panel.plot(beside.t, found["run"][name], color=VERMILION, label="this scene")
         if best:
-            panel.plot(beside.t, found["best number"][name], color=BLUE, linestyle="--", label="best number")
+            panel.plot(beside.t, found["fitted"][name], color=BLUE, linestyle="--", label="fitted")
         panel.set_ylabel(name)
     for name, column in beside.measured.items():
         columns[f"measured {name}"] = column
         columns |= {f"{label} {name}": found[label][name] for label in runs}
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "What was measured, beside the run" + (f" and the run with another {best.number.what}." if best else ".")
-    return Picture("beside", "Measured and computed", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Measurement and run" + (f", also with fitted {best.number.what}." if best else ".")
+    return Picture("beside", "Measured and computed", figure, caption, csv)
 
 
 def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
@@ -184,12 +180,12 @@ def _difference(study: Study, beside: Comparison, best: Fit | None) -> Picture:
         columns[f"this scene {name}"] = beside.differences(study.run)[name]
         panel.plot(beside.t, columns[f"this scene {name}"], color=VERMILION, label="this scene")
         if best:
-            columns[f"best number {name}"] = beside.differences(best.run)[name]
-            panel.plot(beside.t, columns[f"best number {name}"], color=BLUE, label="best number")
+            columns[f"fitted {name}"] = beside.differences(best.run)[name]
+            panel.plot(beside.t, columns[f"fitted {name}"], color=BLUE, label="fitted")
         panel.set_ylabel(f"Δ {name}")
         panel.ticklabel_format(axis="y", style="sci", scilimits=(-3, 3))
     axes[-1].set_xlabel("time [s]")
     legend_over(axes[0], figure=figure)
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "Run less measured" + (f", also with the best value of {best.number.what}." if best else ".")
-    return Picture("difference", "What is left", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Run minus measurement" + (f", also with fitted {best.number.what}." if best else ".")
+    return Picture("difference", "Difference", figure, caption, csv)

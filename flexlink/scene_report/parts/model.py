@@ -14,12 +14,11 @@ from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number, plural
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, table_csv
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_arm, panels, views_of
-
-ID, TITLE, SHORT = "model", "What was modelled", "Model"
+from flexlink.scene_report.views import draw_arm, panels
 
 
 def made(study: Study) -> Part:
@@ -28,13 +27,13 @@ def made(study: Study) -> Part:
     springs = int((chain.stiffness > 0).sum())
     mass = float(chain.bodies["mass"].sum())
     length = float(np.linalg.norm(chain.bodies["translation"], axis=1).sum())
-    moves = "in a plane" if chain.is_planar else "in space"
+    moves = "planar" if chain.is_planar else "spatial"
     size = (
-        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. As a "
-        f"chain: {plural(chain.n, 'degree')} of freedom, {len(chain.active)} of them driven joints and {springs} "
-        f"springs, which moves {moves}."
+        f"{plural(len(scene.arm.links), 'link')}, {number(length)} m from joint to joint, {number(mass)} kg. "
+        f"Model: {plural(chain.n, 'degree')} of freedom ({plural(len(chain.active), 'driven joint')}, "
+        f"{plural(springs, 'spring')}), {moves} motion."
     )
-    gravity = f"Gravity ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
+    gravity = f"Gravity: ({', '.join(map(number, scene.gravity))}) m/s² in frame 0."
     drive = f"Drive: {scene.drive.kind}." if scene.drive.kind != "none" else "No drive: the joints turn freely."
     if scene.motion:
         drive += f" Prescribed motions: {', '.join(str(motion.link) for motion in scene.motion)}."
@@ -49,17 +48,17 @@ def made(study: Study) -> Part:
 def _drawing(study: Study) -> Picture:
     chain, (q, _) = study.chain, study.start
     points = frames(chain, q).points
-    views = views_of(points, chain.gravity)
+    views = views_of(chain, points)
     figure, axes = panels(views, points)
     for panel, view in zip(axes, views, strict=True):
         draw_arm(panel, view, points, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(("body", "x [m]", "y [m]", "z [m]"), [(k, *p) for k, p in enumerate(points.tolist())])
-    seen = "From the side, gravity downwards" + ("; below, from above." if len(views) > 1 else ".")
+    seen = "Side view, gravity downwards" + ("; below: top view." if len(views) > 1 else ".")
     return Picture("arm", "The arm at the start", figure, seen, csv)
 
 
-def _links(study: Study) -> Sheet:
+def _links(study: Study) -> Table:
     heads = ("link", "length [m]", "bends about", "hinges", "rule", "material", "section", "damping time [s]")
     arm = study.scene.arm
     lines: list[tuple[Cell, ...]] = []
@@ -69,14 +68,21 @@ def _links(study: Study) -> Sheet:
         else:
             named = link.lumping, link.material or "", link.section or ""
             lines.append((link.name, float(link.beam.length), link.flex, len(nodes), *named, arm.loss_time(link)))
-    return Sheet("links", "Links", heads, tuple(lines))
+    return Table("links", "Links", heads, tuple(lines))
 
 
-def _joints(study: Study) -> Sheet:
-    heads = ("joint", "starts at [deg]", "limits [deg]", "viscous [N m s/rad]", "dry friction [N m]", "rotor [kg m²]")
+def _joints(study: Study) -> Table:
+    heads = (
+        "joint",
+        "start [deg]",
+        "limits [deg]",
+        "viscous friction [N m s/rad]",
+        "dry friction [N m]",
+        "rotor inertia [kg m²]",
+    )
     starts = study.scene.initial.joint_deg
     lines = tuple(_joint(link, start) for link, start in zip(study.scene.arm.links, starts, strict=True))
-    return Sheet("joints", "Joints", heads, lines)
+    return Table("joints", "Joints", heads, lines)
 
 
 def _joint(link: Link, start: float) -> tuple[Cell, ...]:
@@ -87,9 +93,9 @@ def _joint(link: Link, start: float) -> tuple[Cell, ...]:
     return link.name, start, limits, joint.viscous, joint.coulomb, joint.armature
 
 
-def _springs(study: Study) -> Sheet:
-    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "slack at [deg]", "at the start [deg]")
-    return Sheet("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
+def _springs(study: Study) -> Table:
+    heads = ("spring", "stiffness [N m/rad]", "damping [N m s/rad]", "rest angle [deg]", "start [deg]")
+    return Table("springs", "Springs", heads, tuple(_each_spring(study)), to_look_up=True)
 
 
 def _each_spring(study: Study) -> Iterator[tuple[Cell, ...]]:

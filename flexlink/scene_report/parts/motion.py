@@ -9,13 +9,12 @@ from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, GREY, colour_along, legend_over, stacked_axes
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-from flexlink.scene_report.views import draw_shadow, panels, views_of
-
-ID, TITLE, SHORT = "motion", "The motion", "Motion"
+from flexlink.scene_report.views import draw_shadow, panels
 
 POSTURES = 9  # in the picture of the arm
 NAMED = 6  # curves of one panel with a name
@@ -24,20 +23,20 @@ NAMED = 6  # curves of one panel with a name
 def made(study: Study) -> Part:
     """The chapter."""
     if isinstance(study.attempt, FlexlinkError):
-        said = str(study.attempt)
-        return Part((f"There is no run: {said}.",), (Verdict("Run", "fail", "none", f"{said}."),))
+        reason = str(study.attempt)
+        return Part((f"The run failed: {reason}.",), (Verdict("Run", "fail", "failed", f"{reason}."),))
     run = study.run
     most = int(np.argmax(study.bent_by))
     sentences = [
-        f"{number(run.t[-1] - run.t[0])} s of motion, by {run.steps}. The tip gets {number(study.travel)} m from its "
-        "start."
+        f"Simulated time: {number(run.t[-1] - run.t[0])} s; {run.steps}. The tip moves up to {number(study.travel)} m "
+        "from its start."
     ]
     if study.bends:
         sentences.append(
-            f"The links bend the tip by up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s: so "
-            "far it is from where straight links would have it."
+            f"Tip deflection: up to {number(1e3 * study.bent_by[most])} mm, at {number(run.t[most])} s (distance to "
+            "the tip of the same arm with straight links)."
         )
-    sentences += [f"Warning of the run: {warning}." for warning in run.warnings]
+    sentences += [f"Warning: {warning}." for warning in run.warnings]
     pictures = (_postures(study), _in_time(study))
     return Part(tuple(sentences), pictures=pictures, files={"run.csv": table_csv(list(run.columns), _rows(study))})
 
@@ -50,17 +49,17 @@ def _postures(study: Study) -> Picture:
     run, chain = study.run, study.chain
     chosen = np.unique(np.linspace(0, len(run.t) - 1, POSTURES).astype(int))
     points = np.array([frames(chain, run.q[k]).points for k in chosen])
-    views = views_of(points, chain.gravity)
+    views = views_of(chain, points)
     figure, axes = panels(views, np.concatenate([points.reshape(-1, 3), run.tip]))
     for panel, view in zip(axes, views, strict=True):
-        panel.plot(*view(run.tip), color=GREY, linewidth=0.8, zorder=1)
+        panel.plot(*view.flat(run.tip), color=GREY, linewidth=0.8, zorder=1)
         for posture, part in zip(points, np.linspace(0, 1, len(chosen)), strict=True):
             draw_shadow(panel, view, posture, colour=colour_along(part))
     heads = ("time [s]", "body", "x [m]", "y [m]", "z [m]")
     times = run.t[chosen].tolist()
     lines = [(t, k, *p) for t, posture in zip(times, points.tolist(), strict=True) for k, p in enumerate(posture)]
-    told = f"{len(chosen)} postures from {times[0]:g} s (light) to {times[-1]:g} s (dark); grey: the tip's path."
-    return Picture("postures", "The arm at equal times", figure, told, table_csv(heads, lines))
+    caption = f"{len(chosen)} postures, from {times[0]:g} s (light) to {times[-1]:g} s (dark). Grey: path of the tip."
+    return Picture("postures", "Postures at equal time intervals", figure, caption, table_csv(heads, lines))
 
 
 def _in_time(study: Study) -> Picture:
@@ -71,20 +70,18 @@ def _in_time(study: Study) -> Picture:
         name, angle = chain.joint_name(k), np.degrees(run.q[:, k])
         axes[0].plot(run.t, angle, color=CYCLE[place % len(CYCLE)], label=name if place < NAMED else None)
         columns[f"{name} [deg]"] = angle
-    axes[0].set_ylabel("driven joints [deg]")
+    axes[0].set_ylabel("joint angle [deg]")
     for k, axis in enumerate("xyz"):
         axes[1].plot(run.t, run.tip[:, k], color=CYCLE[k], label=axis)
         columns[f"tip {axis} [m]"] = run.tip[:, k]
-    axes[1].set_ylabel("tip, frame 0 [m]")
+    axes[1].set_ylabel("tip position [m]")
     if study.bends:
         axes[2].plot(run.t, 1e3 * study.bent_by, color=CYCLE[3])
-        axes[2].set_ylabel("bent by [mm]")
-        columns["bent by [m]"] = study.bent_by
+        axes[2].set_ylabel("deflection [mm]")
+        columns["tip deflection [m]"] = study.bent_by
     for panel in axes[:2]:
         legend_over(panel)
     axes[-1].set_xlabel("time [s]")
-    csv = table_csv(list(columns), zip(*(column.tolist() for column in columns.values()), strict=True))
-    told = "Angles of the driven joints, the tip" + (
-        ", and how far bending takes it from straight links." if study.bends else "."
-    )
-    return Picture("motion", "Joints and tip in time", figure, told, csv)
+    csv = columns_csv(columns)
+    caption = "Angles of the driven joints; tip position in frame 0" + ("; tip deflection." if study.bends else ".")
+    return Picture("motion", "Joint angles and tip", figure, caption, csv)

@@ -7,11 +7,9 @@ import os
 import platform
 
 from flexlink.common.versions import processor, system, versions
-from flexlink.pages.tables import Cell, Sheet
+from flexlink.pages.tables import Cell, Table
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "reproduce", "Machine, versions, command", "Reproduce"
 
 PACKAGES = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
 
@@ -25,8 +23,8 @@ def made(study: Study) -> Part:
     ]  # fmt: skip
     lines += [(name, version or "not installed") for name, version in versions(PACKAGES).items()]
     sentences = (
-        f"Made by: {study.command}" if study.command else "Made by flexlink.report(scene, folder).",
-        "The scene below, scene.toml beside the page, is all that went in.",
+        f"Command: {study.command}" if study.command else "Made with flexlink.report(scene, folder).",
+        "Only input: the scene below, also in scene.toml beside this page.",
     )
-    table = Sheet("machine", "Machine and versions", ("what", "value"), tuple(lines), to_look_up=True)
+    table = Table("machine", "Machine and versions", ("what", "value"), tuple(lines), to_look_up=True)
     return Part(sentences, tables=(table,), literal=study.scene.to_toml())

@@ -14,12 +14,10 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, INK, stacked_axes, tidy_logs
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, table_csv
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-
-ID, TITLE, SHORT = "settling", "Coming to rest", "Settling"
 
 WITHIN = (1e-2, 1e-3, 1e-4)
 """Parts of the tip's travel within which the arm counts as settled."""
@@ -39,19 +37,19 @@ def made(study: Study) -> Part | None:
     target = tip_position(chain, rest.q)
     if end >= run.t[-1]:
         return Part((
-            f"The drive leads the joints until {number(end)} s; the run ends at {number(float(run.t[-1]))} s. How the "
-            "arm settles needs a longer run (run.duration).",
+            f"The reference ends at {number(end)} s, the run at {number(float(run.t[-1]))} s. To see the arm settle, "
+            "make the run longer (run.duration).",
         ))  # fmt: skip
     way = float(np.linalg.norm(target - run.tip[0]))
     off = float(np.linalg.norm(run.tip[-1] - target))
     left = residual_vibration(run, after=end)
     sentences = [
-        f"The drive leads the joints until {number(end)} s. Where the tip should rest: the joints at their goals, the "
-        f"links bent as gravity bends them. At the end of the run the tip is {number(1e3 * off)} mm from there.",
-        f"From {number(end)} s on it still swings by {number(1e3 * left)} mm.",
+        f"Residual vibration: {number(1e3 * left)} mm after the reference ends ({number(end)} s). At the end of the "
+        f"run the tip is {number(1e3 * off)} mm from its target: its static position at the final joint angles, "
+        "gravity sag included.",
     ]
     if way > 0:
-        sentences.append(f"It gets {number(1e3 * overshoot(run, target=target))} mm beyond its goal on the way.")
+        sentences.append(f"Overshoot: {number(1e3 * overshoot(run, target=target))} mm.")
     return Part(tuple(sentences), pictures=(_picture(study, target, end),), tables=(_table(study, target, end),))
 
 
@@ -72,13 +70,13 @@ def _targets(scene: Scene, chain: Chain) -> Array:
     return np.radians([(scene.drive.target_deg or ())[link] for link in links])
 
 
-def _table(study: Study, target: Array, end: float) -> Sheet:
-    heads = ("within [m]", "of the travel", "settled after [s]")
+def _table(study: Study, target: Array, end: float) -> Table:
+    heads = ("tolerance [m]", "part of the travel", "settling time [s]")
     lines = []
     for part in WITHIN:
         time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
-        lines.append((part * study.travel, part, time if math.isfinite(time) else "not in this run"))
-    return Sheet("settling", f"Time to settle, from {number(end)} s on", heads, tuple(lines))
+        lines.append((part * study.travel, part, time if math.isfinite(time) else "not reached"))
+    return Table("settling", f"Settling time, counted from {number(end)} s", heads, tuple(lines))
 
 
 def _picture(study: Study, target: Array, end: float) -> Picture:
@@ -90,10 +88,8 @@ def _picture(study: Study, target: Array, end: float) -> Picture:
     axes.axvline(end, color=INK, linestyle="--", linewidth=1.0)
     for part in WITHIN:
         axes.axhline(part * study.travel, color=GREY, linewidth=0.8)
-    axes.set(yscale="log", xlabel="time [s]", ylabel="tip to its goal [m]")
+    axes.set(yscale="log", xlabel="time [s]", ylabel="distance to target [m]")
     tidy_logs(axes)
-    csv = table_csv(("t [s]", "tip to its goal [m]"), zip(run.t.tolist(), off.tolist(), strict=True))
-    told = (
-        "Distance of the tip from where it should rest. Dashed: the drive has led the joints there. Grey: the table's."
-    )
-    return Picture("settling", "The tip comes to rest", figure, told, csv)
+    csv = table_csv(("t [s]", "distance to target [m]"), zip(run.t.tolist(), off.tolist(), strict=True))
+    caption = "Distance of the tip from its target. Dashed: end of the reference. Grey: tolerances of the table."
+    return Picture("settling", "Settling of the tip", figure, caption, csv)

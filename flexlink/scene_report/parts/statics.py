@@ -13,12 +13,11 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_over
-from flexlink.pages.tables import Sheet, table_csv
+from flexlink.pages.tables import Table, table_csv
+from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
-from flexlink.scene_report.views import draw_arm, draw_shadow, panels, views_of
-
-ID, TITLE, SHORT = "statics", "At rest, joints held", "Statics"
+from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
 ROUNDING = 1e-12
 """Part of the largest number that nobody wants to read."""
@@ -33,26 +32,28 @@ def made(study: Study) -> Part:
     if not study.bends:
         wrench, frame = initial_wrench(study.scene, chain)
         held = bias_torque(chain, q, np.zeros(chain.n), tip_wrench=wrench, frame=frame)
-        return Part(("No link bends. The joints are held where they start.",), tables=_holding(chain, q, held))
+        return Part(
+            ("All links are rigid. The joints are locked at their start angles.",), tables=_holding(chain, q, held)
+        )
     rest = study.rest
     sag = _without_rounding(tip_position(chain, rest.q) - tip_position(chain, unbent(chain, rest.q)))
     size = float(np.linalg.norm(sag))
     x, y, z = (number(1e3 * part) for part in sag)
     sentences = (
-        "The driven joints are held where they start; gravity and the tip wrench bend the links.",
-        f"The tip rests {number(1e3 * size)} mm from where straight links would have it, by ({x}, {y}, {z}) mm in "
-        f"frame 0. {'The posture is stable.' if rest.stable else 'The posture is not stable: it would fall.'}",
+        "The driven joints are locked at their start angles; gravity and the tip wrench bend the links.",
+        f"Static tip deflection: {number(1e3 * size)} mm, ({x}, {y}, {z}) mm in frame 0. "
+        f"The posture is {'stable' if rest.stable else 'unstable'}.",
         _buckling(study),
     )
     pictures = (_picture(study, size),) if size > 0 else ()
     return Part(tuple(filter(None, sentences)), pictures=pictures, tables=_holding(chain, rest.q, rest.tau))
 
 
-def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Sheet, ...]:
+def _holding(chain: Chain, q: Array, tau: Array) -> tuple[Table, ...]:
     """Torques of the driven joints, if there are any."""
-    heads, tau = ("joint", "angle [deg]", "held by [N m]"), _without_rounding(tau)
+    heads, tau = ("joint", "angle [deg]", "torque [N m]"), _without_rounding(tau)
     lines = tuple((chain.joint_name(int(k)), float(np.degrees(q[k])), float(tau[k])) for k in chain.active)
-    return (Sheet("holding", "What holds the joints", heads, lines),) if lines else ()
+    return (Table("holding", "Holding torques", heads, lines),) if lines else ()
 
 
 def _buckling(study: Study) -> str:
@@ -64,10 +65,10 @@ def _buckling(study: Study) -> str:
         held = chain.active.tolist()
         factors = buckling_loads(chain, study.rest.q, tip_wrench=wrench, locked=held)
     except FlexlinkError as error:
-        return f"Buckling could not be computed: {error}."
+        return f"Buckling load not computed: {error}."
     if not len(factors):
-        return "No multiple of the load would make it buckle."
-    return f"About this posture it would buckle under {number(float(factors[0]))} times the load."
+        return "No multiple of the load makes it buckle."
+    return f"Buckling load: {number(float(factors[0]))} times the load (linearised about this posture)."
 
 
 def _picture(study: Study, size: float) -> Picture:
@@ -76,18 +77,18 @@ def _picture(study: Study, size: float) -> Picture:
     scale = max(1.0, _round(VISIBLE * study.reach / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
-    views = views_of(both, chain.gravity)
+    views = views_of(chain, both)
     figure, axes = panels(views, both)
     for panel, view in zip(axes, views, strict=True):
-        draw_shadow(panel, view, straight, "straight")
+        draw_shadow(panel, view, straight, "undeformed")
         draw_arm(panel, view, shown, chain)
     legend_over(axes[0], figure=figure)
     csv = table_csv(
         ("body", "x straight [m]", "y straight [m]", "z straight [m]", "x bent [m]", "y bent [m]", "z bent [m]"),
         [(k, *a, *b) for k, (a, b) in enumerate(zip(straight.tolist(), bent.tolist(), strict=True))],
     )
-    magnified = f"the deflection magnified {scale:g} times" if scale > 1 else "true to scale"
-    return Picture("sag", "How the arm sags", figure, f"Grey: straight links. Blue: bent, {magnified}.", csv)
+    magnified = f"deflection × {scale:g}" if scale > 1 else "true to scale"
+    return Picture("sag", "Static deflection", figure, f"Grey: undeformed. Blue: deformed, {magnified}.", csv)
 
 
 def _without_rounding(values: Array) -> Array:

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from flexlink.diagnosis.comparison import compare
 from flexlink.diagnosis.diagnosis import Diagnosis
-from flexlink.pages.tables import Sheet
+from flexlink.pages.tables import Table
 from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-ID, TITLE, SHORT = "theirs", "Against another file", "Other file"
 
 SAMPLES = 100  # states
 
@@ -21,8 +19,9 @@ def made(study: Study) -> Part | None:
     (found,) = compare(study.scene, file=study.against, samples=SAMPLES).diagnoses
     first, *why = str(found).splitlines()
     sentences = (
-        f"{study.against.name} as {found.engine} has read it, beside this scene: terms of the equation of motion at "
-        f"{SAMPLES} states, in units of what rounding explains, and the numbers of every joint and body in one frame.",
+        f"{study.against.name}, read by {found.engine}, is compared with this scene: parameters of every joint and "
+        f"body in one frame, and terms of the equation of motion at {SAMPLES} states. Differences of terms are divided "
+        "by the rounding bound: up to 1 means equal.",
         f"{first}.",
         *(line.strip() for line in why),
     )
@@ -32,18 +31,19 @@ def made(study: Study) -> Part | None:
 def _verdict(study: Study, found: Diagnosis) -> Verdict:
     name = study.against.name if study.against else ""
     if found.passed:
-        return Verdict("Other file", "pass", "agrees", f"{name} holds this arm.")
+        return Verdict("Other file", "pass", "agrees", f"{name} describes the same arm.")
     mistakes = [finding for finding in found.findings if finding.counts]
-    text = f"{name}: {mistakes[0]}" if mistakes else f"{name} holds another arm; the chapter says what is known."
+    details = f"{name} describes a different arm; see “Other file”."
+    text = f"{name}: {mistakes[0]}" if mistakes else details
     return Verdict("Other file", "fail", "differs", text)
 
 
-def _tables(found: Diagnosis) -> tuple[Sheet, ...]:
+def _tables(found: Diagnosis) -> tuple[Table, ...]:
     if not found.rows:
         return ()
-    heads = ("quantity", "difference over rounding", "worst joint", "in all")
+    heads = ("quantity", "difference / rounding bound", "worst joint", "verdict")
     lines = tuple(
         (row.quantity, row.error, row.joint if row.error else "", "agrees" if row.passed else "DIFFERS")
         for row in found.rows
     )
-    return (Sheet("theirs", "Terms, this scene against the file", heads, lines),)
+    return (Table("theirs", "Terms of the equation of motion: this scene against the file", heads, lines),)

@@ -10,17 +10,15 @@ from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, WIDTH
-from flexlink.pages.tables import Cell, Sheet, table_csv
+from flexlink.pages.tables import Cell, Table, table_csv
+from flexlink.results.pictures.view import view_of_motion
 from flexlink.scene_report.part import Part
-from flexlink.scene_report.study import Array, Study
-from flexlink.scene_report.views import View, views_of
+from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip
 
-ID, TITLE, SHORT = "modes", "Modes", "Modes"
-
 DRAWN, LISTED = 4, 12
-BENT = 0.2
+BENT = 0.12
 """Part of the arm's reach that a mode is drawn with."""
 
 
@@ -32,21 +30,21 @@ def made(study: Study) -> Part | None:
     wrench, frame = initial_wrench(study.scene, chain)
     found = modes_at_rest(chain, rest, tip_wrench=wrench, frame=frame)
     sentences = (
-        "Small vibrations about the arm at rest, its driven joints held; gravity counts. " + _first(found),
-        "" if found.stable else "Not all of them die out: about this posture the arm is not stable.",
+        _first(found) + " Small vibrations about the static equilibrium, gravity included, driven joints locked.",
+        "" if found.stable else "The posture is unstable: at least one mode grows.",
     )
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along")
     lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
-    table = Sheet("modes", "Modes, slowest first", heads, lines, to_look_up=len(lines) > LISTED)
+    table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > LISTED)
     return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
 
 
 def _first(found: Modes) -> str:
     if "elastic" not in found.kinds:
-        return "None of them is elastic: loads, not springs, hold the arm."
+        return "No mode is elastic: gravity, not springs, holds the arm."
     k = found.kinds.index("elastic")
     ratio = number(float(found.damping_ratios[k]))
-    return f"The first elastic frequency is {number(float(found.hertz[k]))} Hz, with a damping ratio of {ratio}."
+    return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
 
 
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
@@ -66,9 +64,9 @@ def _picture(study: Study, found: Modes) -> Picture:
             continue
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
         bent = found.points + BENT * study.reach / (np.abs(path).max() or 1.0) * path
-        view = _best_view(found.points, bent, study)
-        panel.plot(*view(found.points), color=GREY, linewidth=1.0)
-        panel.plot(*view(bent), color=BLUE, marker=".", markersize=4)
+        view = view_of_motion(study.chain, found.points, bent)
+        panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0)
+        panel.plot(*view.flat(bent), color=BLUE, marker=".", markersize=4)
         panel.set_title(f"{k + 1}: {number(float(found.hertz[k]))} Hz")
         panel.set_aspect("equal", adjustable="datalim")
         panel.set_xlabel(view.labels[0].removesuffix(" [m]"), fontsize=9)
@@ -76,14 +74,5 @@ def _picture(study: Study, found: Modes) -> Picture:
         panel.set(xticks=[], yticks=[])
         lines += [(k + 1, body, *p) for body, p in enumerate(path.tolist())]
     csv = table_csv(("mode", "body", "x", "y", "z"), lines)
-    told = "Grey: at rest. Blue: the mode, its size not to scale, each seen across the plane it moves in most."
-    return Picture("shapes", "The slowest modes", figure, told, csv)
-
-
-def _best_view(rest: Array, bent: Array, study: Study) -> View:
-    """From the side or from above, wherever more of the mode is seen."""
-
-    def seen(view: View) -> float:
-        return sum(float(np.abs(a - b).sum()) for a, b in zip(view(rest), view(bent), strict=True))
-
-    return max(views_of(np.stack([rest, bent]), study.chain.gravity), key=seen)
+    caption = "Grey: equilibrium. Blue: mode shape, amplitude not to scale, from the side that shows most of it."
+    return Picture("shapes", "Lowest modes", figure, caption, csv)
