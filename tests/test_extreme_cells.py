@@ -13,8 +13,8 @@ from flexlink.describe.spec import decode
 from reports.figures import extreme_runs
 from reports.results import Results
 from validation import cell
-from validation.benchmarks.cells import Map
 from validation.case import CASES, Measured, load_case
+from validation.extremes.cells import Map
 from validation.kinds import digits, extremes, long_runs, stable_steps
 from validation.runner import kind_of
 from validation.store import Store

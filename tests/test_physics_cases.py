@@ -20,19 +20,20 @@ from flexlink.inputs.drives import drive_arrays
 from flexlink.kernels.inputs.drive_torque import drive_torque, follow
 from reports.findings import physics_choice, physics_price
 from reports.results import Results
-from validation.benchmarks import formulas, parity, reference_values
-from validation.benchmarks.sweep import Need, Point, Sweep, order, report
-from validation.benchmarks.tip_loads import TIP_LOADS
-from validation.benchmarks.variant import Rule, Variant, existing
-from validation.case import BENCHMARKS, load_cases
+from validation import reference_values
+from validation.case import STUDY_SCENES, load_cases
 from validation.facts import said
 from validation.kinds import KINDS
 from validation.oracles import bending_chain, hencky
+from validation.physics import formulas, parity
+from validation.physics.hinge_sweep import Need, Point, Sweep, order, report
+from validation.physics.tip_loads import TIP_LOADS
+from validation.physics.variant import Rule, Variant, existing
 from validation.store import Environment, Row, Series, Store
 
 CASES = {case.name: case for case in load_cases("physics_*")}
-SCENES = sorted(path.stem for path in BENCHMARKS.glob("*.toml"))
-SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validation/benchmarks") for path in
+SCENES = sorted(path.stem for path in STUDY_SCENES.glob("*.toml"))
+SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validation/physics") for path in
            sorted((ROOT / folder).glob("*.*")) if path.suffix in {".toml", ".py"}]  # fmt: skip
 
 
@@ -75,7 +76,7 @@ def test_modes_that_a_short_chain_does_not_have_are_left_out_of_the_order():
 
 @pytest.mark.parametrize("name", SCENES)
 def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
-    assert fl.load_scene(BENCHMARKS / f"{name}.toml").name == name
+    assert fl.load_scene(STUDY_SCENES / f"{name}.toml").name == name
     assert any(name in case.scenes for case in load_cases("*"))
 
 
@@ -129,7 +130,7 @@ def test_the_princeton_beam_has_its_21_cases_with_the_force_in_the_plane_across(
 
 
 def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
-    scene = formulas.torque_pulse(fl.load_scene(BENCHMARKS / "torque_pulse.toml"))
+    scene = formulas.torque_pulse(fl.load_scene(STUDY_SCENES / "torque_pulse.toml"))
     chain = fl.lump(scene)
     drive, q, tau = drive_arrays(scene, chain), np.zeros(chain.n), np.zeros(chain.n)
     for t in np.linspace(0, 2, 777):
@@ -139,7 +140,7 @@ def test_the_torque_pulse_is_its_formula_within_a_micronewtonmetre():
 
 
 def test_the_spin_up_is_its_formula_to_the_limit_of_its_pieces():
-    scene = formulas.spin_up(fl.load_scene(BENCHMARKS / "spin_up.toml"))
+    scene = formulas.spin_up(fl.load_scene(STUDY_SCENES / "spin_up.toml"))
     motion, (q, qd, qdd) = motion_arrays(scene, fl.lump(scene)), np.zeros((3, fl.lump(scene).n))
     for t in np.linspace(0, 20, 777):
         follow(motion, t, q, qd, qdd)

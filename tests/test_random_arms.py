@@ -10,9 +10,9 @@ from flexlink.describe.spec import Spec
 from flexlink.describe.writing import said
 from flexlink.engines import load
 from flexlink.formats.mjcf_reading import read_mjcf
-from validation.benchmarks.random_arms import random_arm
 from validation.case import load_cases
 from validation.kinds import random_arms
+from validation.random_arms import random_arm
 
 EPS = np.finfo(float).eps
 

@@ -26,10 +26,10 @@ from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.runner import judged
+from validation.speed import compiled_loops, evaluations, pinocchio_models, steps, stopwatch
+from validation.speed.families import Family, of_steps, timed_states
+from validation.speed.stopwatch import race
 from validation.store import Environment, Finished, Planned, Store
-from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
-from validation.timing.families import Family, of_steps, timed_states
-from validation.timing.stopwatch import race
 
 ROOT = Path(__file__).parent.parent
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
@@ -84,26 +84,26 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
     states = timed_states(chain)
     q, qd, tau, qdd = states
     last = 5 % len(q)  # of 6 calls
-    jobs = contestants.native(chain, states)
+    jobs = evaluations.native(chain, states)
     expected = {
-        contestants.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
-        contestants.RNE: fl.inverse_dynamics(chain, q[last], qd[last], qdd[last]),
-        contestants.MASS: fl.mass_matrix(chain, q[last]),
-        contestants.BIAS: fl.bias_torque(chain, q[last], qd[last]),
+        evaluations.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
+        evaluations.RNE: fl.inverse_dynamics(chain, q[last], qd[last], qdd[last]),
+        evaluations.MASS: fl.mass_matrix(chain, q[last]),
+        evaluations.BIAS: fl.bias_torque(chain, q[last], qd[last]),
     }
-    assert jobs.keys() == expected.keys() == contestants.public(chain, states).keys()
+    assert jobs.keys() == expected.keys() == evaluations.public(chain, states).keys()
     for job, value in expected.items():
         np.testing.assert_array_equal(jobs[job](6), value)
-    assert loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
+    assert compiled_loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
 
 
 def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
     states = timed_states(chain)
-    jobs = set(contestants.native(chain, states))
-    assert set(contestants.mujoco_calls(chain, states)) == jobs
-    forms = contestants.pinocchio(chain, states)
+    jobs = set(evaluations.native(chain, states))
+    assert set(evaluations.mujoco_calls(chain, states)) == jobs
+    forms = evaluations.pinocchio(chain, states)
     assert set(forms[speed_calls.PLAIN]) == jobs
-    for contestant in (contestants.mujoco_calls(chain, states), *forms.values()):
+    for contestant in (evaluations.mujoco_calls(chain, states), *forms.values()):
         for work in contestant.values():
             work(3)
 

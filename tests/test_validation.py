@@ -22,8 +22,8 @@ from validation.case import Measured, load_case, load_cases
 from validation.facts import head, said
 from validation.kinds import KINDS
 from validation.runner import judged
+from validation.speed import machine
 from validation.store import Conditions, Environment, Finished, Planned, Row, Series, Store
-from validation.timing import machine
 
 ROOT = Path(__file__).parent.parent
 

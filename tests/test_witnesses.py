@@ -16,12 +16,12 @@ from conftest import ROOT
 from flexlink import ArgumentError, Chain, MissingDependencyError, engines, load_scene
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import decode
-from validation.benchmarks import beam_references
-from validation.benchmarks.beam_references import beam_reference, beam_scene, plane_of
-from validation.benchmarks.formulas import pulse
-from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, Measured, load_case
 from validation.kinds import exact_beams, witnesses
+from validation.physics import beam_references
+from validation.physics.beam_references import beam_reference, beam_scene, plane_of
+from validation.physics.formulas import pulse
+from validation.reference_values import reference_array
 
 CASE = load_case(CASES / "trajectory_witnesses.toml")
 BEAMS = load_case(CASES / "exudyn_beams.toml")
@@ -129,7 +129,7 @@ def test_exudyn_s_beam_meets_the_rod_that_galerkin_s_method_knows_to_12_digits()
 @pytest.mark.slow
 def test_a_coarse_run_of_the_beams_comes_near_the_stored_one() -> None:
     """Eight elements at 1 ms: the mesh leaves 2e-5 m, the step 1.5e-5 m, the stiffness 4e-5 m, as they were found."""
-    beams: ModuleType = importlib.import_module("validation.benchmarks.exudyn_beams")
+    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
     scene = beam_scene("torque_pulse")
     coarse = beams.Numerics(elements=8, step=1e-3, stiffness=1e5, residual=1e-12)
     tip = beams.tip("torque_pulse", plane_of(scene), scene.run, coarse)
@@ -144,7 +144,7 @@ def test_the_pulse_ends() -> None:
 @with_exudyn
 @pytest.mark.slow
 def test_the_program_of_the_beams_stores_what_it_computes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    beams: ModuleType = importlib.import_module("validation.benchmarks.exudyn_beams")
+    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
     monkeypatch.setattr(beams, "FOLDER", tmp_path)
     monkeypatch.setattr(beams, "FINEST", beams.Numerics(elements=4, step=1e-3, stiffness=1e4, residual=1e-12))
     coarser = {"elements": (2, 15), "step": (2e-3, 1), "stiffness": (1e3, 9), "residual": (1e-11, 9)}

@@ -19,7 +19,7 @@ from validation.store import Bound
 HERE = Path(__file__).parent
 CASES = HERE / "cases"
 MODELS = HERE.parent / "models"
-BENCHMARKS = HERE / "scenes"
+STUDY_SCENES = HERE / "scenes"
 
 
 CLAIM = "claim"  # the quantity that judges it, and the fact that its rows carry
@@ -112,11 +112,11 @@ class Case(Spec, frozen=True):
     @property
     def scene_files(self) -> list[Path]:
         """The scenes' files; a name with `*` means all of models/ that it matches."""
-        benchmarks = {path.stem: path for path in BENCHMARKS.glob("*.toml")}
+        own = {path.stem: path for path in STUDY_SCENES.glob("*.toml")}
         files: list[Path] = []
         for name in self.scenes:
             many = sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [MODELS / f"{name}.toml"]
-            files += [benchmarks[name]] if name in benchmarks else many
+            files += [own[name]] if name in own else many
         return files
 
 

@@ -23,8 +23,8 @@ from flexlink.describe.spec import decode
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, TIMED, Kind
 from validation.sources import ROOT, digests, sources
+from validation.speed.machine import Watch
 from validation.store import Environment, Finished, Planned, Row, Series, Store
-from validation.timing.machine import Watch
 
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = (

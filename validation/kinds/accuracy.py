@@ -18,7 +18,7 @@ from flexlink.dynamics.rounding import EPS, acceleration_error
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import spatial_chain
-from validation.timing.families import Family
+from validation.speed.families import Family
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
-from validation.benchmarks.advice_scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
-from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
+from validation.advice.scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
+from validation.advice.truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
 

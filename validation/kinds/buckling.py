@@ -12,13 +12,13 @@ from scipy import linalg
 import flexlink as fl
 from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
-from validation.benchmarks.parity import follower_stiffness, load_stiffness, springs, squares
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import reference_array
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.parity import follower_stiffness, load_stiffness, springs, squares
+from validation.physics.published import Pair, published
+from validation.physics.variant import Rule, Variant, existing, grid
+from validation.reference_values import reference_array
 from validation.store import Series
 
 Array = NDArray[np.float64]

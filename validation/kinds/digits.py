@@ -25,8 +25,8 @@ from flexlink.describe.spec import Spec
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State
 from flexlink.dynamics.rounding import EPS
-from validation.benchmarks.cells import Cell, Map, recipe
 from validation.case import Case, Measured
+from validation.extremes.cells import Cell, Map, recipe
 from validation.facts import said
 from validation.oracles.common_origin import of_state
 from validation.store import Series, table

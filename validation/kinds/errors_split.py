@@ -10,10 +10,10 @@ import msgspec
 from flexlink.chain.arguments import choice
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from validation.benchmarks.error_parts import Fine, Setup, Split, Splitter, Type
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
+from validation.trade.error_parts import Fine, Setup, Split, Splitter, Type
 
 LONG = True
 

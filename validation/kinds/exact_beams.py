@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.beam_references import beam_reference, beam_scene, file_name, plane_of
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.variant import Rule
 from validation.case import Case, Measured
+from validation.physics.beam_references import beam_reference, beam_scene, file_name, plane_of
+from validation.physics.variant import Rule
+from validation.reference_values import look_up, reference_array
 from validation.store import Series
 
 Array = NDArray[np.float64]

@@ -12,10 +12,10 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
-from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.spatial_chain import derivatives
+from validation.random_arms import random_arm
 
 NAMES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
 CLOSE = 1e-12

@@ -14,10 +14,10 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.reference_values import look_up
-from validation.benchmarks.runs import told
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
+from validation.physics.variant import Rule, Variant
+from validation.reference_values import look_up
+from validation.runs import told
 from validation.store import Series
 
 Array = NDArray[np.float64]

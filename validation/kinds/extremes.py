@@ -17,11 +17,11 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.beside import outcome_beside
-from validation.benchmarks.cells import Cell as Corner
-from validation.benchmarks.cells import Map, recipe
-from validation.benchmarks.outcomes import OUTCOMES, Found, Outcome, Truth, outcome_of, truth_of
 from validation.case import Case, Measured
+from validation.extremes.cells import Cell as Corner
+from validation.extremes.cells import Map, recipe
+from validation.extremes.other_engine import outcome_beside
+from validation.extremes.outcomes import OUTCOMES, Found, Outcome, Truth, outcome_of, truth_of
 from validation.facts import Fact, Facts, said
 from validation.store import Series, table
 

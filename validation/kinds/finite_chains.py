@@ -15,12 +15,12 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
-from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import bending_chain, hencky
+from validation.physics.parity import chain_frequencies, load_stiffness, springs
+from validation.physics.variant import Rule, Variant
+from validation.reference_values import look_up, reference_array
 
 Array = NDArray[np.float64]
 

@@ -20,13 +20,13 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import reference_array
-from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, report
+from validation.physics.parity import load_stiffness, springs, symmetric_squares
+from validation.physics.published import Pair, published
+from validation.physics.variant import Rule, Variant, existing, grid
+from validation.reference_values import reference_array
 from validation.store import Series, table
 
 Array = NDArray[np.float64]

@@ -24,14 +24,14 @@ from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.results.trajectory import Trajectory
-from validation.benchmarks.formulas import INPUTS
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.runs import told
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.formulas import INPUTS
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.published import Pair, published
+from validation.physics.variant import Rule, Variant, existing, grid
+from validation.reference_values import look_up, reference_array
+from validation.runs import told
 from validation.store import Series
 
 Array = NDArray[np.float64]

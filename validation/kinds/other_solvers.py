@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.first_order import FirstOrder, Solved
-from validation.benchmarks.trade import trade_scene
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.trade.first_order import FirstOrder, Solved
+from validation.trade.scenes import trade_scene
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.families import timed_states
+from validation.speed.families import timed_states
 
 
 class Settings(Spec, frozen=True):

@@ -16,19 +16,19 @@ from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.speed import compiled_loops
+from validation.speed.families import Family, timed_states
+from validation.speed.stopwatch import Work, race
 from validation.store import Series, table
-from validation.timing import loops
-from validation.timing.families import Family, timed_states
-from validation.timing.stopwatch import Work, race
 
 TIMED = True
 
 Loop = Callable[[Any, rounding.Array, int], Any]
 METHODS: Mapping[str, Loop] = {
-    "1, columns": loops.mass_columns_loop,
-    "2, lower triangle": loops.mass_lower_loop,
-    "3, upper triangle": loops.mass_upper_loop,
-    "composite, inertial axes": loops.mass_loop,
+    "1, columns": compiled_loops.mass_columns_loop,
+    "2, lower triangle": compiled_loops.mass_lower_loop,
+    "3, upper triangle": compiled_loops.mass_upper_loop,
+    "composite, inertial axes": compiled_loops.mass_loop,
 }
 TIE = 0.9  # of a time: what is nearer, a machine may turn round
 FIRST, SECOND, THIRD, LATER = METHODS

@@ -15,11 +15,11 @@ from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Path, Setup, Type, apart
-from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.work_precision import Point, cost
+from validation.trade.error_parts import Fine, Path, Setup, Type, apart
+from validation.trade.scenes import motion_of
+from validation.trade.work_precision import Point, cost
 
 SECOND, FOURTH, TENTH = "RK2", "RK4", "RK10"
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten

@@ -14,10 +14,9 @@ from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing import loops
-from validation.timing import uniform_newton_euler as uniform
-from validation.timing.families import Family, States, timed_states
-from validation.timing.stopwatch import Work, race
+from validation.speed import compiled_loops, uniform_newton_euler
+from validation.speed.families import Family, States, timed_states
+from validation.speed.stopwatch import Work, race
 
 TIMED = True
 
@@ -61,12 +60,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _works(chain: Chain, states: States) -> dict[tuple[str, str], Work]:
-    q, qd, rest, rows = states.q, states.qd, np.zeros_like(states.q), uniform.rows_of(chain)
+    q, qd, rest, rows = states.q, states.qd, np.zeros_like(states.q), uniform_newton_euler.rows_of(chain)
     return {
-        (BIAS, ALL): lambda calls: uniform.bias_loop(rows, q, qd, calls),
-        (BIAS, REMOVED): lambda calls: loops.rne_loop(chain.arrays, q, qd, rest, calls),
-        (MASS, ALL): lambda calls: uniform.mass_loop(rows, q, calls),
-        (MASS, REMOVED): lambda calls: loops.mass_columns_loop(chain.arrays, q, calls),
+        (BIAS, ALL): lambda calls: uniform_newton_euler.bias_loop(rows, q, qd, calls),
+        (BIAS, REMOVED): lambda calls: compiled_loops.rne_loop(chain.arrays, q, qd, rest, calls),
+        (MASS, ALL): lambda calls: uniform_newton_euler.mass_loop(rows, q, calls),
+        (MASS, REMOVED): lambda calls: compiled_loops.mass_columns_loop(chain.arrays, q, calls),
     }
 
 

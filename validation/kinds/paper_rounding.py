@@ -14,10 +14,10 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.rounding import EPS
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Setup, apart, rounding
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
+from validation.trade.error_parts import Fine, Setup, apart, rounding
 
 CLEAR = 10.0  # times rounding: what is measured of the step is hardly rounding, and that of the exact path
 

@@ -15,10 +15,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Setup, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.families import of_steps
+from validation.speed.families import of_steps
+from validation.trade.error_parts import Fine, Setup, Type, apart
 
 TIMED = True
 

@@ -10,9 +10,9 @@ import msgspec
 from flexlink.chain.arguments import choice
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Path, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.trade.error_parts import Fine, Path, Type, apart
 
 TYPES: Mapping[str, Type] = {"rigid": "rigid", "T1": "z", "T2": "yz", "T3": "xyz"}
 STEP = 2.0  # times more precise, at least, is another level of precision

@@ -13,9 +13,9 @@ from flexlink.describe.spec import Spec
 from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
 from flexlink.diagnosis.states import State, mixed_states
 from flexlink.engines import Engine, load
-from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.random_arms import random_arm
 
 SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
 """Quantities that are told as a share, too: of the largest element of another over an arm's states. The torque of an

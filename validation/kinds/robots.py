@@ -17,9 +17,9 @@ from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.tuning import tuned
-from validation.benchmarks.original import Original
 from validation.case import MODELS, Case, Measured
 from validation.facts import Facts
+from validation.physics.source_urdf import Original
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,9 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.runs import motion_series, points_of
 from validation.case import Case, Measured
 from validation.facts import Fact
+from validation.runs import motion_series, points_of
 from validation.store import Series
 
 Array = NDArray[np.float64]

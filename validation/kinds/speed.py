@@ -8,10 +8,10 @@ from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from validation.benchmarks.runs import told
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.stopwatch import Work, race
+from validation.runs import told
+from validation.speed.stopwatch import Work, race
 
 TIMED = True
 

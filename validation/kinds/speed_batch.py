@@ -13,9 +13,9 @@ from flexlink.describe.spec import Spec
 from flexlink.kernels.tools.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
-from validation.timing import steps
-from validation.timing.families import Family, of_steps, timed_states
-from validation.timing.stopwatch import clock, race
+from validation.speed import steps
+from validation.speed.families import Family, of_steps, timed_states
+from validation.speed.stopwatch import clock, race
 
 TIMED = True
 

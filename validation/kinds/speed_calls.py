@@ -13,11 +13,11 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Fact, Facts
+from validation.speed import evaluations
+from validation.speed.evaluations import FORWARD, RNE
+from validation.speed.families import Family, timed_states
+from validation.speed.stopwatch import race
 from validation.store import Series, table
-from validation.timing import contestants
-from validation.timing.contestants import FORWARD, RNE
-from validation.timing.families import Family, timed_states
-from validation.timing.stopwatch import race
 
 OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
 PLAIN = "revolute joints, local"  # what `pin.aba` does by default with a chain read from a file
@@ -71,10 +71,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 def _times(chain: Chain, segments: int, family: Family, settings: Settings) -> Iterator[tuple[str, dict[str, Time]]]:
     """Job by job, the times of all who take part: native, public, pinocchio, its fastest form, mujoco."""
     states = timed_states(chain)
-    parties = {"native": contestants.native(chain, states), "public": contestants.public(chain, states)}
-    forms = contestants.pinocchio(chain, states) if segments <= family.pinocchio else {}
+    parties = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
+    forms = evaluations.pinocchio(chain, states) if segments <= family.pinocchio else {}
     if segments <= family.mujoco:
-        parties["mujoco"] = contestants.mujoco_calls(chain, states)
+        parties["mujoco"] = evaluations.mujoco_calls(chain, states)
     for job in parties["native"] if forms else LONG_JOBS:
         works = {name: jobs[job] for name, jobs in (parties | forms).items() if job in jobs}
         laps = race(works, settings.turns, settings.turn)

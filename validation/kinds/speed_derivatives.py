@@ -14,10 +14,10 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing import pinocchio_models
-from validation.timing.contestants import Jobs, from_python
-from validation.timing.families import Family, States, timed_states
-from validation.timing.stopwatch import race
+from validation.speed import pinocchio_models
+from validation.speed.evaluations import Jobs, from_python
+from validation.speed.families import Family, States, timed_states
+from validation.speed.stopwatch import race
 
 FORWARD, INVERSE = "∂q̈", "∂τ"
 OURS = "public"

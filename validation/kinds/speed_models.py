@@ -20,11 +20,11 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.error_parts import Fine, Setup, Type, apart
-from validation.benchmarks.trade import motion_of
 from validation.case import Case, Measured
 from validation.store import Series, table
-from validation.timing.native_trade import OF_STABLE, timed_run
+from validation.trade.error_parts import Fine, Setup, Type, apart
+from validation.trade.native_ladder import OF_STABLE, timed_run
+from validation.trade.scenes import motion_of
 
 TIMED = True
 

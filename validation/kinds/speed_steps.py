@@ -14,10 +14,10 @@ from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.kinds.speed_calls import Time, exponents, series
+from validation.speed import steps
+from validation.speed.families import Family, of_steps
+from validation.speed.stopwatch import race
 from validation.store import Series
-from validation.timing import steps
-from validation.timing.families import Family, of_steps
-from validation.timing.stopwatch import race
 
 TIMED = True
 

@@ -14,11 +14,11 @@ import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.spec import Spec
 from flexlink.sweeps.plan import Plan, load_sweep
-from validation.benchmarks.disturbed import shortened
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing import mujoco_sweep
-from validation.timing.stopwatch import race
+from validation.speed import mujoco_sweep
+from validation.speed.stopwatch import race
+from validation.sweep_processes import shortened
 
 TIMED = True
 

@@ -2,7 +2,7 @@
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
 order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
-only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_trade`).
+only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_ladder`).
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import NamedTuple
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.trade import scenes, trade_scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series, table
-from validation.timing import mujoco_trade, native_trade, pinocchio_trade, solver_trade, witness_trade
-from validation.timing.work_precision import Cost, Point, cost
+from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder, solver_ladder, witness_ladder
+from validation.trade.scenes import scenes, trade_scene
+from validation.trade.work_precision import Cost, Point, cost
 
 TIMED = True
 
@@ -35,8 +35,8 @@ SMALLEST = 1e-8  # error at which a ladder ends
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
 HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
 ORDERS: Mapping[str, Mapping[str, float]] = {
-    MUJOCO: mujoco_trade.ORDER,
-    PINOCCHIO: pinocchio_trade.ORDER,
+    MUJOCO: mujoco_ladder.ORDER,
+    PINOCCHIO: pinocchio_ladder.ORDER,
     "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
 }
 
@@ -91,21 +91,21 @@ def _has_its_own(case: Case, name: str, quantity: str) -> bool:
 
 
 def _ours(name: str, settings: Settings) -> Ladders:
-    found = {each: native_trade.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
-    return found | {each: native_trade.by_step(name, each, settings.budget, SMALLEST) for each in settings.stepped}
+    found = {each: native_ladder.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
+    return found | {each: native_ladder.by_step(name, each, settings.budget, SMALLEST) for each in settings.stepped}
 
 
 def _others(name: str, settings: Settings) -> dict[str, Ladders]:
     found: dict[str, Ladders] = {
-        RK4: {native_trade.LIMIT: native_trade.by_step(name, "RK4", settings.budget, SMALLEST)},
-        MUJOCO: {} if trade_scene(name).motion else mujoco_trade.points(name, settings.budget, SMALLEST),
+        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, SMALLEST)},
+        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, SMALLEST),
         SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
     }
     if settings.pinocchio:
-        found[PINOCCHIO] = pinocchio_trade.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
+        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
     for engine in settings.witnesses if name in settings.witness_scenes else ():
         with contextlib.suppress(MissingDependencyError):
-            found[witness_trade.NAMES[engine]] = witness_trade.points(engine, name, settings.budget, SMALLEST)
+            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, SMALLEST)
     return found
 
 
@@ -113,7 +113,7 @@ def _solvers(name: str, settings: Settings) -> Ladders:
     found: Ladders = {}
     for solver in settings.solvers:
         try:
-            found[solver] = solver_trade.points(name, solver, settings.solver_tolerances)
+            found[solver] = solver_ladder.points(name, solver, settings.solver_tolerances)
         except MissingDependencyError:  # CVODE is optional: the best of SciPy's is there
             continue
     return found
@@ -122,7 +122,7 @@ def _solvers(name: str, settings: Settings) -> Ladders:
 def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
     ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
-        if own := native_trade.cheapest({method: ours[method]}, aim.error):
+        if own := native_ladder.cheapest({method: ours[method]}, aim.error):
             yield _time(name, "native", method, aim, Cost(own[1].seconds))
             yield _evaluations(name, "native", method, aim, own[1].evaluations)
     for group, ladders in others.items():
@@ -133,7 +133,7 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
             if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
                 yield _evaluations(name, group, each, aim, evaluations.seconds)
         if costs:
-            best = native_trade.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
+            best = native_ladder.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
             yield from _ratios(name, group, aim, costs, best)
 
 

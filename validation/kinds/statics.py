@@ -12,12 +12,12 @@ import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import choice
 from flexlink.engines import Engine
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts, said
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.published import Pair, published
+from validation.physics.tip_loads import TIP_LOADS, TipLoad
+from validation.physics.variant import Rule, Variant, existing, grid
 from validation.store import Series
 
 Array = NDArray[np.float64]

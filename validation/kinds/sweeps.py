@@ -11,7 +11,7 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.describe.spec import Spec
-from validation.benchmarks import disturbed
+from validation import sweep_processes
 from validation.case import Case, Measured
 from validation.facts import Facts
 
@@ -35,9 +35,9 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     facts: Facts = {"members": settings.members}
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        sweep, out = disturbed.shortened(settings.sweep, settings.members, folder), folder / "disturbed.db"
+        sweep, out = sweep_processes.shortened(settings.sweep, settings.members, folder), folder / "sweep_processes.db"
         kills = _with_a_worker_lost(settings, sweep, out) if settings.cluster else _killed(settings, sweep, out)
-        rows = disturbed.rows(out)
+        rows = sweep_processes.rows(out)
         whole = fl.sweep(sweep, workers=settings.workers).rows
     yield Measured("kills", float(kills), varied=facts)
     times = Counter(row[0] for row in rows)
@@ -50,17 +50,17 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 def _killed(settings: Settings, sweep: Path, out: Path) -> int:
     last = int(LAST_KILL * settings.members)  # beyond, the tasks that are left may all end at once
     counts = np.random.default_rng(settings.seed).integers(last, size=settings.kills)
-    return disturbed.killed_at(sorted(counts.tolist()), sweep, out, "--workers", str(settings.workers))
+    return sweep_processes.killed_at(sorted(counts.tolist()), sweep, out, "--workers", str(settings.workers))
 
 
 def _with_a_worker_lost(settings: Settings, sweep: Path, out: Path) -> int:
     """The sweep goes on with those that are left; whether it was at work when the worker was killed."""
     with (
-        disturbed.cluster(out.parent, settings.cluster) as (address, workers),
-        disturbed.started(sweep, out, "--dask", address) as process,
+        sweep_processes.cluster(out.parent, settings.cluster) as (address, workers),
+        sweep_processes.started(sweep, out, "--dask", address) as process,
     ):
-        disturbed.until(lambda: disturbed.counted(out) >= LOST_AFTER * settings.members, process)
+        sweep_processes.until(lambda: sweep_processes.counted(out) >= LOST_AFTER * settings.members, process)
         at_work = process.poll() is None
         workers[0].kill()
-        disturbed.finish(process)
+        sweep_processes.finish(process)
     return int(at_work)

@@ -9,8 +9,8 @@ import numpy as np
 from flexlink import engines
 from flexlink.describe.spec import Spec
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.runs import motion_series, points_of, told
 from validation.case import Case, Measured
+from validation.runs import motion_series, points_of, told
 from validation.store import Series
 
 LONG = True

@@ -18,8 +18,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
-from validation.benchmarks.runs import told
 from validation.case import Case, Measured
+from validation.runs import told
 
 Array = NDArray[np.float64]
 

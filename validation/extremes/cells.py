@@ -16,8 +16,8 @@ from flexlink.describe.spec import Spec
 from flexlink.describe.vary import parsed
 from flexlink.dynamics.vibration.extremes import fastest_frequency
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.trade import Varied, varied_scene
 from validation.case import Case
+from validation.trade.scenes import Varied, varied_scene
 
 STATE = "state."
 """Where paths begin that belong to the state in which a scene is looked at, not to the scene."""

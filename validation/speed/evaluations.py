@@ -17,9 +17,9 @@ import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.engines.mujoco import MujocoEngine
-from validation.timing import loops, pinocchio_models
-from validation.timing.families import States
-from validation.timing.stopwatch import Work
+from validation.speed import compiled_loops, pinocchio_models
+from validation.speed.families import States
+from validation.speed.stopwatch import Work
 
 FORWARD, RNE, MASS, BIAS = "forward dynamics", "RNE", "M", "T_GC"
 Jobs = dict[str, Work]
@@ -30,10 +30,10 @@ def native(chain: Chain, states: States) -> Jobs:
     q, qd, tau, qdd = states
     work, arrays, rest = solver_for(chain, "articulated").workspace(chain.arrays), chain.arrays, np.zeros_like(qdd)
     return {
-        FORWARD: lambda calls: loops.forward_dynamics_loop(work, q, qd, tau, calls),
-        RNE: lambda calls: loops.rne_loop(arrays, q, qd, qdd, calls),
-        MASS: lambda calls: loops.mass_loop(arrays, q, calls),
-        BIAS: lambda calls: loops.rne_loop(arrays, q, qd, rest, calls),
+        FORWARD: lambda calls: compiled_loops.forward_dynamics_loop(work, q, qd, tau, calls),
+        RNE: lambda calls: compiled_loops.rne_loop(arrays, q, qd, qdd, calls),
+        MASS: lambda calls: compiled_loops.mass_loop(arrays, q, calls),
+        BIAS: lambda calls: compiled_loops.rne_loop(arrays, q, qd, rest, calls),
     }
 
 

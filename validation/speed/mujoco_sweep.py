@@ -17,7 +17,7 @@ from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
 from flexlink.inputs.initial_state import initial_state
-from validation.timing.stopwatch import Work
+from validation.speed.stopwatch import Work
 
 
 def works(members: Sequence[Scene]) -> Mapping[str, Work]:

@@ -10,9 +10,9 @@ import msgspec
 import numpy as np
 
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.variant import Rule
 from validation.case import Measured
 from validation.facts import Facts
+from validation.physics.variant import Rule
 from validation.store import Series, table
 
 Errors = dict[int, float]

@@ -1,4 +1,4 @@
-"""python -m validation.benchmarks.trade_references: the references of the trade, by two methods that agree to 1e-10.
+"""python -m validation.trade.references: the references of the trade, by two methods that agree to 1e-10.
 
 Both are explicit, at steps within their limits of stability: RK10, and RK4 at half its step; halved until they agree.
 No implicit method that the trade judges has a part in its own reference. A scene whose file is there, of the same
@@ -22,8 +22,8 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.reference_values import FOLDER, look_up
-from validation.benchmarks.trade import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
+from validation.reference_values import FOLDER, look_up
+from validation.trade.scenes import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
@@ -32,7 +32,7 @@ HALVINGS = 6
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compute what is not there; 0 if every scene has its reference."""
-    parser = argparse.ArgumentParser(prog="python -m validation.benchmarks.trade_references", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m validation.trade.references", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(scenes()), help="names (default: all)")
     missing = [name for name in parser.parse_args(arguments).scenes if not is_there(name)]
     failed = False
@@ -82,7 +82,7 @@ def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
 def _store(name: str, scene: Scene, found: Seen, apart: float, methods: dict[str, float], seconds: float) -> None:
     document = {
         "about": f"Tip of the trade's scene {name!r} at its outputs, and its deflection, in frame 0. {scene.about}",
-        "source": "python -m validation.benchmarks.trade_references",
+        "source": "python -m validation.trade.references",
         "date": datetime.date.today().isoformat(),
         "cpu_seconds": round(seconds, 1),
         "reference": {

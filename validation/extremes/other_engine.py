@@ -14,7 +14,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
-from validation.benchmarks.outcomes import Found, Truth, judged
+from validation.extremes.outcomes import Found, Truth, judged
 
 MOST_STEPS = 20_000
 """Of a run in an engine whose steps nobody can stop."""

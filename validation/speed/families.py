@@ -14,8 +14,8 @@ from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics.vibration.stability import stable_step
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case
+from validation.physics.variant import Rule, Variant
 
 Array = NDArray[np.float64]
 STATES = 2  # that a loop goes through in turn, so that no call repeats the one before it

@@ -1,4 +1,4 @@
-"""python -m validation.benchmarks.exudyn_beams: motions of Exudyn's geometrically exact beams, as references.
+"""python -m validation.physics.exudyn_beams: motions of Exudyn's geometrically exact beams, as references.
 
 Elements of three nodes (order 4 in their number), the generalized-α method (order 2 in the step; but a beam that is let
 go vibrates in modes that no step resolves, and order 1 is what is counted). The beam of a chain neither shears nor
@@ -39,9 +39,9 @@ from numpy.typing import NDArray
 
 from flexlink.common.output import write_whole
 from flexlink.describe.conditions import RunSettings
-from validation.benchmarks.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
-from validation.benchmarks.formulas import pulse
-from validation.benchmarks.reference_values import FOLDER
+from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
+from validation.physics.formulas import pulse
+from validation.reference_values import FOLDER
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ COARSER: dict[str, tuple[Any, int]] = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compute and store."""
-    parser = argparse.ArgumentParser(prog="python -m validation.benchmarks.exudyn_beams", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m validation.physics.exudyn_beams", description=__doc__)
     parser.add_argument("scenes", nargs="*", default=list(SCENES), help="names (default: all)")
     for name in parser.parse_args(arguments).scenes:
         print(f"{name}: own error {compute(name):.1e} m", flush=True)
@@ -90,7 +90,7 @@ def compute(name: str) -> float:
         reference["shear_and_stretch_m"] = _apart(finest, own)
     document = {
         "about": f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
-        "source": "python -m validation.benchmarks.exudyn_beams",
+        "source": "python -m validation.physics.exudyn_beams",
         "date": datetime.date.today().isoformat(),
         "cpu_seconds": round(time.process_time() - began, 1),
         "exudyn": exu.__version__,

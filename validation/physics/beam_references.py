@@ -1,6 +1,6 @@
 """Planar scenes that Exudyn's geometrically exact beams have run, too, and what is stored of those runs.
 
-`python -m validation.benchmarks.exudyn_beams` computes them.
+`python -m validation.physics.exudyn_beams` computes them.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene, load_scene
-from validation.benchmarks.formulas import INPUTS
-from validation.benchmarks.reference_values import look_up
-from validation.case import BENCHMARKS, MODELS
+from validation.case import MODELS, STUDY_SCENES
+from validation.physics.formulas import INPUTS
+from validation.reference_values import look_up
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def beam_scene(name: str) -> Scene:
         There is no such scene.
     """
     change = choice("scene", name, SCENES)
-    path = BENCHMARKS / f"{name}.toml"
+    path = STUDY_SCENES / f"{name}.toml"
     scene = load_scene(path if path.is_file() else MODELS / f"{name}.toml").varied(change)
     return INPUTS.get(name, INPUTS["none"])(scene)
 
@@ -115,8 +115,7 @@ def beam_reference(name: str) -> tuple[Array, float]:
         np.allclose(a, b, rtol=1e-12, atol=0) for a, b in zip(stored, now, strict=True)
     ):
         raise DataFileError(
-            f"reference {file_name(name)}: of another scene; compute it anew: "
-            "python -m validation.benchmarks.exudyn_beams"
+            f"reference {file_name(name)}: of another scene; compute it anew: python -m validation.physics.exudyn_beams"
         )
     return np.array(look_up(file_name(name), "tip")), float(look_up(file_name(name), "own_error_m"))
 

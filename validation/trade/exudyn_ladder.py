@@ -17,8 +17,8 @@ import flexlink as fl
 from flexlink.chain.lumping import lump
 from flexlink.engines.exudyn import INITIAL, ExudynEngine, _settings
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
-from validation.timing.work_precision import Point, ladder
+from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
 
 SOLVERS = {
     "GeneralizedAlpha": exu.DynamicSolverType.GeneralizedAlpha,

@@ -22,14 +22,14 @@ from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position
 from flexlink.results.deflection import unbent
-from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.formulas import INPUTS
-from validation.benchmarks.reference_values import reference_array
-from validation.case import BENCHMARKS, MODELS
+from validation.case import MODELS, STUDY_SCENES
+from validation.physics.formulas import INPUTS
+from validation.reference_values import reference_array
+from validation.trade.first_order import FirstOrder
 
 Array = NDArray[np.float64]
 
-FILE = BENCHMARKS / "trade" / "scenes.toml"
+FILE = STUDY_SCENES / "trade" / "scenes.toml"
 OUTPUTS = 20  # of every run; the first of the samples is the start
 PROBED = 1e-7  # relative: cancellation in the sums of a stiff chain; any change worth telling is larger
 
@@ -76,7 +76,7 @@ def _varied(varied: Varied, name: str) -> Scene:
 
 
 def _file(base: str) -> Path:
-    path = BENCHMARKS / f"{base}.toml"
+    path = STUDY_SCENES / f"{base}.toml"
     return path if path.is_file() else MODELS / f"{base}.toml"
 
 

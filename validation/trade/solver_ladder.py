@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
-from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.trade import errors, seen, trade_scene
-from validation.timing.work_precision import Point
+from validation.trade.first_order import FirstOrder
+from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.work_precision import Point
 
 CVODE = "CVODE"
 

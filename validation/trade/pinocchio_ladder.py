@@ -22,11 +22,11 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.first_order import FirstOrder, Solved
-from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
-from validation.timing.families import timed_states
-from validation.timing.pinocchio_models import build_all
-from validation.timing.work_precision import Point, ladder
+from validation.speed.families import timed_states
+from validation.speed.pinocchio_models import build_all
+from validation.trade.first_order import FirstOrder, Solved
+from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
 
 Array = NDArray[np.float64]
 

@@ -16,8 +16,8 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.trade import errors, seen, trade_scene
-from validation.timing.work_precision import Point
+from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.work_precision import Point
 
 SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
 FINEST = 12  # digits of accuracy; the first is one digit, above which Drake takes none

@@ -19,8 +19,8 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import SingleRun
-from validation.benchmarks.trade import OUTPUTS, Seen, errors, motion_of, reference, seen, trade_scene
-from validation.timing.work_precision import Point, ladder
+from validation.trade.scenes import OUTPUTS, Seen, errors, motion_of, reference, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
 OF_STABLE = 0.98  # of the largest stable step at the start

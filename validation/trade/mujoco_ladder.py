@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import flexlink as fl
-from validation.benchmarks.trade import OUTPUTS, errors, seen, trade_scene
-from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
-from validation.timing.work_precision import Point, ladder
+from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
+from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
 
 STAGES = {"RK4": 4}  # evaluations of a step; of the others one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.spec import Vector3
-from validation.benchmarks.random_arms import Dice
+from validation.random_arms import Dice
 
 SITUATIONS = ("falling", "pulse", "constant", "pd", "led")
 """In turn by seed, and so in pairs in a plane and in space."""

@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 
 from flexlink.common.errors import EngineError, MissingDependencyError
-from validation.timing.work_precision import Point
+from validation.trade.work_precision import Point
 
 NAMES = {"drake": "Drake", "exudyn": "Exudyn"}  # as in `flexlink.engines`, in words
 
@@ -33,7 +33,7 @@ def points(engine: str, name: str, budget: float, smallest: float) -> dict[str, 
 
 def _points(engine: str, name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
     try:
-        module = importlib.import_module(f"validation.timing.{engine}_trade")
+        module = importlib.import_module(f"validation.trade.{engine}_ladder")
     except ImportError as error:
         raise MissingDependencyError(
             f"{NAMES[engine]} cannot be imported ({error}); install it with: python -m pip install 'flexlink[witness]'"

@@ -1,0 +1,1 @@
+"""What becomes of arms and conditions far from the usual, in flexlink and in other engines."""
