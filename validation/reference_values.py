@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import DataFileError
 
-FOLDER = Path(__file__).parent.parent / "reference"
+FOLDER = Path(__file__).parent / "reference"
 
 Array = NDArray[np.float64]
 

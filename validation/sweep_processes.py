@@ -18,7 +18,7 @@ from flexlink.common.errors import EngineError, MissingDependencyError
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.writing import toml_of
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parent.parent
 SWEEPS = ROOT / "validation" / "sweeps"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
 PATIENCE, PAUSE = 300.0, 0.02  # how long anything is waited for, and how often it is looked for [s]
