@@ -139,14 +139,15 @@ def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_w
     witnesses = [
         {"solver": "DOP853", "relative": [1e-6, 1e-8]}, {"solver": "CVODE", "relative": [1e-6, 1e-8], "needed": False},
     ]  # fmt: skip
-    settings = decode({"scene": {"kick11": witnesses}, "methods": {"Radau5": 1e-5}}, other_solvers.Settings)
-    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    case, methods = load_case(CASES / "other_solvers.toml"), {"Radau5": 1e-5}
+    scene = {"kick11": [decode(each, other_solvers.Witness) for each in witnesses]}
+    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
     assert found["tip apart / allowed"].value < 1
     assert "scikit-sundae" in found["witnesses left out"].note
 
     run = fl.simulate(trade.trade_scene("kick11"), method="Radau5", tolerance=1e-5)
     monkeypatch.setattr(other_solvers, "simulate", lambda *_, **__: dataclasses.replace(run, tip=run.tip + 2e-4))
-    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
     assert found["tip apart / allowed"].value > 1
 
 

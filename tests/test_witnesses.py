@@ -17,7 +17,7 @@ from flexlink import ArgumentError, Chain, MissingDependencyError, engines, load
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import decode
 from validation.case import CASES, Measured, load_case
-from validation.kinds import exact_beams, witnesses
+from validation.kinds import SETTINGS, exact_beams, measurements, witnesses
 from validation.physics import beam_references
 from validation.physics.beam_references import beam_reference, beam_scene, plane_of
 from validation.physics.formulas import pulse
@@ -32,8 +32,7 @@ with_exudyn = pytest.mark.skipif(importlib.util.find_spec("exudyn") is None, rea
 def judged(name: str, methods: list[str]) -> dict[str, float]:
     """Worst value over tolerance of every quantity that has one, in a short run of the case."""
     worst: dict[str, float] = {}
-    settings = decode(SHORT | {"methods": {name: methods}}, witnesses.Settings)
-    for found in witnesses.run(CASE, settings):
+    for found in witnesses.run(CASE, {name: methods}, **SHORT):
         tolerance = CASE.quantity[found.quantity].tolerance
         if tolerance is not None:
             value = found.value / tolerance if tolerance else np.inf * found.value if found.value else 0.0
@@ -78,7 +77,7 @@ def test_witnesses_that_are_not_installed_are_left_out_and_told(monkeypatch: pyt
         raise MissingDependencyError(f"engine {name!r} cannot be imported")
 
     monkeypatch.setattr(engines, "load", missing)
-    (row,) = witnesses.run(CASE, decode(CASE.settings, witnesses.Settings))
+    (row,) = witnesses.run(CASE, **CASE.settings)
     assert (row.quantity, row.value) == ("witnesses left out", 2)
     assert row.note == "not run: engine 'drake' cannot be imported; not run: engine 'exudyn' cannot be imported"
 
@@ -112,7 +111,7 @@ def test_an_arm_that_bends_in_space_is_no_plane_of_beams() -> None:
 def test_a_chain_apart_from_the_beams_by_more_than_both_state_is_denied(monkeypatch: pytest.MonkeyPatch) -> None:
     def ratio(offset: float) -> float:
         monkeypatch.setattr(exact_beams, "_tip", lambda scene, *_: beam_reference(scene.name)[0] + offset)
-        rows = exact_beams.run(BEAMS, decode(BEAMS.settings, exact_beams.Settings))
+        rows = measurements(exact_beams, BEAMS, decode(BEAMS.settings, SETTINGS["exact_beams"]))
         return max(row.value for row in rows if isinstance(row, Measured) and row.quantity == "tip apart / allowed")
 
     assert ratio(0.0) == 0

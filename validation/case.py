@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from flexlink.chain.arguments import choice
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import data_files as catalogue
 from flexlink.describe.scene import Scene, load_scene
@@ -103,6 +105,11 @@ class Case(Spec, frozen=True):
     def load_scenes(self) -> list[Scene]:
         """The scenes, in order."""
         return [load_scene(path) for path in self.scene_files]
+
+    def varied_scene(self, name: str, change: Mapping[str, Any]) -> Scene:
+        """The scene of that name, which a key of the settings' table `scene` is, varied."""
+        scenes = {scene.name: scene for scene in self.load_scenes()}
+        return choice(f"{self.path}: settings.scene", name, scenes).varied(change)
 
     @property
     def path(self) -> Path:

@@ -21,7 +21,7 @@ from flexlink.common.errors import DataFileError, FlexlinkError, OutputError, Sc
 from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
-from validation.kinds import KINDS, LONG, TIMED, Kind
+from validation.kinds import KINDS, LONG, SETTINGS, TIMED, Kind, measurements
 from validation.sources import ROOT, digests, sources
 from validation.speed.machine import Watch
 from validation.store import Environment, Finished, Planned, Row, Series, Store
@@ -175,7 +175,7 @@ def _all_results(case: Case, key: str) -> list[Row | Series]:
 def _rehearse(case: Case) -> None:
     kind, settings = kind_of(case)
     if rehearsal := getattr(kind, "rehearsal", None):
-        deque(kind.run(case, rehearsal(settings)), maxlen=0)
+        deque(measurements(kind, case, rehearsal(settings)), maxlen=0)
 
 
 def measure(case: Case, key: str) -> Iterator[Row | Series]:
@@ -189,7 +189,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     kind, settings = kind_of(case)
     missing = {quantity for quantity in case.quantity if case.demands(quantity)}
     start = time.perf_counter()
-    for result in kind.run(case, settings):
+    for result in measurements(kind, case, settings):
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case takes of what its kind measures
@@ -206,7 +206,7 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
     if kind is None:
         raise DataFileError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
     try:
-        return kind, decode(case.settings, kind.Settings, "settings")
+        return kind, decode(case.settings, SETTINGS[case.kind], "settings")
     except SceneError as error:
         raise DataFileError(f"{case.path}: {error}") from None
 

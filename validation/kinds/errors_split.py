@@ -7,7 +7,6 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import choice
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
@@ -39,22 +38,15 @@ class Errors(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name."""
-
-    scene: dict[str, Errors]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Errors and their parts, how well they are known, and a series a scene."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
-    for name, errors in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(errors.change)
-        splitter = Splitter(scene, errors.true, errors.fine, errors.in_time)
+def run(case: Case, scene: dict[str, Errors]) -> Iterator[Measured | Series]:
+    """Errors of the scenes by name and their parts, how well they are known, and a series a scene."""
+    for name, errors in scene.items():
+        base = case.varied_scene(name, errors.change)
+        splitter = Splitter(base, errors.true, errors.fine, errors.in_time)
         splits = {label: splitter.split(setup) for label, setup in errors.run.items()}
         for label, split in splits.items():
-            yield from _rows(scene, label, split)
-        yield _series(scene, splits)
+            yield from _rows(base, label, split)
+        yield _series(base, splits)
 
 
 def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:

@@ -31,17 +31,10 @@ class Trial(Spec, frozen=True):
     rk4_step: Positive
 
 
-class Settings(Spec, frozen=True):
-    """The runs, and the lumping of a flexible link among them."""
-
-    run: tuple[Trial, ...]
-    chain: Rule
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Tip error, its change with half the step, and the difference to MuJoCo."""
-    for trial in settings.run:
-        scene = trial.variant.build(case, settings.chain)
+def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | Series]:
+    """Tip error, its change with half the step, and the difference to MuJoCo; `chain` lumps a flexible link."""
+    for trial in run:
+        scene = trial.variant.build(case, chain)
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)

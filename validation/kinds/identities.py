@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
@@ -44,21 +43,14 @@ UNIT = {1.0: 0.5, -1.0: -0.5}
 LONG = True
 
 
-class Settings(Spec, frozen=True):
-    """Number of states and seed."""
-
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
     """Largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():
         chain = fl.lump(scene)
-        states = random_states(chain, settings.samples, seed=settings.seed)
+        states = random_states(chain, samples, seed=seed)
         for quantity, (violation, worst) in IDENTITIES.items():
             found = worst([violation(chain, state) for state in states])
-            yield Measured(quantity, found, scene.name, varied={"states": settings.samples})
+            yield Measured(quantity, found, scene.name, varied={"states": samples})
 
 
 def _asymmetry(chain: Chain, s: State) -> float:

@@ -39,20 +39,16 @@ class Witness(Spec, frozen=True):
     needed: bool = True  # a witness that is not is left out, and told, where it is not installed
 
 
-class Settings(Spec, frozen=True):
-    """Witnesses of every scene of the trade by its name; our methods with their tolerances [m]."""
+def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Positive]) -> Iterator[Measured]:
+    """Distances of tips in units of what is allowed, and what a witness knows of itself.
 
-    scene: dict[str, tuple[Witness, ...]]
-    methods: dict[str, Positive]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Distances of tips in units of what is allowed, and what a witness knows of itself."""
+    `scene` are the witnesses of scenes of the trade by name, `methods` our methods with their tolerances [m].
+    """
     left_out = ""
-    for name, witnesses in settings.scene.items():
-        scene = trade_scene(name)
-        ours = {method: simulate(scene, method=method, tolerance=ε).tip for method, ε in settings.methods.items()}
-        form = FirstOrder(scene)
+    for name, witnesses in scene.items():
+        trade = trade_scene(name)
+        ours = {method: simulate(trade, method=method, tolerance=ε).tip for method, ε in methods.items()}
+        form = FirstOrder(trade)
         for witness in witnesses:
             try:
                 coarse, fine = (_solved(form, witness, relative).tip for relative in witness.relative)
@@ -64,8 +60,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             own = _apart(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
-                allowed = MULTIPLE * settings.methods[method] + own
-                facts: Facts = {"method": method, "tolerance": settings.methods[method]}
+                allowed = MULTIPLE * methods[method] + own
+                facts: Facts = {"method": method, "tolerance": methods[method]}
                 yield Measured("tip apart / allowed", _apart(tip, fine) / allowed, name, witness.solver, facts)
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
 

@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import msgspec
 
 import flexlink as fl
-from flexlink.chain.arguments import choice
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.inputs.initial_state import initial_state
@@ -37,12 +36,6 @@ class Arm(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name."""
-
-    scene: dict[str, Arm]
-
-
 class Price(NamedTuple):
     """What so many segments a link give and take."""
 
@@ -52,22 +45,21 @@ class Price(NamedTuple):
     cost: float  # s of CPU a second of motion
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Error and cost of every chain, and what becomes of the claim."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
+def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
+    """Error and cost of every chain of the scenes by name, and what becomes of the claim."""
     found: list[Price] = []
-    for name, arm in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(arm.change)
-        limit = arm.fine.limit(scene, arm.flex)
+    for name, arm in scene.items():
+        base = case.varied_scene(name, arm.change)
+        limit = arm.fine.limit(base, arm.flex)
         for segments in arm.segments:
             setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")
-            path = arm.in_time.in_time(scene, setup)
-            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(scene))))
+            path = arm.in_time.in_time(base, setup)
+            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(base))))
             facts: Facts = {"cells": segments}
             yield Measured("error", found[-1].error, name, varied=facts)
             yield Measured("own error / error", (path.own + limit.own) / found[-1].error, name, varied=facts)
             yield Measured("cost", 1e3 * found[-1].cost, name, varied=facts, timed=True)
-    gains = {name: _gain([price for price in found if price.scene == name]) for name in settings.scene}
+    gains = {name: _gain([price for price in found if price.scene == name]) for name in scene}
     yield Measured("claim", max(cost for _, cost in gains.values()), note=_verdict(found, gains), timed=True)
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import choice
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
@@ -27,19 +26,15 @@ class Motion(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name, of links that bend and twist."""
+def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
+    """The tip's distance from that with T3, by type, and whether every type is a step of precision everywhere.
 
-    scene: dict[str, Motion]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """The tip's distance from that with T3, by type, and whether every type is a step of precision everywhere."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
+    The scenes by name are of links that bend and twist.
+    """
     found: dict[str, float] = {}
-    for name, motion in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(motion.change)
-        limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(scene, flex) for t, flex in TYPES.items()}
+    for name, motion in scene.items():
+        base = case.varied_scene(name, motion.change)
+        limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(base, flex) for t, flex in TYPES.items()}
         errors = {t: apart(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
         for t, error in errors.items():
             facts: Facts = {"type": t}

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.runs import told
@@ -16,22 +15,12 @@ from validation.speed.stopwatch import Work, race
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """Repeats of a run, our ways of solving for q̈, and engines timed beside ours."""
-
-    repeats: int
-    dynamics: tuple[str, ...]
-    engines: tuple[str, ...] = ()
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Simulated seconds per second, and time of a step."""
+def run(case: Case, repeats: int, dynamics: tuple[str, ...], engines: tuple[str, ...] = ()) -> Iterator[Measured]:
+    """Simulated seconds per second, and time of a step; `dynamics` are our solvers for q̈."""
     for scene in case.load_scenes():
-        works = {
-            ("native", solver): _runs("native", scene.varied({"run.dynamics": solver})) for solver in settings.dynamics
-        }
-        works |= {(name, ""): _runs(name, scene) for name in settings.engines}
-        for (name, solver), lap in race(works, settings.repeats, 0.0).items():
+        works = {("native", solver): _runs("native", scene.varied({"run.dynamics": solver})) for solver in dynamics}
+        works |= {(name, ""): _runs(name, scene) for name in engines}
+        for (name, solver), lap in race(works, repeats, 0.0).items():
             facts: Facts = told(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
             yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, facts, timed=True)

@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.chain.arguments import choice
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
@@ -72,14 +71,6 @@ class Grid(Spec, frozen=True):
                 yield replace(cut, method=method, step=_largest_step(cut.scene(scene), method))
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name; errors, as parts of the motion; the longest run [s of CPU]."""
-
-    scene: dict[str, Grid]
-    errors: tuple[Positive, ...]
-    budget: Positive
-
-
 class Run(NamedTuple):
     """A run: how it is made, its error as a part of the motion, CPU seconds."""
 
@@ -101,27 +92,31 @@ class Run(NamedTuple):
         return TYPES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """How well the truth is known; for each error the cheapest run; and all runs to draw."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
-    for name, grid in settings.scene.items():
-        scene = choice(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
-        truth = grid.fine.limit(scene, grid.true)
+def run(
+    case: Case, scene: dict[str, Grid], errors: tuple[Positive, ...], budget: Positive
+) -> Iterator[Measured | Series]:
+    """How well the truth is known; for each error the cheapest run; and all runs to draw.
+
+    `errors` are parts of the motion; `budget` is the longest run [s of CPU].
+    """
+    for name, grid in scene.items():
+        base = case.varied_scene(name, grid.change)
+        truth = grid.fine.limit(base, grid.true)
         motion = motion_of(truth.tip)
-        yield Measured("own error / smallest error", truth.own / (motion * min(settings.errors)), scene.name)
-        setups = grid.setups(scene, motion)
-        made = [run for setup in setups if (run := _made(scene, setup, truth.tip, motion, settings.budget))]
-        for error in settings.errors:
+        yield Measured("own error / smallest error", truth.own / (motion * min(errors)), base.name)
+        setups = grid.setups(base, motion)
+        made = [run for setup in setups if (run := _made(base, setup, truth.tip, motion, budget))]
+        for error in errors:
             met = [run for run in made if run.error <= error]
             if met:
                 best = min(met, key=lambda run: run.seconds)
                 yield Measured(
-                    "CPU time", 1e3 * best.seconds, scene.name, varied={"error": error}, note=best.said, timed=True
+                    "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.said, timed=True
                 )
         columns = table(COLUMNS, [run.row for run in made])
-        title = f"{scene.name}: which model, and what it costs"
+        title = f"{base.name}: which model, and what it costs"
         x, y = COLUMNS[-2:]
-        yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=scene.name)
+        yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
 
 
 def _largest_step(scene: Scene, method: str) -> float:

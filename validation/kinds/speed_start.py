@@ -13,7 +13,6 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 
 ROOT = Path(__file__).parent.parent.parent
@@ -32,15 +31,11 @@ print((long - short) * (1 if sys.platform == 'darwin' else 1024))
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """Repeats of what is warm, and the steps of a short and a long run with the same 101 samples."""
+def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
+    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher.
 
-    repeats: int
-    steps: tuple[int, int]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher."""
+    `steps` are those of a short and a long run with the same 101 samples.
+    """
     for scene, path in zip(case.load_scenes(), case.scene_files, strict=True):
         with tempfile.TemporaryDirectory() as folder:
             environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": folder}
@@ -48,12 +43,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             seconds, said = _timed(command, environment)
             yield Measured("cold start", seconds, scene.name, timed=True)
             yield Measured("cold start says that it compiles", float("compil" in said.lower()), scene.name)
-            warm = min(_timed(command, environment)[0] for _ in range(settings.repeats))
+            warm = min(_timed(command, environment)[0] for _ in range(repeats))
             yield Measured("warm start", warm, scene.name, timed=True)
             importing = [sys.executable, "-c", "import flexlink"]
-            again = (_timed(importing, environment)[0] for _ in range(settings.repeats))
+            again = (_timed(importing, environment)[0] for _ in range(repeats))
             yield Measured("import", min(again), timed=True)
-        short, long = settings.steps
+        short, long = steps
         growth = _timed([sys.executable, "-c", GROWTH, str(path), str(short), str(long)], dict(os.environ))[1]
         note = f"Against {short:,} steps; 101 samples both."
         yield Measured(

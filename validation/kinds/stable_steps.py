@@ -23,7 +23,6 @@ from scipy import linalg
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ConvergenceError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from flexlink.dynamics.terms import bias_torque, elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.stability import stable_step, stable_step_of
@@ -57,12 +56,6 @@ SIDES, HALVINGS = (0.8, 1.25), 9
 """Parts of the predicted step between which the observed one is sought, down to (1.25 − 0.8) / 2⁹ = 0.1 %."""
 
 
-class Settings(Spec, frozen=True):
-    """The explicit methods."""
-
-    methods: tuple[str, ...]
-
-
 class Rest(NamedTuple):
     """A scene that stays at rest at q; λ [1/s] and left vectors of modes that do not grow by themselves; all aside."""
 
@@ -73,14 +66,14 @@ class Rest(NamedTuple):
     aside: Array  # (2 n,)
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
     """Observed over predicted less 1 of every scene with a largest stable step, and how many there are."""
     rows = list[tuple[str, int, str, float, float, float]]()
     scenes = case.load_scenes()
     for scene in scenes:
         rest = at_rest(scene)
         chain = lump(rest.scene)
-        for name in settings.methods:
+        for name in methods:
             predicted = stable_step(chain, rest.q, tip_wrench=rest.scene.tip_wrench, method=name)
             if rest.λ.size and predicted < 0.999 * stable_step_of(rest.λ, name):
                 yield Measured("bounded by what grows by itself", predicted, scene.name, varied={"method": name})

@@ -15,7 +15,7 @@ from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
 from validation.case import Case, Measured
@@ -27,38 +27,38 @@ LONG = True
 RELATIVE = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
 
 
-class Settings(Spec, frozen=True):
-    """Witnesses with the methods that they share with us; the scenes that are run, and how long [s]; states, seed."""
+def run(
+    case: Case,
+    methods: dict[str, tuple[str, ...]],
+    motions: tuple[str, ...],
+    duration: Positive,
+    samples: int,
+    seed: int = 0,
+) -> Iterator[Measured]:
+    """Of each witness, scene and method the largest differences; at last how many witnesses are missing.
 
-    methods: dict[str, tuple[str, ...]]
-    motions: tuple[str, ...]
-    duration: Positive
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Of each witness, scene and method the largest differences; at last how many witnesses are missing."""
+    `methods` are those that a witness shares with us; `motions` are the scenes that are run, so long [s].
+    """
     scenes, missing = case.load_scenes(), []
-    for name, methods in settings.methods.items():
+    for name, shared in methods.items():
         try:
             engines.load(name, lump(scenes[0]))
         except MissingDependencyError as error:
             missing.append(f"not run: {error}")
             continue
         for scene in scenes:
-            yield from _terms(scene, name, settings)
-            if scene.name in settings.motions:
-                for method in methods:
-                    yield from _motion(scene.varied({"run.method": method, "run.duration": settings.duration}), name)
+            yield from _terms(scene, name, samples, seed)
+            if scene.name in motions:
+                for method in shared:
+                    yield from _motion(scene.varied({"run.method": method, "run.duration": duration}), name)
     yield Measured("witnesses left out", len(missing), note="; ".join(missing))
 
 
-def _terms(scene: Scene, name: str, settings: Settings) -> Iterator[Measured]:
+def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measured]:
     """|Δ| over the largest element at that state, of q̈ in units of what rounding explains; the worst of all states."""
-    chain, facts = lump(scene), {"states": settings.samples}
+    chain, facts = lump(scene), {"states": samples}
     ours, theirs = engines.load("native", chain), engines.load(name, chain)
-    states = random_states(chain, settings.samples, seed=settings.seed)
+    states = random_states(chain, samples, seed=seed)
     for quantity in RELATIVE:
         evaluate = QUANTITIES[quantity].evaluate
         worst = max(_relative(evaluate(theirs, state), evaluate(ours, state)) for state in states)
