@@ -8,13 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import DataFileError
+from validation.types import Array
 
 FOLDER = Path(__file__).parent / "reference"
-
-Array = NDArray[np.float64]
 
 
 @functools.cache

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
@@ -17,8 +16,8 @@ from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory
 from validation.facts import Fact
 from validation.store import Series
+from validation.types import Array
 
-Array = NDArray[np.float64]
 POINTS = 50  # of an engine in a figure
 
 

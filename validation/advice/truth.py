@@ -11,13 +11,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.model import Axes, Bend, Model, is_scene, most_axes, uniform
 from flexlink.advice.model_runner import OF_STABLE, ModelRunner, Stepping
 from flexlink.describe.scene import Scene
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
 METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)

@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
@@ -30,8 +29,8 @@ from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
@@ -18,8 +17,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import spatial_chain
 from validation.speed.families import Family
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Arms(Family, frozen=True):

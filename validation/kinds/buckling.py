@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 import flexlink as fl
@@ -20,8 +19,8 @@ from validation.physics.published import Pair, published
 from validation.physics.variant import Rule, Variant, existing, grid
 from validation.reference_values import reference_array
 from validation.store import Series
+from validation.types import Array
 
-Array = NDArray[np.float64]
 BISECTIONS = 40  # of the flutter load: to rounding
 
 

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
@@ -20,8 +19,6 @@ from validation.facts import Facts
 from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
 
 
 class Reference(Spec, frozen=True):

@@ -15,7 +15,6 @@ from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
@@ -30,8 +29,8 @@ from validation.extremes.cells import Cell, Map, recipe
 from validation.facts import said
 from validation.oracles.common_origin import of_state
 from validation.store import Series, table
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Numbers = dict[str, Array]
 
 LONG = True

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.chain.lumping import lump
@@ -24,8 +23,7 @@ from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | Series]:

@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
@@ -22,8 +21,7 @@ from validation.physics.beam_references import beam_reference, beam_scene, file_
 from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 

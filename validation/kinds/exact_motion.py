@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
@@ -19,8 +18,7 @@ from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up
 from validation.runs import told
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Trial(Spec, frozen=True):

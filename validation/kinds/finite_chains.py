@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 import flexlink as fl
@@ -21,8 +21,7 @@ from validation.oracles import bending_chain, hencky
 from validation.physics.parity import chain_frequencies, load_stiffness, springs
 from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up, reference_array
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 TORSION = "torsion_bar"
 TWO_LINKS = "unit_two_links"

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
@@ -28,8 +27,7 @@ from validation.physics.published import Pair, published
 from validation.physics.variant import Rule, Variant, existing, grid
 from validation.reference_values import reference_array
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

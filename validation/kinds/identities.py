@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
@@ -28,8 +27,7 @@ from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import MASS_METHODS
 from validation.case import Case, Measured
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 TURN = {
     j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -16,8 +15,7 @@ from flexlink.diagnosis.states import State, random_states
 from flexlink.engines import Engine, load
 from validation.case import Case, Measured
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
@@ -21,8 +20,7 @@ from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 

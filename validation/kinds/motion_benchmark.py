@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
@@ -33,8 +32,7 @@ from validation.physics.variant import Rule, Variant, existing, grid
 from validation.reference_values import look_up, reference_array
 from validation.runs import told
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 

@@ -13,7 +13,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
@@ -22,8 +21,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.trade.first_order import FirstOrder, Solved
 from validation.trade.scenes import trade_scene
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
 ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one

@@ -7,15 +7,13 @@ from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from validation.case import Case, Measured
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 TYPES = {"T1": "z", "T2": "yz", "T3": "xyz"}
 SMALL = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above

@@ -8,14 +8,13 @@ from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from validation.case import Case, Measured
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Convention = Literal["standard", "modified"]
 HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
 

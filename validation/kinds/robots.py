@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.common.errors import MissingDependencyError
@@ -18,8 +17,7 @@ from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.tuning import tuned
 from validation.case import MODELS, Case, Measured
 from validation.physics.source_urdf import Original
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 BENDING = "_flexible"
 """End of the names of arms that bend; without it, they are those of the same arms, rigid."""

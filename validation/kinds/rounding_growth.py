@@ -10,7 +10,6 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
@@ -21,8 +20,7 @@ from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.runs import motion_series, points_of
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 

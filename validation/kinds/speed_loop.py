@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 import mujoco
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -24,10 +23,10 @@ from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed.stopwatch import Work, race
+from validation.types import Array
 
 TIMED = True
 
-Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]
 """T_EX of the driven joints (d,) [N m] from t [s], q and q̇ (n,)."""
 

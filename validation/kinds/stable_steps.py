@@ -17,7 +17,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.chain.lumping import lump
@@ -32,9 +31,7 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from validation.types import Array, Complex
 
 LONG = True
 

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
@@ -19,8 +18,7 @@ from validation.physics.published import Pair, published
 from validation.physics.tip_loads import TIP_LOADS, TipLoad
 from validation.physics.variant import Rule, Variant, existing, grid
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

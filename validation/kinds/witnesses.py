@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.lumping import lump
@@ -20,8 +19,7 @@ from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
 from validation.case import Case, Measured
 from validation.runs import told
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 RELATIVE = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")

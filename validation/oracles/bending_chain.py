@@ -10,9 +10,9 @@ import itertools
 
 import mpmath
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from validation.types import Array
+
 DIGITS = 40
 
 

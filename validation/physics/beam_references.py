@@ -9,7 +9,6 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import choice
 from flexlink.chain.rotation import matrix_from_rpy_deg
@@ -19,8 +18,7 @@ from flexlink.describe.scene import Scene, load_scene
 from validation.case import MODELS, STUDY_SCENES
 from validation.physics.formulas import INPUTS
 from validation.reference_values import look_up
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 SCENES: dict[str, dict[str, Any]] = {"paper_fig5": {"run.duration": 1.0, "run.sample": 0.05}, "torque_pulse": {}}
 """By name: what is changed in the scene before it runs."""

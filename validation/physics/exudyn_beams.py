@@ -35,15 +35,13 @@ from exudyn.itemInterface import (
     ObjectRigidBody2D,
     SensorNode,
 )
-from numpy.typing import NDArray
 
 from flexlink.common.output import write_whole
 from flexlink.describe.conditions import RunSettings
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
 from validation.reference_values import FOLDER
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 TORQUES = {"torque_pulse": pulse}
 RADIUS = 0.9  # spectral radius of the generalized-α method at infinite frequency

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -15,8 +15,7 @@ from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.drive_torque import follow
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 def pulse(t: ArrayLike) -> Array:

@@ -14,9 +14,7 @@ from scipy import linalg
 
 from flexlink.engines import Engine
 from flexlink.engines.mujoco import MujocoEngine
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
+from validation.types import Array, Indices
 
 SHIFTS = np.pi * np.array([1, 3, 5, 7]) / 4
 WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(SHIFTS / 2) ** 2)

@@ -6,12 +6,11 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from validation.facts import Fact, Facts
 from validation.reference_values import look_up
+from validation.types import Array
 
-Array = NDArray[np.float64]
 ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg, of the Princeton beam
 
 

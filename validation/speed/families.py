@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -16,8 +15,8 @@ from flexlink.describe.spec import Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from validation.case import Case
 from validation.physics.variant import Rule, Variant
+from validation.types import Array
 
-Array = NDArray[np.float64]
 STATES = 2  # that a loop goes through in turn, so that no call repeats the one before it
 
 

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from validation.types import Array
 
-Array = NDArray[np.float64]
 REVOLUTE = {0: pin.JointModelRX, 1: pin.JointModelRY, 2: pin.JointModelRZ}
 S = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 

@@ -11,7 +11,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 from mujoco import rollout
-from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
@@ -25,8 +24,7 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
 from validation.speed.stopwatch import Work
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 def native(scene: Scene) -> Work:

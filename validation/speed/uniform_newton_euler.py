@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_sin, cross, dot, put, scale, vector
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Rows(NamedTuple):

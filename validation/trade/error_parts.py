@@ -15,15 +15,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Type = Literal["rigid", "z", "yz", "xyz"]
 
 NUDGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above

@@ -14,7 +14,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.interpolate import BPoly, CubicSpline
 
@@ -22,8 +21,8 @@ import flexlink as fl
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
+from validation.types import Array
 
-Array = NDArray[np.float64]
 OfTime = Callable[[float], Array]
 OfState = Callable[[float, Array], Array]
 

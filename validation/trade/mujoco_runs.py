@@ -18,7 +18,6 @@ import numba
 import numpy as np
 from numba import types
 from numba.extending import intrinsic
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.common.errors import ArgumentError, FlexlinkError
@@ -28,8 +27,7 @@ from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.law_pd import PdLaw
 from flexlink.kernels.inputs.law_table import TableLaw
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
@@ -27,8 +26,7 @@ from validation.speed.pinocchio_models import build_all
 from validation.trade.first_order import FirstOrder, Solved
 from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
 EVALUATIONS = {"RK4": 4, "DOP853": 12}  # of a step

@@ -13,7 +13,6 @@ from typing import Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import choice
 from flexlink.chain.chain import Chain
@@ -26,8 +25,7 @@ from validation.case import MODELS, STUDY_SCENES
 from validation.physics.formulas import INPUTS
 from validation.reference_values import reference_array
 from validation.trade.first_order import FirstOrder
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 FILE = STUDY_SCENES / "trade" / "scenes.toml"
 OUTPUTS = 20  # of every run; the first of the samples is the start
