@@ -7,21 +7,23 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed import compiled_loops
-from validation.speed.families import Family, timed_states
+from validation.speed import compiled_loops, growth
+from validation.speed.families import timed_states
+from validation.speed.growth import Races
 from validation.speed.stopwatch import Work, race
 from validation.store import Series, table
 
 TIMED = True
+
+Settings = Races
+rehearsal = growth.rehearsal
 
 Loop = Callable[[Any, rounding.Array, int], Any]
 METHODS: Mapping[str, Loop] = {
@@ -32,14 +34,6 @@ METHODS: Mapping[str, Loop] = {
 }
 TIE = 0.9  # of a time: what is nearer, a machine may turn round
 FIRST, SECOND, THIRD, LATER = METHODS
-
-
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each method runs: short turns, which others seldom cut."""
-
-    chain: dict[str, Family]
-    turns: int = 40
-    turn: float = 0.0003
 
 
 class Time(NamedTuple):
@@ -54,13 +48,7 @@ class Time(NamedTuple):
         return self.times[other] / self.times[one]
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
     """Times against n, how far apart the methods are, and what becomes of the claim at the longest chains."""
     found = []
     for name, family in settings.chain.items():

@@ -5,40 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed import compiled_loops, uniform_newton_euler
-from validation.speed.families import Family, States, timed_states
+from validation.speed import compiled_loops, growth, uniform_newton_euler
+from validation.speed.families import States, timed_states
+from validation.speed.growth import Races
 from validation.speed.stopwatch import Work, race
 
 TIMED = True
+
+Settings = Races
+rehearsal = growth.rehearsal
 
 ALL, REMOVED = "all operations", "redundant ones removed"
 BIAS, MASS = "T_GC", "M by method 1"
 
 
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each loop runs."""
-
-    chain: dict[str, Family]
-    turns: int = 40
-    turn: float = 0.0003
-
-
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, settings: Races) -> Iterator[Measured]:
     """Times of both forms of T_GC and of M, how far apart their numbers are, and the smallest gain of each."""
     gains: dict[str, list[float]] = {BIAS: [], MASS: []}
     for name, family in settings.chain.items():

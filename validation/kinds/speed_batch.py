@@ -9,25 +9,22 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from flexlink.kernels.tools.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.speed import steps
-from validation.speed.families import Family, of_steps, timed_states
+from validation.speed.families import of_steps, timed_states
+from validation.speed.growth import Races
 from validation.speed.stopwatch import clock, race
 
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """The chains, number of members (a multiple of 8), steps of the whole run, and how often and long [s] each runs."""
+class Settings(Races, frozen=True):
+    """The races; number of members (a multiple of 8), and steps of the whole run."""
 
-    chain: dict[str, Family]
     members: int
     steps: int
-    turns: int = 5
-    turn: float = 0.05
 
 
 def rehearsal(settings: Settings) -> Settings:

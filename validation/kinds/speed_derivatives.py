@@ -6,17 +6,16 @@ from collections.abc import Iterator
 from typing import Any
 
 import pinocchio as pin
-from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed import pinocchio_models
+from validation.speed import growth, pinocchio_models
 from validation.speed.evaluations import Jobs, from_python
-from validation.speed.families import Family, States, timed_states
+from validation.speed.families import States, timed_states
+from validation.speed.growth import Races
 from validation.speed.stopwatch import race
 
 FORWARD, INVERSE = "∂q̈", "∂τ"
@@ -24,22 +23,11 @@ OURS = "public"
 
 TIMED = True
 
-
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each contestant runs."""
-
-    chain: dict[str, Family]
-    turns: int = 12
-    turn: float = 0.0015
+Settings = Races
+rehearsal = growth.rehearsal
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, settings: Races) -> Iterator[Measured]:
     """Ratios of Pinocchio's times, of its fastest joints, to ours, and ours."""
     for name, family in settings.chain.items():
         for segments in family.segments:
