@@ -26,6 +26,11 @@ def told(run: RunSettings) -> dict[str, Fact]:
     return {"method": run.method, "step": run.step, "duration": run.duration}
 
 
+def apart(a: Array, b: Array) -> float:
+    """The largest distance of two paths, (samples, 2 or 3), at the same times [m]."""
+    return float(np.linalg.norm(a - b, axis=1).max())
+
+
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
     """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
     chain, time = run.chain, {"time [s]": run.t}

@@ -20,6 +20,7 @@ from validation.case import Case, Measured
 from validation.physics.beam_references import beam_reference, beam_scene, file_name, plane_of
 from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
+from validation.runs import apart
 from validation.store import Series
 from validation.types import Array
 
@@ -37,15 +38,15 @@ def run(
     for name in case.scenes:
         scene, (exact, own) = beam_scene(name), beam_reference(name)
         tip, coarser = (_tip(scene, cut, of_stable) for cut in (fine, coarse))
-        apart, between = _apart(tip, exact), _apart(coarser, tip)
-        yield Measured("tip apart", apart, name, varied=fine.facts)
-        yield Measured("tip apart / allowed", apart / (own + between), name, varied=fine.facts)
+        distance, between = apart(tip, exact), apart(coarser, tip)
+        yield Measured("tip apart", distance, name, varied=fine.facts)
+        yield Measured("tip apart / allowed", distance / (own + between), name, varied=fine.facts)
         yield Measured("coarser chain apart", between, name, varied=coarse.facts)
         yield Measured("reference, its own error", own, name, "exudyn")
         if others and name in others:
             other = reference_array(others[name], "values")
             plane = exact @ plane_of(scene).axes
-            yield Measured("references apart / own error", _apart(plane[:, :2], other) / own, name, "exudyn")
+            yield Measured("references apart / own error", apart(plane[:, :2], other) / own, name, "exudyn")
         if "shear_and_stretch_m" in look_up(file_name(name)):
             yield Measured("shear and stretch", float(look_up(file_name(name), "shear_and_stretch_m")), name, "exudyn")
         yield _series(scene, exact, tip)
@@ -63,8 +64,3 @@ def _series(scene: Scene, exact: Array, fine: Array) -> Series:
     columns = {"time [s]": scene.run.times, "flexlink": np.linalg.norm(fine - exact, axis=1)}
     title = f"{scene.name}: distance of the chain's tip from that of Exudyn's beams"
     return Series("beams", title, columns, "time [s]", "time [s]", "distance [m]", scene=scene.name)
-
-
-def _apart(one: Array, other: Array) -> float:
-    """Largest distance of two tips at any sample [m]."""
-    return float(np.linalg.norm(one - other, axis=1).max())

@@ -27,8 +27,8 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.physics.formulas import INPUTS
 from validation.physics.hinge_sweep import Point, Sweep, report
-from validation.physics.published import Pair, published
-from validation.physics.variant import Rule, Variant, existing, grid
+from validation.physics.published import published
+from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
 from validation.runs import told
 from validation.store import Series
@@ -59,8 +59,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
     exact = reference_array(settings.reference, "values")[:, list(settings.columns)]
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
-    tried = [at for at in grid(settings.rules) if existing(case, Variant(), at) is not None]
-    points = [Point(at, _errors(settings, run(at), exact)) for at in tried]
+    points = [Point(at, _errors(settings, run(at), exact)) for at, _ in existing(case, settings.rules)]
     yield from report(settings, points, case.about, {"tip": "m"})
     scene, ours = _scene(case, settings, settings.best), run(settings.best)
     facts: Facts = {**settings.best.facts, **told(scene.run)}
@@ -103,7 +102,7 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, beside: Trajectory
     label = "tip across the arm [m]" if settings.lag else "tip y [m]"
     yield Series("motion", case.title, {"time [s]": ours.t} | seen, "time [s]", "time [s]", label)
     worst = np.abs(seen["reference"]).argmax()
-    pair = Pair(f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst])
+    pair = f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst]
     yield published([pair], f"{case.title} ({settings.best})")
 
 

@@ -12,16 +12,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-import numpy as np
-
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
 from validation.trade.first_order import FirstOrder, Solved
 from validation.trade.scenes import trade_scene
-from validation.types import Array
 
 MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
 ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
@@ -55,12 +53,12 @@ def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Po
                     raise
                 left_out = str(error)
                 continue
-            own = _apart(coarse, fine)
+            own = apart(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
                 allowed = MULTIPLE * methods[method] + own
                 facts: Facts = {"method": method, "tolerance": methods[method]}
-                yield Measured("tip apart / allowed", _apart(tip, fine) / allowed, name, witness.solver, facts)
+                yield Measured("tip apart / allowed", apart(tip, fine) / allowed, name, witness.solver, facts)
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
 
 
@@ -68,8 +66,3 @@ def _solved(form: FirstOrder, witness: Witness, relative: float) -> Solved:
     if witness.solver == "CVODE":
         return form.by_cvode(relative, ABSOLUTE * relative)
     return form.by_scipy(witness.solver, relative, ABSOLUTE * relative)
-
-
-def _apart(a: Array, b: Array) -> float:
-    """Largest distance of two tips at any sample [m]."""
-    return float(np.linalg.norm(a - b, axis=1).max())

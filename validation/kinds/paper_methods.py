@@ -17,7 +17,8 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.trade.error_parts import Fine, Path, Setup, Type, apart
+from validation.runs import apart
+from validation.trade.error_parts import Fine, Path, Setup, Type
 from validation.trade.scenes import motion_of
 from validation.trade.work_precision import Point, cost
 

@@ -14,8 +14,9 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
 from validation.store import Series, table
-from validation.trade.error_parts import Fine, Setup, apart, rounding
+from validation.trade.error_parts import Fine, Setup, rounding
 
 CLEAR = 10.0  # times rounding: what is measured of the step is hardly rounding, and that of the exact path
 

@@ -16,8 +16,9 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
 from validation.speed.families import of_steps
-from validation.trade.error_parts import Fine, Setup, Type, apart
+from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
 

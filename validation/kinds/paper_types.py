@@ -11,7 +11,8 @@ from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.trade.error_parts import Fine, Path, Type, apart
+from validation.runs import apart
+from validation.trade.error_parts import Fine, Path, Type
 
 TYPES: Mapping[str, Type] = {"rigid": "rigid", "T1": "z", "T2": "yz", "T3": "xyz"}
 STEP = 2.0  # times more precise, at least, is another level of precision

@@ -20,8 +20,9 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
 from validation.case import Case, Measured
+from validation.runs import apart
 from validation.store import Series, table
-from validation.trade.error_parts import Fine, Setup, Type, apart
+from validation.trade.error_parts import Fine, Setup, Type
 from validation.trade.native_ladder import OF_STABLE, timed_run
 from validation.trade.scenes import motion_of
 

@@ -14,9 +14,9 @@ from flexlink.engines import Engine
 from validation.case import Case, Measured
 from validation.facts import Facts, said
 from validation.physics.hinge_sweep import Point, Sweep, report
-from validation.physics.published import Pair, published
+from validation.physics.published import published
 from validation.physics.tip_loads import TIP_LOADS, TipLoad
-from validation.physics.variant import Rule, Variant, existing, grid
+from validation.physics.variant import Rule, Variant, existing
 from validation.store import Series
 from validation.types import Array
 
@@ -39,12 +39,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     all_loads = choice(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
     loads = [load for load in all_loads() if not settings.only or load.size in settings.only]
     points = []
-    for at in grid(settings.rules):
-        scene = existing(case, Variant(), at)
-        if scene is not None:
-            chain = fl.lump(scene)
-            worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
-            points.append(Point(at, {"tip": worst}))
+    for at, (scene,) in existing(case, settings.rules):
+        chain = fl.lump(scene)
+        worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
+        points.append(Point(at, {"tip": worst}))
     yield from report(settings, points, case.about)
     chain = fl.lump(Variant().build(case, settings.best))
     engine = engines.load("mujoco", chain)
@@ -53,7 +51,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         facts: Facts = {**load.facts, **settings.best.facts}
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
-        pairs.append(Pair(said(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
+        pairs.append((said(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
         yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)

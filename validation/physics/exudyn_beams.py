@@ -41,6 +41,7 @@ from flexlink.describe.conditions import RunSettings
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
 from validation.reference_values import FOLDER
+from validation.runs import apart
 from validation.types import Array
 
 TORQUES = {"torque_pulse": pulse}
@@ -79,13 +80,13 @@ def compute(name: str) -> float:
     plane = plane_of(scene)
     finest = tip(name, plane, scene.run, FINEST)
     errors = {
-        key: _apart(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
+        key: apart(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
         for key, (coarser, times) in COARSER.items()
     }
     reference = {"plane": plane.numbers, "errors_m": errors, "own_error_m": sum(errors.values())}
     if all(section.shape != "general" for section in scene.arm.sections.values()):
         own = tip(name, plane, scene.run, FINEST._replace(stiffness=None))
-        reference["shear_and_stretch_m"] = _apart(finest, own)
+        reference["shear_and_stretch_m"] = apart(finest, own)
     document = {
         "about": f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
         "source": "python -m validation.physics.exudyn_beams",
@@ -170,11 +171,6 @@ def _settings(run: RunSettings, step: float, residual: float) -> Any:
     time.generalizedAlpha.spectralRadius = RADIUS
     time.newton.absoluteTolerance, time.newton.relativeTolerance = residual, 0.0
     return settings
-
-
-def _apart(one: Array, other: Array) -> float:
-    """Largest distance of two tips [m]."""
-    return float(np.linalg.norm(one - other, axis=1).max())
 
 
 if __name__ == "__main__":

@@ -3,20 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 from validation.store import Series, table
 
 
-class Pair(NamedTuple):
-    """A published number and ours, in the same unit."""
-
-    what: str
-    published: float
-    ours: float
-
-
-def published(pairs: Sequence[Pair], title: str) -> Series:
-    """The series `published`, which is a table rather than a curve."""
+def published(pairs: Sequence[tuple[str, float, float]], title: str) -> Series:
+    """The series `published`, a table rather than a curve: what it is, its published number and ours, in one unit."""
     columns = table(("what", "published", "ours"), pairs)
     return Series("published", title, columns, "published", "published", "ours", group="what")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -62,18 +62,16 @@ class Variant(Spec, frozen=True):
         return scene.varied({"link.*.lumping": wanted.rule, "link.*.segments": wanted.hinges + 1})
 
 
-def grid(rules: dict[str, tuple[int, ...]]) -> Iterator[Rule]:
-    """Every rule with every number of hinges."""
-    for rule, counts in rules.items():
+def existing(
+    case: Case, rules: Mapping[str, Sequence[int]], variants: Sequence[Variant] = (Variant(),)
+) -> Iterator[tuple[Rule, list[Scene]]]:
+    """Every rule with the numbers of hinges that it exists for, and the scene of each variant cut by it."""
+    for name, counts in rules.items():
+        rule = lumping_rule(name)
         for hinges in counts:
-            yield Rule(rule=rule, hinges=hinges)
-
-
-def existing(case: Case, variant: Variant, wanted: Rule) -> Scene | None:
-    """The scene, or None where the rule does not exist for so many hinges."""
-    rule = lumping_rule(wanted.rule)
-    try:
-        rule.hinges(wanted.hinges)
-    except ArgumentError:
-        return None
-    return variant.build(case, wanted)
+            try:
+                rule.hinges(hinges)
+            except ArgumentError:
+                continue
+            wanted = Rule(rule=name, hinges=hinges)
+            yield wanted, [variant.build(case, wanted) for variant in variants]

@@ -21,6 +21,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
+from validation.runs import apart
 from validation.types import Array
 
 Type = Literal["rigid", "z", "yz", "xyz"]
@@ -139,8 +140,3 @@ def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
         either = (setup.tip(scene, q + way * dq, qd + way * dqd) for way in (1.0, -1.0))
         left.append(apart(np.mean(list(either), axis=0), tip))
     return max(left)
-
-
-def apart(a: Array, b: Array) -> float:
-    """The largest distance of two paths at the same times [m]."""
-    return float(np.linalg.norm(a - b, axis=1).max())
