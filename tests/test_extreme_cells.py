@@ -130,7 +130,7 @@ def test_the_stable_step_of_an_arm_with_friction_is_seen_where_it_is_predicted(m
     rest = stable_steps.at_rest(fl.load_scene(models / "t3_spatial.toml"))
     predicted = fl.stable_step(fl.lump(rest.scene), rest.q, tip_wrench=rest.scene.tip_wrench, method=method)
     assert stable_steps.observed(rest, method, predicted) == pytest.approx(1.0, abs=0.01)
-    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SIDES[0]
+    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SEARCHED[0]
 
 
 @pytest.mark.slow

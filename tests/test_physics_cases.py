@@ -80,7 +80,7 @@ def test_every_benchmark_scene_is_named_as_its_file_and_used(name):
     assert any(name in case.scenes for case in load_cases("*"))
 
 
-@pytest.mark.parametrize("path", sorted(reference_values.FOLDER.glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(reference_values.REFERENCE_FOLDER.glob("*.json")), ids=lambda path: path.stem)
 def test_every_reference_file_is_used(path):
     assert any(path.stem in source.read_text(encoding="utf-8") for source in SOURCES)
 

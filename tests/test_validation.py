@@ -559,7 +559,7 @@ def test_a_watch_on_this_machine_finds_something_sensible():
 
 
 def test_where_nobody_counts_the_load_only_the_loop_decides(monkeypatch):
-    monkeypatch.setattr(machine, "STAT", Path("/nowhere/stat"))
+    monkeypatch.setattr(machine, "PROC_STAT", Path("/nowhere/stat"))
     assert machine.Watch().conditions().load is None
 
 

@@ -127,7 +127,7 @@ class Case(Spec, frozen=True):
         return files
 
 
-NOTHING: Facts = MappingProxyType({})
+NOTHING_VARIED: Facts = MappingProxyType({})
 
 
 class Measured(NamedTuple):
@@ -137,7 +137,7 @@ class Measured(NamedTuple):
     value: float
     scene: str = ""
     engine: str = "native"
-    varied: Facts = NOTHING  # what was varied: names of `validation.facts`
+    varied: Facts = NOTHING_VARIED  # what was varied: names of `validation.facts`
     scale: float = 1.0  # the case's tolerance is in units of this, where the limit follows from the physics of the run
     note: str = ""  # computed words on this value
     timed: bool = False  # a matter of speed, not of correctness

@@ -10,7 +10,7 @@ import flexlink as fl
 from flexlink.describe.spec import Vector3
 
 Convention = Literal["standard", "modified"]
-RULES = ("gauss", "paper", "midpoint", "legendre")
+LUMPING_RULES = ("gauss", "paper", "midpoint", "legendre")
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.4, 0.2, 0.2, 0.2)
 
 
@@ -96,7 +96,7 @@ def _beam(dice: Dice, flex: str) -> dict[str, Any]:
     section = dice.one_of("bar", "pipe")
     rigid = flex == "rigid"
     return {
-        "flex": flex, "segments": 1 if rigid else dice.one_of(3, 5), "lumping": dice.one_of(*RULES),
+        "flex": flex, "segments": 1 if rigid else dice.one_of(3, 5), "lumping": dice.one_of(*LUMPING_RULES),
         "material": "stuff", "section": section, "section_tip": f"{section}'s tip" if dice.chance(0.4) else None,
         "damping": None if rigid or dice.chance(0.7) else fl.Damping(ratio=0.01, at_hz=dice.decades(0, 2)),
         "friction": None if rigid or dice.chance(0.7) else fl.Friction(coulomb=dice.decades(-2, 0)),

@@ -12,12 +12,12 @@ import numpy as np
 from flexlink.common.errors import DataFileError
 from validation.types import Array
 
-FOLDER = Path(__file__).parent / "reference"
+REFERENCE_FOLDER = Path(__file__).parent / "reference"
 
 
 @functools.cache
 def _file(name: str) -> Any:
-    return json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["reference"]
+    return json.loads((REFERENCE_FOLDER / f"{name}.json").read_text(encoding="utf-8"))["reference"]
 
 
 def look_up(name: str, *keys: str) -> Any:
@@ -28,8 +28,8 @@ def look_up(name: str, *keys: str) -> Any:
     DataFileError
         The file or a key does not exist.
     """
-    if not (FOLDER / f"{name}.json").is_file():
-        known = ", ".join(sorted(path.stem for path in FOLDER.glob("*.json")))
+    if not (REFERENCE_FOLDER / f"{name}.json").is_file():
+        known = ", ".join(sorted(path.stem for path in REFERENCE_FOLDER.glob("*.json")))
         raise DataFileError(f"reference = {name!r}: no such file; there are {known}")
     found = _file(name)
     for key in keys:

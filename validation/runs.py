@@ -18,8 +18,6 @@ from validation.facts import Fact
 from validation.store import Series
 from validation.types import Array
 
-POINTS = 50  # of an engine in a figure
-
 
 def told(run: RunSettings) -> dict[str, Fact]:
     """What a run is told by."""
@@ -66,7 +64,8 @@ def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[S
 
 def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
     """An engine's samples thinned to what a figure can show as points on our lines."""
-    every = slice(None, None, max(1, len(t) // POINTS))
+    shown = 50  # points of an engine in a figure
+    every = slice(None, None, max(1, len(t) // shown))
     return trajectory_from_states(
         scene, chain, input_arrays(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy()
     )

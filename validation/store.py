@@ -35,8 +35,8 @@ Scale = Literal["linear", "log"]
 Bound = Literal["at most", "at least"]
 T = TypeVar("T")
 
-ANEW = "remove the folder to start anew"
-UNREADABLE = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
+START_ANEW = "remove the folder to start anew"
+ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
 BUSY_LOAD = 0.1  # of the machine's cores: from here on others take what the timed process would have had
 BUSY_SPREAD = 0.3  # of a calibration loop, mean lap over fastest less 1: 0.03 to 0.2 on idle virtual machines
@@ -175,7 +175,9 @@ class Store:
             try:
                 rows.append(msgspec.json.decode(line, type=Row))
             except (ValueError, msgspec.MsgspecError) as error:
-                raise FlexlinkError(f"{file}, line {number}: not a row of this version ({error}); {ANEW}") from None
+                raise FlexlinkError(
+                    f"{file}, line {number}: not a row of this version ({error}); {START_ANEW}"
+                ) from None
         return rows
 
     def series(self, case: str) -> dict[str, Series]:
@@ -305,9 +307,9 @@ def _whole(file: Path, read: Callable[[Path], T]) -> T:
     """What `read` makes of a file; one that is torn or of another version is an error of the project, in one line."""
     try:
         return read(file)
-    except (*UNREADABLE, OSError) as error:
+    except (*ERRORS_OF_READING, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FlexlinkError(f"{file}: cannot be read ({why}); {ANEW}") from None
+        raise FlexlinkError(f"{file}: cannot be read ({why}); {START_ANEW}") from None
 
 
 def _series(file: Path) -> Series:

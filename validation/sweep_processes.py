@@ -19,17 +19,15 @@ from flexlink.describe.data_files import read_toml
 from flexlink.describe.writing import toml_of
 
 ROOT = Path(__file__).parent.parent
-SWEEPS = ROOT / "validation" / "sweeps"
+SWEEP_FOLDER = ROOT / "validation" / "sweeps"
 ENVIRONMENT = os.environ | {"PYTHONPATH": str(ROOT)}
-PATIENCE, PAUSE = 300.0, 0.02  # how long anything is waited for, and how often it is looked for [s]
-QUIET: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-SAID: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+LONGEST_WAIT = 300.0  # s, for anything
 
 
 def shortened(name: str, members: int, folder: Path) -> Path:
     """A sweep of `validation/sweeps`, with so many members, as a file in a folder."""
-    sweep = read_toml(SWEEPS / f"{name}.toml")
-    sweep["scene"] = str((SWEEPS / sweep["scene"]).resolve())
+    sweep = read_toml(SWEEP_FOLDER / f"{name}.toml")
+    sweep["scene"] = str((SWEEP_FOLDER / sweep["scene"]).resolve())
     sweep["sample"]["count"] = members
     path = folder / f"{name}.toml"
     path.write_text(toml_of(sweep), encoding="utf-8")
@@ -39,7 +37,9 @@ def shortened(name: str, members: int, folder: Path) -> Path:
 def started(sweep: Path, out: Path, *options: str) -> subprocess.Popen[str]:
     """`flexlink sweep` in a process group of its own, as a terminal would start it."""
     command = [sys.executable, "-m", "flexlink", "sweep", str(sweep), "--out", str(out), *options]
-    return subprocess.Popen(command, env=ENVIRONMENT, start_new_session=True, text=True, **SAID)
+    return subprocess.Popen(
+        command, env=ENVIRONMENT, start_new_session=True, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
 
 
 def finish(process: subprocess.Popen[str]) -> None:
@@ -95,11 +95,11 @@ def _asked(path: Path, question: str) -> list[tuple[Any, ...]]:
         return db.execute(question).fetchall() if has_rows else []
 
 
-def until(found: Callable[[], bool], process: subprocess.Popen[Any], seconds: float = PATIENCE) -> bool:
+def until(found: Callable[[], bool], process: subprocess.Popen[Any], seconds: float = LONGEST_WAIT) -> bool:
     """Wait for something while a process lives; whether it came."""
     end = time.monotonic() + seconds
     while not found() and process.poll() is None and time.monotonic() < end:
-        time.sleep(PAUSE)
+        time.sleep(0.02)
     return found()
 
 
@@ -120,7 +120,9 @@ def cluster(folder: Path, workers: int) -> Iterator[tuple[str, list[subprocess.P
 
         def launch(role: str, *options: str) -> subprocess.Popen[str]:
             command = [sys.executable, "-m", f"distributed.cli.dask_{role}", *options]
-            process = subprocess.Popen(command, cwd=folder, env=ENVIRONMENT, text=True, **QUIET)
+            process = subprocess.Popen(
+                command, cwd=folder, env=ENVIRONMENT, text=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
             stack.callback(process.wait)
             stack.callback(process.kill)
             return process

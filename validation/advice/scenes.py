@@ -22,19 +22,17 @@ SITUATIONS = ("falling", "pulse", "constant", "pd", "led")
 """In turn by seed, and so in pairs in a plane and in space."""
 
 SAMPLES = 100
-TUMBLES = 10
-"""Times as long as the others."""
 
-SOFTEST = 0.2
+SOFTEST_LINK = 0.2
 """Deflection of a link over its length."""
-STUFFS = {
+MATERIALS = {
     "aluminium": fl.Material(young=70e9, density=2700.0, poisson=0.33),
     "steel": fl.Material(young=210e9, density=7850.0, poisson=0.3),
     "plastic": fl.Material(young=3e9, density=1200.0, poisson=0.4),
 }
 
-ROBOT = Path(__file__).with_name("three_axis.urdf")
-TUBES = {
+ROBOT_FILE = Path(__file__).with_name("three_axis.urdf")
+SECTIONS_OF_ROBOT = {
     "upper": fl.Section(shape="tube", outer=0.03, inner=0.026),
     "fore": fl.Section(shape="tube", outer=0.02, inner=0.017),
 }
@@ -45,10 +43,10 @@ def random_scene(seed: int) -> fl.Scene:
     """An arm and what happens to it."""
     dice = Dice(seed)
     situation, planar = SITUATIONS[seed % len(SITUATIONS)], (seed // len(SITUATIONS)) % 2 == 0
-    stuff = dice.one_of(*STUFFS)
+    stuff = dice.one_of(*MATERIALS)
     sections: dict[str, fl.Section] = {}
     links = tuple(_link(dice, k, stuff, sections, planar) for k in range(dice.one_of(1, 2, 2, 3)))
-    material = replace(STUFFS[stuff], loss_time=dice.one_of(0.0, 0.0, dice.decades(-5, -3)))
+    material = replace(MATERIALS[stuff], loss_time=dice.one_of(0.0, 0.0, dice.decades(-5, -3)))
     mass = _mass(links, sections, material)
     tip = fl.RigidBody()
     if dice.chance(0.6):
@@ -75,7 +73,7 @@ def tumbling_scene(seed: int) -> fl.Scene:
     falling, dice = random_scene(2 * len(SITUATIONS) * seed), Dice(seed)
     links = tuple(replace(link, joint=fl.Joint(), damping=None) for link in falling.arm.links)
     angles = dice.linear(60.0, 120.0), *(dice.linear(-60.0, 60.0) for _ in links[1:])
-    arm, run = replace(falling.arm, links=links), replace(falling.run, duration=TUMBLES * falling.run.duration)
+    arm, run = replace(falling.arm, links=links), replace(falling.run, duration=10 * falling.run.duration)
     return replace(
         falling, name=f"tumbling {seed}", arm=arm, gravity=(0.0, -9.81, 0.0), wrench=fl.Wrench(), run=run,
         initial=fl.InitialState(joint_deg=angles),
@@ -95,9 +93,9 @@ def released_scene(seed: int) -> fl.Scene:
 
 def robot_scene(duration: float) -> fl.Scene:
     """A robot of three axes from a URDF file, two of its links tubes that bend; its waist turns while it falls."""
-    flexible = {name: fl.FlexibleLink(section=section, flex="xyz") for name, section in TUBES.items()}
+    flexible = {name: fl.FlexibleLink(section=section, flex="xyz") for name, section in SECTIONS_OF_ROBOT.items()}
     posture = {"waist": 0.3, "shoulder": -0.6, "elbow": 0.9}
-    scene = fl.import_urdf(ROBOT, posture=posture, flexible=flexible).scene
+    scene = fl.import_urdf(ROBOT_FILE, posture=posture, flexible=flexible).scene
     every = duration / SAMPLES
     run = replace(scene.run, duration=duration, sample=every, step=every)
     return replace(scene, initial=replace(scene.initial, rate_deg=(60.0, 0.0, 0.0)), run=run)
@@ -132,7 +130,7 @@ def _link(dice: Dice, k: int, stuff: str, sections: dict[str, fl.Section], plana
 def _thicken(
     links: tuple[fl.Link, ...], sections: dict[str, fl.Section], material: fl.Material, carried: float
 ) -> None:
-    """From the tip inwards, where a link would bend by more than `SOFTEST` of its length under its own and all beyond.
+    """From the tip inwards, where a link would bend by more than `SOFTEST_LINK` of its length.
 
     As a cantilever: δ/L = 9.81 m L²/(3 E I); thickness by a factor s stiffens by s⁴ and weighs s² more.
     """
@@ -141,7 +139,7 @@ def _thicken(
         own = material.density * sections[link.section or ""].properties.area * link.length
         inertia = min(thinnest.i_y, thinnest.i_z)
         bent = 9.81 * (carried + link.end.mass + own) * link.length**2 / (3 * material.young * inertia)
-        scale = max(1.0, bent / SOFTEST) ** 0.5
+        scale = max(1.0, bent / SOFTEST_LINK) ** 0.5
         for name in filter(None, (link.section, link.section_tip)):
             sections[name] = _scaled(sections[name], scale)
         carried += link.end.mass + scale**2 * own

@@ -19,7 +19,7 @@ from flexlink.inputs.initial_state import initial_state
 from validation.case import Case
 from validation.trade.scenes import Varied, varied_scene
 
-STATE = "state."
+OF_STATE = "state."
 """Where paths begin that belong to the state in which a scene is looked at, not to the scene."""
 
 
@@ -117,7 +117,9 @@ class Map(Spec, frozen=True, kw_only=True):
             axis = self.axis[name]
             scene = scene.varied(axis.given) if axis.given else scene
             changes = axis.changes(scene, value)
-            state |= {path.removeprefix(STATE): changes.pop(path) for path in list(changes) if path.startswith(STATE)}
+            state |= {
+                path.removeprefix(OF_STATE): changes.pop(path) for path in list(changes) if path.startswith(OF_STATE)
+            }
             scene = scene.varied(changes) if changes else scene
         return scene, state
 

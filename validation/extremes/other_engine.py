@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 
 from flexlink import engines
@@ -15,17 +14,13 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from validation.extremes.outcomes import Found, Truth, judged
-
-MOST_STEPS = 20_000
-"""Of a run in an engine whose steps nobody can stop."""
-
-INTEGRATORS = {"RK4": mujoco.mjtIntegrator.mjINT_RK4, "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST}
+from validation.trade.mujoco_runs import INTEGRATORS
 
 
 def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Truth]) -> Found:
     """Run a scene with fixed steps in an engine as it is: no step is refused, and nothing doubts the result."""
     run, started = scene.run, time.thread_time()
-    if run.duration / run.step > MOST_STEPS:
+    if run.duration / run.step > 20_000:  # nobody can stop them
         return Found("dear", np.nan, f"{round(run.duration / run.step)} steps", 0.0)
     try:
         chain = lump(scene)

@@ -34,14 +34,11 @@ from validation.types import Array
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
-MULTIPLE = 10.0
+NEAR_TOLERANCES = 10.0
 """Of its tolerance that an error may be at the end, at worst: the project's limit."""
 
 KNOWN = 0.3
 """Of a tolerance that the references may be apart and still judge it."""
-
-DOUBTFUL = "doubtful"
-"""With which every warning begins that doubts the numbers; others speak of the model, such as of hinges bent far."""
 
 REFERENCES = (
     ("DOP853", 1e-11),
@@ -53,9 +50,6 @@ REFERENCES = (
 )
 """Methods and tolerances, as parts of the reach, of references; beside DOP853 stands RK10 with fixed steps, of half the
 mean length of its own."""
-
-AGREE = 1e-9
-"""Part of the reach from which two references are as good as any."""
 
 
 class Truth(NamedTuple):
@@ -83,7 +77,7 @@ class Found(NamedTuple):
 def truth_of(scene: Scene, budget: float) -> Truth:
     """The two references of different methods that agree best, of those that take no longer than `budget` [s] each."""
     best, found = Truth(np.empty((0, 3)), np.inf, ""), list[tuple[str, Array]]()
-    good = AGREE * lump(scene).reach
+    good = 1e-9 * lump(scene).reach  # as good as any
     for method, tip in _references(scene, budget):
         for other, before in found:
             apart = float(np.linalg.norm(tip - before, axis=1).max())
@@ -153,7 +147,8 @@ def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -
         return Found("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
     error = float(np.linalg.norm(tip - known.tip, axis=1).max())
-    return Found(_judged(error, known.apart, tolerance, DOUBTFUL in words), error / tolerance, words, seconds)
+    doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
+    return Found(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
 
 def allowed(scene: Scene, truth: Truth) -> float:
@@ -165,7 +160,7 @@ def allowed(scene: Scene, truth: Truth) -> float:
 
 def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:
     """Where the truth itself is uncertain, the run has the benefit of what it cannot tell."""
-    if not error <= MULTIPLE * tolerance + apart and not doubted:
+    if not error <= NEAR_TOLERANCES * tolerance + apart and not doubted:
         return "silent wrong"
     if apart > KNOWN * tolerance:
         return "unknown"

@@ -21,8 +21,6 @@ from validation.reference_values import reference_array
 from validation.store import Series
 from validation.types import Array
 
-BISECTIONS = 40  # of the flutter load: to rounding
-
 
 class Load(Spec, frozen=True):
     """A load and its critical value: a unit tip force, gravity as the variant's change has it, or a follower force.
@@ -82,7 +80,7 @@ def _critical(chain: fl.Chain, load: Load) -> float:
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
     """Largest stable load."""
     low, high = bracket
-    for _ in range(BISECTIONS):
+    for _ in range(40):  # to rounding
         middle = (low + high) / 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

@@ -40,7 +40,7 @@ MEASURES = {"M": "M", "M, scaled": "M", "T_GC": "T_GC", "q̈": "q̈"}
 """What is measured, and of which quantity."""
 
 
-SINGULAR = 1e16
+SINGULAR_CONDITION = 1e16
 """cond(M) from where M, rounded, may be singular: 1/eps is 4.5e15."""
 
 
@@ -101,12 +101,12 @@ class Found(NamedTuple):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The worst ratio of each measure in all and by axis, how many cells there are, and the cells themselves."""
     found = [(cell, look(settings, cell)) for cell in settings.cells()]
-    regular = [each for each in found if each[1].condition <= SINGULAR]
+    regular = [each for each in found if each[1].condition <= SINGULAR_CONDITION]
     for measure in MEASURES:
         yield _worst(measure, regular, {})
         for axis in settings.axis:
             yield _worst(measure, [each for each in regular if axis in each[0].values], {"axis": axis})
-        beyond = _worst(measure, [each for each in found if each[1].condition > SINGULAR], {})
+        beyond = _worst(measure, [each for each in found if each[1].condition > SINGULAR_CONDITION], {})
         yield beyond._replace(quantity=f"{measure}, cond(M) > 10¹⁶")
     yield Measured("cells", len(found))
     yield Measured("judged", sum(bool(each.errors) for _, each in found))

@@ -16,7 +16,6 @@ from validation.trade.error_parts import Fine, Setup, Split, Splitter, Type
 
 LONG = True
 
-NEGLIGIBLE = 1e-6  # of the error: no part that anybody would mend
 PARTS = ("model", "space", "time", "rounding")
 
 
@@ -58,7 +57,8 @@ def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
     for name, part in split.parts.items():
         yield Measured("part", part.size, scene.name, varied={**facts, "part": name})
         if part.size:
-            judged = max(part.size, NEGLIGIBLE * split.total)
+            negligible = 1e-6 * split.total  # no part that anybody would mend
+            judged = max(part.size, negligible)
             yield Measured("own error / part", part.own / judged, scene.name, varied={**facts, "part": name})
     yield Measured("part", split.rounding, scene.name, varied={**facts, "part": "rounding"})
 

@@ -16,14 +16,12 @@ from validation.facts import Facts
 from validation.oracles.spatial_chain import derivatives
 from validation.random_arms import random_arm
 
-NAMES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
-CLOSE = 1e-12
-BEND = 6
-"""Hinges are bent by up to 180° / BEND."""
+DERIVATIVES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
+CLOSE_TO = 1e-12
 
 
 def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterator[Measured]:
-    """Of each derivative the share of arms within `CLOSE`, the largest error, and that by what rounding explains.
+    """Of each derivative the share of arms within `CLOSE_TO`, the largest error, and that by what rounding explains.
 
     Arms count whose number of joints is in the range `joints`, from the first `seed` on.
     """
@@ -31,7 +29,7 @@ def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterat
     for number, chain in _arms(arms, joints, seed):
         rng = np.random.default_rng(number)
         q, qd = rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10.0, 10.0, chain.n)
-        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / BEND)
+        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6)  # hinges are bent by up to 30°
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
         exact = derivatives(chain, q, qd, tau, wrench)
@@ -40,13 +38,13 @@ def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterat
         sizes.append(chain.n)
         seeds.append(number)
     facts: Facts = {"arms": arms}
-    for name, column in zip(NAMES, np.transpose(errors), strict=True):
+    for name, column in zip(DERIVATIVES, np.transpose(errors), strict=True):
         k = int(np.argmax(column))
         note = f"Largest for arm {seeds[k]}, of which M has the condition {conditions[k]:.1e}."
         yield Measured(name, float(column[k]), "random arms", "native", facts, note=note)
         explained = column / (ROUNDINGS * EPS * np.sqrt(sizes) * conditions)
         yield Measured(f"{name}, by rounding", float(explained.max()), "random arms", "native", facts)
-        yield Measured(f"{name}, share", float(np.mean(column <= CLOSE)), "random arms", "native", facts)
+        yield Measured(f"{name}, share", float(np.mean(column <= CLOSE_TO)), "random arms", "native", facts)
 
 
 def _arms(arms: int, joints: tuple[int, int], seed: int) -> Iterator[tuple[int, Chain]]:

@@ -28,19 +28,13 @@ from validation.store import Series, table
 LONG = True
 
 NATIVE = "native"
-SAMPLES = 20  # of a run of so many steps
 
-OF_A_TRUTH = 3.0
-"""Budgets that a reference may take: it is found once for many runs."""
-
-LABELS = (
+COLUMNS = (
     "cell", "recipe", "situation", "varied", "axes",
     "engine", "method", "steps", "outcome", "error / tolerance", "said",
 )  # fmt: skip
-LONGEST = 0.02
-"""Step [s] of a scene in which every step is stable."""
 
-JUDGED: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt", "silent wrong")
+JUDGED_OUTCOMES: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt", "silent wrong")
 
 
 class HowTo(NamedTuple):
@@ -70,11 +64,13 @@ class HowTo(NamedTuple):
             return scene.varied(changes | {"run.relative_tolerance": self.value})
         step = self.value
         if self.key == "of_limit":
+            longest = 0.02  # s, where every step is stable
             chain = lump(scene)
-            step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), LONGEST)
+            step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), longest)
         changes["run.step"] = step
         if self.number:
-            changes |= {"run.sample": step * (self.number // SAMPLES), "run.duration": step * self.number}
+            samples = 20
+            changes |= {"run.sample": step * (self.number // samples), "run.duration": step * self.number}
         return scene.varied(changes)
 
 
@@ -178,7 +174,8 @@ class _Judge:
 
         def truth() -> Truth:
             if run not in self._truths:
-                self._truths[run] = truth_of(scene, OF_A_TRUTH * self.settings.budget)
+                budget = 3.0 * self.settings.budget  # it is found once for many runs
+                self._truths[run] = truth_of(scene, budget)
             return self._truths[run]
 
         return truth
@@ -192,7 +189,7 @@ def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured
         name = outcome if engine == NATIVE else f"{outcome}, beside"
         yield Measured(name, counts[outcome], engine=engine, varied=facts, note=note)
     if engine == NATIVE and not facts:
-        judged = sum(counts[each] for each in JUDGED)
+        judged = sum(counts[each] for each in JUDGED_OUTCOMES)
         yield Measured("cells", len(members))
         yield Measured("judged", judged)
         yield Measured("share of false doubts", counts["false doubt"] / max(judged, 1))
@@ -224,5 +221,5 @@ def _series(case: Case, found: list[Cell]) -> Series:
          cell.how.words, *cell.found[:3])
         for number, cell in enumerate(found)
     ]  # fmt: skip
-    columns, (x, *_, y, _) = table(LABELS, rows), LABELS
+    columns, (x, *_, y, _) = table(COLUMNS, rows), COLUMNS
     return Series("outcomes", "What became of every run", columns, x, x, y, "linear", "log", group="outcome")

@@ -29,13 +29,13 @@ from flexlink.dynamics.terms import MASS_METHODS
 from validation.case import Case, Measured
 from validation.types import Array
 
-TURN = {
+TRIGONOMETRIC_STENCIL = {
     j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)
     for j in (1, 2)
     for sign in (1, -1)
 }
 """Angle: weight, for the derivative of a trigonometric polynomial of degree 2."""
-UNIT = {1.0: 0.5, -1.0: -0.5}
+QUADRATIC_STENCIL = {1.0: 0.5, -1.0: -0.5}
 """Step: weight, for the derivative of a quadratic."""
 
 LONG = True
@@ -84,16 +84,16 @@ def _power(chain: Chain, s: State) -> float:
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau)
     supplied = s.qd * (s.tau - fl.friction_torque(chain, s.qd))
     rate, size = (
-        _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TURN)
-        + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, UNIT)
-        + _rates(lambda qd: fl.energy(chain, s.q, qd).kinetic, s.qd, qdd, UNIT)
+        _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TRIGONOMETRIC_STENCIL)
+        + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, QUADRATIC_STENCIL)
+        + _rates(lambda qd: fl.energy(chain, s.q, qd).kinetic, s.qd, qdd, QUADRATIC_STENCIL)
     )
     return _relative(supplied - rate, np.abs(supplied) + size)
 
 
 def _skew(chain: Chain, s: State) -> float:
     """q̇ᵀ Ṁ q̇ = 2 q̇ᵀ C q̇, with C q̇ = T_GC − T_G and ½ q̇ᵀ Ṁ q̇ = Σ q̇_k ∂T/∂q_k at fixed q̇."""
-    slope, size = _rates(lambda q: fl.energy(chain, q, s.qd).kinetic, s.q, s.qd, TURN)
+    slope, size = _rates(lambda q: fl.energy(chain, q, s.qd).kinetic, s.q, s.qd, TRIGONOMETRIC_STENCIL)
     coriolis = s.qd * (fl.bias_torque(chain, s.q, s.qd) - fl.gravity_torque(chain, s.q))
     return _relative(slope - coriolis, size + np.abs(coriolis))
 

@@ -25,7 +25,7 @@ from validation.types import Array
 LONG = True
 
 SAMPLES = 200
-PART = SAMPLES // 100
+SAMPLES_OF_A_HUNDREDTH = SAMPLES // 100
 
 
 def run(case: Case, number: int, steps: dict[str, Positive]) -> Iterator[Measured | Series]:
@@ -39,8 +39,8 @@ def run(case: Case, number: int, steps: dict[str, Positive]) -> Iterator[Measure
             yield Measured("time", late, scene.name, varied=facts)
             drifts = {"energy": _drift(np.asarray(found.energy.total)), "momentum": _drift(_momentum(found))}
             for what, drift in drifts.items():
-                expected = 100 * drift[: PART + 1].max() + number * EPS
-                note = f"First hundredth of the run: {drift[: PART + 1].max():.2g}."
+                expected = 100 * drift[: SAMPLES_OF_A_HUNDREDTH + 1].max() + number * EPS
+                note = f"First hundredth of the run: {drift[: SAMPLES_OF_A_HUNDREDTH + 1].max():.2g}."
                 yield Measured(f"{what} drift", float(drift.max()), scene.name, varied=facts, note=note)
                 yield Measured(f"{what} drift / expected", float(drift.max() / expected), scene.name, varied=facts)
             counts = np.arange(len(found.t)) * (number // SAMPLES)

@@ -21,8 +21,8 @@ from validation.runs import apart
 from validation.trade.first_order import FirstOrder, Solved
 from validation.trade.scenes import trade_scene
 
-MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
-ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
+ALLOWED_TOLERANCES = 10.0  # of its tolerance that an error may be at the end, at worst
+ABSOLUTE_OF_RELATIVE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
 
 LONG = True
 
@@ -56,7 +56,7 @@ def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Po
             own = apart(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
-                allowed = MULTIPLE * methods[method] + own
+                allowed = ALLOWED_TOLERANCES * methods[method] + own
                 facts: Facts = {"method": method, "tolerance": methods[method]}
                 yield Measured("tip apart / allowed", apart(tip, fine) / allowed, name, witness.solver, facts)
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
@@ -64,5 +64,5 @@ def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Po
 
 def _solved(form: FirstOrder, witness: Witness, relative: float) -> Solved:
     if witness.solver == "CVODE":
-        return form.by_cvode(relative, ABSOLUTE * relative)
-    return form.by_scipy(witness.solver, relative, ABSOLUTE * relative)
+        return form.by_cvode(relative, ABSOLUTE_OF_RELATIVE * relative)
+    return form.by_scipy(witness.solver, relative, ABSOLUTE_OF_RELATIVE * relative)

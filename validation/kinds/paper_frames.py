@@ -16,7 +16,6 @@ from validation.case import Case, Measured
 from validation.types import Array
 
 Convention = Literal["standard", "modified"]
-HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
 
 
 def standard(a: float, α: float, d: float, θ: float) -> Array:
@@ -60,9 +59,10 @@ def run(case: Case, links: int, arms: int, length: float, seed: int = 0) -> Iter
 
 def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
     """The frame of the tip, (4, 4), by the library."""
+    hub = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
     links = tuple(
         fl.Link(
-            name=f"l{k}", hub=HUB, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
+            name=f"l{k}", hub=hub, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
         )
         for k, (a, α, d, θ) in enumerate(table.tolist())
     )

@@ -32,7 +32,6 @@ METHODS: Mapping[str, Loop] = {
     "3, upper triangle": compiled_loops.mass_upper_loop,
     "composite, inertial axes": compiled_loops.mass_loop,
 }
-TIE = 0.9  # of a time: what is nearer, a machine may turn round
 FIRST, SECOND, THIRD, LATER = METHODS
 
 
@@ -96,8 +95,9 @@ def _exponents(found: Sequence[Time]) -> Iterator[Measured]:
 
 def _verdict(found: Sequence[Time], longest: Time) -> str:
     """Whether each method takes less than the one before, everywhere; and what came later."""
+    tie = 0.9  # of a time: what is nearer, a machine may turn round
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
-    dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < TIE]
+    dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
     less = number(longest.times_less(LATER, THIRD), 2)
     later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less than method 3"
     if dear:

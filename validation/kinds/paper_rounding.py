@@ -18,8 +18,6 @@ from validation.runs import apart
 from validation.store import Series, table
 from validation.trade.error_parts import Fine, Setup, rounding
 
-CLEAR = 10.0  # times rounding: what is measured of the step is hardly rounding, and that of the exact path
-
 
 class Errors(NamedTuple):
     """Of one run [m]: of its steps, rounding included, and of rounding alone."""
@@ -76,7 +74,8 @@ def _stable(scene: Scene, method: str) -> float:
 def _meeting(errors: Sequence[Errors], order: int) -> float:
     """The step at which both are equal: from the finest whose error stands out of rounding, on with the order."""
     floor = max(e.rounding for e in errors)
-    clear = min((e for e in errors if e.steps >= CLEAR * floor), key=lambda e: e.step, default=errors[0])
+    least = 10.0 * floor  # of an error that is hardly rounding
+    clear = min((e for e in errors if e.steps >= least), key=lambda e: e.step, default=errors[0])
     return float(clear.step * (floor / clear.steps) ** (1.0 / order))
 
 

@@ -22,10 +22,6 @@ from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
 
-OF_STABLE = 0.9  # of the largest stable step at the start: as fast as RK4 goes
-SMALL = 0.01  # of it, of the steps that are timed: no posture that is passed has a shorter one
-STEPS, REPEATS = (500, 3500), 5
-
 
 class Arm(Spec, frozen=True):
     """Of one scene: segments a link, rising, and their type; what counts as infinitely many hinges, and as exact."""
@@ -68,8 +64,10 @@ def _cost(scene: Scene) -> float:
     """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
     chain = fl.lump(scene)
     stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
-    few, many = (min(_seconds(of_steps(scene, n, SMALL * stable)) for _ in range(REPEATS)) for n in STEPS)
-    return (many - few) / (STEPS[1] - STEPS[0]) / (OF_STABLE * stable)
+    timed = 0.01 * stable  # no posture that is passed has a shorter stable step
+    numbers = 500, 3500
+    few, many = (min(_seconds(of_steps(scene, n, timed)) for _ in range(5)) for n in numbers)
+    return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # as fast as RK4 goes
 
 
 def _seconds(scene: Scene) -> float:

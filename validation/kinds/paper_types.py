@@ -15,8 +15,7 @@ from validation.runs import apart
 from validation.trade.error_parts import Fine, Path, Type
 
 TYPES: Mapping[str, Type] = {"rigid": "rigid", "T1": "z", "T2": "yz", "T3": "xyz"}
-STEP = 2.0  # times more precise, at least, is another level of precision
-KNOWN = 0.1  # of an error: the references' own are no more, by the case's limit
+LEAST_GAIN = 2.0  # times more precise, at least, is another level of precision
 
 
 class Motion(Spec, frozen=True):
@@ -54,14 +53,15 @@ def _own(limits: Mapping[str, Path], name: str) -> float:
 
 def _verdict(gains: Mapping[str, float]) -> str:
     """By how many times each type is better than the one before, by type and scene; references are known to a tenth."""
-    worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - KNOWN})
+    known = 0.1  # of an error, at most what the references' own are, by the case's limit
+    worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:
         return f"does not hold: worse than the type before: {worse}"
-    idle = _named({name: gain for name, gain in gains.items() if gain < STEP})
+    idle = _named({name: gain for name, gain in gains.items() if gain < LEAST_GAIN})
     if idle:
         return (
             "holds as the paper limits it, by manipulator and task: the type before is less than "
-            f"{number(STEP)} times worse in {idle}"
+            f"{number(LEAST_GAIN)} times worse in {idle}"
         )
     return "holds"
 

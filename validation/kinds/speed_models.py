@@ -30,7 +30,6 @@ TIMED = True
 
 COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
 TYPES = {"rigid": "rigid", "z": "T1", "yz": "T2", "xyz": "T3"}
-REPEATS = 3
 
 
 class Grid(Spec, frozen=True):
@@ -132,7 +131,7 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
     asked = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
     cut = setup.scene(scene).varied({key: value for key, value in asked.items() if value is not None})
     try:
-        runs = [timed_run(cut, longest) for _ in range(REPEATS)]
+        runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
     return Run(setup, apart(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))

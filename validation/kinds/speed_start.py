@@ -11,12 +11,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from validation.case import Case, Measured
+from validation.sources import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
-GROWTH = """
+PEAK_SCRIPT = """
 import resource, sys, flexlink
 scene = flexlink.load_scene(sys.argv[1])
 def peak(steps):
@@ -49,7 +48,7 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
             again = (_timed(importing, environment)[0] for _ in range(repeats))
             yield Measured("import", min(again), timed=True)
         short, long = steps
-        growth = _timed([sys.executable, "-c", GROWTH, str(path), str(short), str(long)], dict(os.environ))[1]
+        growth = _timed([sys.executable, "-c", PEAK_SCRIPT, str(path), str(short), str(long)], dict(os.environ))[1]
         note = f"Against {short:,} steps; 101 samples both."
         yield Measured(
             "growth of memory", float(growth.split()[-1]) / 1e6, scene.name, varied={"steps": long}, note=note

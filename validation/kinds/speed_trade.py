@@ -25,16 +25,16 @@ from validation.trade.work_precision import Cost, Point, cost
 TIMED = True
 
 Ladders = dict[str, list[Point]]
-LABELS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
-MARKS = {
+COLUMNS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
+NOTES = {
     "measured": "",
     "order": "Beyond its smallest measured error, by its order.",
     "limit": "At its limit of stability, from a part of the run; its error is taken to be small enough.",
 }
-SMALLEST = 1e-8  # error at which a ladder ends
+LAST_ERROR = 1e-8  # error at which a ladder ends
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
-HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
-ORDERS: Mapping[str, Mapping[str, float]] = {
+ORDER_OF_RK4 = 4.0  # with which it goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
+ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
     MUJOCO: mujoco_ladder.ORDER,
     PINOCCHIO: pinocchio_ladder.ORDER,
     "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
@@ -86,26 +86,26 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 def _has_its_own(case: Case, name: str, quantity: str) -> bool:
     """Whether a limit that holds for all scenes is given up for one, whose quantity says why."""
-    own = case.quantity.get(f"{name}, {quantity.removesuffix(FAST)}")
+    own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
     return own is not None and bool(own.given_up)
 
 
 def _ours(name: str, settings: Settings) -> Ladders:
-    found = {each: native_ladder.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
-    return found | {each: native_ladder.by_step(name, each, settings.budget, SMALLEST) for each in settings.stepped}
+    found = {each: native_ladder.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
+    return found | {each: native_ladder.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
 
 
 def _others(name: str, settings: Settings) -> dict[str, Ladders]:
     found: dict[str, Ladders] = {
-        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, SMALLEST)},
-        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, SMALLEST),
+        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, LAST_ERROR)},
+        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, LAST_ERROR),
         SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
     }
     if settings.pinocchio:
-        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
+        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
     for engine in settings.witnesses if name in settings.witness_scenes else ():
         with contextlib.suppress(MissingDependencyError):
-            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, SMALLEST)
+            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, LAST_ERROR)
     return found
 
 
@@ -147,14 +147,14 @@ def _ratios(
     """The cheapest of a group over the cheapest run of flexlink; 0 where flexlink does not get there."""
     least = min(costs, key=lambda each: costs[each].seconds)
     ratio = costs[least].seconds / best[1].seconds if best else 0.0
-    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {MARKS[costs[least].kind]}".strip()
+    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {NOTES[costs[least].kind]}".strip()
     quantity = f"{group} / flexlink, {aim.what} {aim.error:g}"
-    named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{FAST}",) if _is_damped_or_spatial(name) else ())
+    named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{HARD_SCENE}",) if _is_damped_or_spatial(name) else ())
     for each in named:
         yield Measured(each, ratio, name, group, {aim.what: aim.error}, note=note, timed=True)
 
 
-FAST = ", damped or spatial"
+HARD_SCENE = ", damped or spatial"
 
 
 def _is_damped_or_spatial(name: str) -> bool:
@@ -167,7 +167,7 @@ def _is_damped_or_spatial(name: str) -> bool:
 def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost | None:
     if len(points) == 1 and points[0].untold:
         return Cost(points[0].seconds, "limit")
-    return cost(points, error, ORDERS.get(group, {}).get(name, HIGHEST))
+    return cost(points, error, ORDERS_OF_OTHERS.get(group, {}).get(name, ORDER_OF_RK4))
 
 
 def _told(best: tuple[str, Point] | None) -> str:
@@ -178,7 +178,7 @@ def _told(best: tuple[str, Point] | None) -> str:
 
 def _time(name: str, engine: str, method: str, aim: Aim, known: Cost) -> Measured:
     facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
-    return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=MARKS[known.kind], timed=True)
+    return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=NOTES[known.kind], timed=True)
 
 
 def _evaluations(name: str, engine: str, method: str, aim: Aim, number: float) -> Measured:
@@ -194,5 +194,5 @@ def _series(name: str, ladders: Ladders) -> Series:
         if point.error < math.inf
     ]
     title = f"{name}: {scenes()[name].about}"
-    columns, (_, _, x, y, *_) = table(LABELS, rows), LABELS
+    columns, (_, _, x, y, *_) = table(COLUMNS, rows), COLUMNS
     return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)

@@ -35,21 +35,15 @@ from validation.types import Array, Complex
 
 LONG = True
 
-STEPS = 3
+STEPS_OF_A_RUN = 3
 """Of a run: what grows by itself, tenfold in such a step where an arm stands, still leaves differences small."""
 
-ASIDE, OF_WIDTH = 1e-8, 1e-4
+ANGLE_ASIDE, RATE_ASIDE_OF_WIDTH = 1e-8, 1e-4
 """Largest difference at the start, of angles [rad], and of rates as a part of the width in which friction turns round:
 their squares cancel, also where a hinge is 10⁸ times as stiff as its neighbour; cubes, and what rounding is of them,
 are far below the growth that counts."""
 
-SLOW = 0.02
-"""|hλ| of a mode that hardly moves in a step: far from any method's limit."""
-
-OWN_GROWTH = 1e-2
-"""Re λ / |λ| of a mode that grows by itself; what rounding makes of an undamped one is less."""
-
-SIDES, HALVINGS = (0.8, 1.25), 9
+SEARCHED, HALVINGS = (0.8, 1.25), 9
 """Parts of the predicted step between which the observed one is sought, down to (1.25 − 0.8) / 2⁹ = 0.1 %."""
 
 
@@ -106,19 +100,19 @@ def at_rest(scene: Scene) -> Rest:
     torque[[chain.coordinates[k].link - 1 for k in chain.active]] = hold[chain.active]
     scene = scene.varied({"drive": {"kind": "constant", "torque": torque}, "initial.passive": None})
     λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
-    counted = λ.real <= OWN_GROWTH * np.abs(λ)
+    counted = λ.real <= 1e-2 * np.abs(λ)  # others grow by themselves; rounding of an undamped mode is less
     one_of_two = right[:, counted & (λ.imag >= 0)]
     aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each in angle and in rate
     width = chain.hinges["coulomb_width"].min(where=chain.hinges["coulomb"] > 0, initial=np.inf)
     angles, rates = (np.abs(part).max() for part in np.split(aside, 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # nothing holds or brakes the arm: no step is too large
-        aside *= min(ASIDE / angles, ASIDE * np.abs(λ).max() / rates, OF_WIDTH * width / rates)
+        aside *= min(ANGLE_ASIDE / angles, ANGLE_ASIDE * np.abs(λ).max() / rates, RATE_ASIDE_OF_WIDTH * width / rates)
     return Rest(scene, q, λ[counted], left.T.conj()[counted], aside)
 
 
 def observed(rest: Rest, name: str, predicted: float) -> float:
     """The largest stable step over the predicted one; a side where it lies beyond."""
-    low, high = SIDES
+    low, high = SEARCHED
     if growth(rest, name, low * predicted) > GROWTH:
         return low
     if growth(rest, name, high * predicted) <= GROWTH:
@@ -136,13 +130,14 @@ def growth(rest: Rest, name: str, h: float) -> float:
         ends = [_after_some_steps(rest.scene, name, h, start + sign * rest.aside) for sign in (-1, 1)]
     except DivergenceError:
         return np.inf
-    moving = rest.left[np.abs(h * rest.λ) > SLOW]
+    slow = 0.02  # |hλ| of a mode that hardly moves in a step: far from any method's limit
+    moving = rest.left[np.abs(h * rest.λ) > slow]
     grown = np.abs(moving @ (ends[1] - ends[0]) / 2) / np.abs(moving @ rest.aside)
-    return float((grown ** (1 / STEPS)).max(initial=0.0) - 1)
+    return float((grown ** (1 / STEPS_OF_A_RUN)).max(initial=0.0) - 1)
 
 
 def _after_some_steps(scene: Scene, name: str, h: float, state: Array) -> Array:
     q, qd = np.split(state, 2)
-    run = {"method": name, "step": h, "sample": STEPS * h, "duration": STEPS * h, "unstable": "allow"}
+    run = {"method": name, "step": h, "sample": STEPS_OF_A_RUN * h, "duration": STEPS_OF_A_RUN * h, "unstable": "allow"}
     last = simulate(scene.varied({"run": run, "initial.q": q, "initial.qd": qd}))
     return np.concatenate([last.q[-1], last.qd[-1]])

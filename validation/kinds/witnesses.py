@@ -22,7 +22,7 @@ from validation.runs import told
 from validation.types import Array
 
 LONG = True
-RELATIVE = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
+RELATIVE_QUANTITIES = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
 
 
 def run(
@@ -57,7 +57,7 @@ def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measure
     chain, facts = lump(scene), {"states": samples}
     ours, theirs = engines.load("native", chain), engines.load(name, chain)
     states = random_states(chain, samples, seed=seed)
-    for quantity in RELATIVE:
+    for quantity in RELATIVE_QUANTITIES:
         evaluate = QUANTITIES[quantity].evaluate
         worst = max(_relative(evaluate(theirs, state), evaluate(ours, state)) for state in states)
         yield Measured(quantity, worst, scene.name, name, facts)

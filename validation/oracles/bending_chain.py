@@ -13,12 +13,10 @@ import numpy as np
 
 from validation.types import Array
 
-DIGITS = 40
-
 
 def frequencies(nodes: Array, weights: Array) -> Array:
     """All natural angular frequencies, slowest first."""
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(40):
         x, w = [mpmath.mpf(float(v)) for v in nodes], [mpmath.mpf(float(v)) for v in weights]
         S = mpmath.matrix(len(x))
         for i, j in itertools.product(range(len(x)), repeat=2):

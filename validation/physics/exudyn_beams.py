@@ -40,12 +40,12 @@ from flexlink.common.output import write_whole
 from flexlink.describe.conditions import RunSettings
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
-from validation.reference_values import FOLDER
+from validation.reference_values import REFERENCE_FOLDER
 from validation.runs import apart
 from validation.types import Array
 
-TORQUES = {"torque_pulse": pulse}
-RADIUS = 0.9  # spectral radius of the generalized-α method at infinite frequency
+TORQUES_OF_SCENES = {"torque_pulse": pulse}
+SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency
 INTERVALS = 2  # between the nodes of an element
 
 
@@ -96,12 +96,12 @@ def compute(name: str) -> float:
         "settings": {
             "element": "ObjectBeamGeometricallyExact2D, 3 nodes", "finest": FINEST._asdict(),
             "coarser": {key: value for key, (value, _) in COARSER.items()},
-            "solver": "GeneralizedAlpha", "spectral_radius": RADIUS,
+            "solver": "GeneralizedAlpha", "spectral_radius": SPECTRAL_RADIUS,
         },
         "reference": reference | {"t_s": scene.run.times.tolist(), "tip": finest.tolist()},
     }  # fmt: skip
     text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-    path = FOLDER / f"{file_name(name)}.json"
+    path = REFERENCE_FOLDER / f"{file_name(name)}.json"
     path.parent.mkdir(exist_ok=True)
     write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
     return sum(errors.values())
@@ -121,9 +121,9 @@ def tip(name: str, plane: Plane, run: RunSettings, fine: Numerics) -> Array:
         first = nodes[0] if first is None else first
     mbs.AddObject(ObjectRigidBody2D(mass=0.0, inertia=plane.rotor, nodeNumber=first))
     mbs.AddObject(ObjectRigidBody2D(mass=plane.payload, inertia=0.0, nodeNumber=node))
-    if name in TORQUES:
+    if name in TORQUES_OF_SCENES:
         angle = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=first, coordinate=2))
-        torque = TORQUES[name]
+        torque = TORQUES_OF_SCENES[name]
         mbs.AddLoad(LoadCoordinate(markerNumber=angle, load=0.0, loadUserFunction=lambda _mbs, t, _: float(torque(t))))
     position = exu.OutputVariableType.Position
     sensor = mbs.AddSensor(SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=position))
@@ -168,7 +168,7 @@ def _settings(run: RunSettings, step: float, residual: float) -> Any:
     time = settings.timeIntegration
     time.endTime, time.numberOfSteps = run.duration, round(run.duration / step)
     time.adaptiveStep = False
-    time.generalizedAlpha.spectralRadius = RADIUS
+    time.generalizedAlpha.spectralRadius = SPECTRAL_RADIUS
     time.newton.absoluteTolerance, time.newton.relativeTolerance = residual, 0.0
     return settings
 

@@ -11,7 +11,7 @@ from validation.facts import Fact, Facts
 from validation.reference_values import look_up
 from validation.types import Array
 
-ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg, of the Princeton beam
+PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
 
 
 class TipLoad(NamedTuple):
@@ -52,7 +52,7 @@ def princeton() -> Iterator[TipLoad]:
         displacement = np.array([exact["ux"], exact["uy(height dir)"], exact["uz(flap dir)"]])
         note = ""
         if f"{force:g}" in ansys:
-            y, z = (ansys[f"{force:g}"][axis][ANGLES.index(angle)] for axis in "yz")
+            y, z = (ansys[f"{force:g}"][axis][PRINCETON_ANGLES.index(angle)] for axis in "yz")
             note = f"ANSYS, with shear and stretch: |uy| = {y:.6g} m, uz = {z:.6g} m."
         yield TipLoad({"force": force, "angle": angle}, wrench, displacement, note)
 

@@ -17,8 +17,6 @@ from validation.case import Case
 from validation.physics.variant import Rule, Variant
 from validation.types import Array
 
-STATES = 2  # that a loop goes through in turn, so that no call repeats the one before it
-
 
 class Family(Spec, frozen=True):
     """The case's scene, varied by `change`, with so many segments a link; engines join up to that many."""
@@ -59,7 +57,7 @@ class States(NamedTuple):
     qdd: Array
 
 
-def timed_states(chain: Chain, count: int = STATES) -> States:
-    """Arrays of shape (count, n)."""
+def timed_states(chain: Chain, count: int = 2) -> States:
+    """Arrays of shape (count, n); a loop goes through them in turn, so that no call repeats the one before it."""
     random = np.random.default_rng(0)
     return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

@@ -9,10 +9,8 @@ from typing import NamedTuple
 
 from validation.store import Conditions
 
-STAT = Path("/proc/stat")
-HICCUPS = 50  # one lap in so many is left out: the fastest of several turns does not see a single hiccup either
-SHORT = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
-LAPS, WORK = 100, 10_000  # of the calibration loop: about 50 ms, more than a time slice of the scheduler
+PROC_STAT = Path("/proc/stat")
+SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
 
 
 class Watch:
@@ -27,11 +25,11 @@ class Watch:
         start, end = self._start, _read()
         load = None
         passed = end.wall - start.wall
-        if start.every is not None and end.every is not None and passed >= SHORT:
+        if start.every is not None and end.every is not None and passed >= SHORTEST_LOAD:
             others = (end.every - start.every) - (end.own - start.own)
             load = round(max(0.0, others) / passed, 3)
         laps = sorted(self._laps + _laps())
-        usual = laps[: len(laps) - len(laps) // HICCUPS]
+        usual = laps[: len(laps) - len(laps) // 50]  # the fastest of several turns does not see a single hiccup either
         spread = sum(usual) / len(usual) / laps[0] - 1.0
         return Conditions(load, round(spread, 3), os.cpu_count() or 1)
 
@@ -52,18 +50,18 @@ def _read() -> Clock:
 
 def _busy_seconds() -> float | None:
     """Core seconds in which any process ran, or the machine was taken away by its host; None where nobody counts."""
-    if not STAT.exists():
+    if not PROC_STAT.exists():
         return None
-    user, nice, system, _idle, _wait, *interrupts = map(int, STAT.read_text().splitlines()[0].split()[1:9])
+    user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])
     return float(user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
 
 
 def _laps() -> list[float]:
-    """Seconds of each lap of the calibration loop."""
+    """Seconds of each lap of the calibration loop: about 50 ms, more than a time slice of the scheduler."""
     found = []
-    for _ in range(LAPS):
+    for _ in range(100):
         start, total = time.perf_counter(), 0
-        for i in range(WORK):
+        for i in range(10_000):
             total += i * i
         found.append(time.perf_counter() - start)
     return found

@@ -20,8 +20,6 @@ from validation.trade.scenes import errors, seen, trade_scene
 from validation.trade.work_precision import Point
 
 SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
-FINEST = 12  # digits of accuracy; the first is one digit, above which Drake takes none
-TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
@@ -32,8 +30,8 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
 def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> list[Point]:
     found: list[Point] = []
-    for digits in range(1, FINEST + 1):
-        point = runs.run(scheme, 10.0**-digits, TOO_DEAR * budget)
+    for digits in range(1, 13):  # of accuracy; below one digit Drake takes none
+        point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are not waited for
         if point is None:
             break
         found.append(point)

@@ -26,8 +26,7 @@ from validation.types import Array
 
 Type = Literal["rigid", "z", "yz", "xyz"]
 
-NUDGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
-DIRECTIONS = 3
+SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
 
 
 class Setup(Spec, frozen=True):
@@ -135,8 +134,8 @@ def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
     chain = lump(cut)
     q, qd = initial_state(cut, chain)
     left = []
-    for direction in range(DIRECTIONS):
-        dq, dqd = NUDGE * np.random.default_rng(direction).uniform(-1.0, 1.0, (2, chain.n))
+    for direction in range(3):
+        dq, dqd = SMALL_CHANGE * np.random.default_rng(direction).uniform(-1.0, 1.0, (2, chain.n))
         either = (setup.tip(scene, q + way * dq, qd + way * dqd) for way in (1.0, -1.0))
         left.append(apart(np.mean(list(either), axis=0), tip))
     return max(left)

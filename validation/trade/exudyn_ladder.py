@@ -25,10 +25,7 @@ SOLVERS = {
     "TrapezoidalIndex2": exu.DynamicSolverType.TrapezoidalIndex2,
     "RK44": exu.DynamicSolverType.RK44,
 }
-EVALUATIONS = {"RK44": 4}  # of a step; of implicit ones, whose iterations Exudyn does not tell, one
-EARLY = 1 - 1e-6  # of an output, so that rounding of the time misses none
-LEAST = 1e-9  # s, of a run
-PART = 200  # steps that tell what a step costs
+STEPS_OF_A_PART = 200  # steps that tell what a step costs
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
@@ -74,18 +71,19 @@ class ExudynRuns:
         if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
             return Point(run.sample / steps, math.inf, 0.0)
         found = errors(self.name, seen(self.chain, kept[rows, 1:]))
-        evaluations = EVALUATIONS.get(solver, 1) * steps * OUTPUTS
+        of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
+        evaluations = of_a_step * steps * OUTPUTS
         return Point(run.sample / steps, found.tip, seconds, found.bend, evaluations)
 
     def seconds_a_step(self, solver: str, step: float) -> float:
         """CPU seconds of a step, from the first of a run."""
-        return self._seconds(solver, step, PART)[0] / PART
+        return self._seconds(solver, step, STEPS_OF_A_PART)[0] / STEPS_OF_A_PART
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
         """CPU seconds of a run from the start, and whether Exudyn came to its end."""
         self.system._place(*self.start, INITIAL)
-        settings = _settings()
-        settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, EARLY * self.scene.run.sample
+        settings, early = _settings(), (1 - 1e-6) * self.scene.run.sample  # so that rounding misses no output
+        settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, early
         settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = step * steps, steps
         begun = time.thread_time()
         try:
@@ -93,4 +91,4 @@ class ExudynRuns:
         except Exception:  # of whatever kind, as Exudyn has it: no result
             good = False
         seconds = time.thread_time() - begun
-        return max(seconds - self.setting_up, LEAST), good
+        return max(seconds - self.setting_up, 1e-9), good

@@ -9,9 +9,9 @@ from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
 from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
-STAGES = {"RK4": 4}  # evaluations of a step; of the others one
+EVALUATIONS_OF_A_STEP = {"RK4": 4}  # of the others one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
-PART = 5000  # steps that tell what a step costs
+STEPS_OF_A_PART = 5000  # steps that tell what a step costs
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
@@ -29,7 +29,8 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
 
         def run(steps: int, integrator: str = integrator) -> Point:
             timed = runs.run(integrator, steps)
-            found, evaluations = errors(name, seen(runs.chain, timed.q)), STAGES.get(integrator, 1) * OUTPUTS * steps
+            found = errors(name, seen(runs.chain, timed.q))
+            evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
             return Point(runs.scene.run.sample / steps, found.tip, timed.seconds, found.bend, evaluations)
 
         found[integrator] = ladder(run, first, budget, smallest)
@@ -44,5 +45,5 @@ def steps_of_limit(runs: MujocoRuns) -> int:
 
 def _whole(runs: MujocoRuns, steps: int) -> float:
     """CPU seconds of RK4's whole run with so many steps between outputs, from a part of it."""
-    part = min(steps, PART)
+    part = min(steps, STEPS_OF_A_PART)
     return runs.seconds_a_step("RK4", runs.scene.run.sample / steps, part) * steps * OUTPUTS

@@ -36,7 +36,7 @@ INTEGRATORS = {
     "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
     "RK4": mujoco.mjtIntegrator.mjINT_RK4,
 }
-TIME_WITHIN, BLOCK = 1 << 19, 512  # bytes of mjData among which its time is looked for, and as many at once
+TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData among which its time is looked for, and as many at once
 
 
 class Timed(NamedTuple):
@@ -178,8 +178,8 @@ def _offset_of_time(model: Any, data: Any) -> int:
     with _passive(look), quiet():
         mujoco.mj_forward(model, data)
     marks = 0.123456789, 0.987654321
-    for start in range(0, TIME_WITHIN, BLOCK):
-        words = np.ctypeslib.as_array((ctypes.c_double * (BLOCK // 8)).from_address(seen[0] + start))
+    for start in range(0, TIME_WITHIN, TIME_BLOCK):
+        words = np.ctypeslib.as_array((ctypes.c_double * (TIME_BLOCK // 8)).from_address(seen[0] + start))
         found = set(range(len(words)))
         for mark in marks:
             data.time = mark

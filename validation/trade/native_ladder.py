@@ -24,9 +24,6 @@ from validation.trade.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
 OF_STABLE = 0.98  # of the largest stable step at the start
-RUNGS = 48  # of tolerances: the last is 5e-13 of the motion, below what roundings leave
-ALIKE, LEFT_OUT = 0.02, 4  # evaluations so much alike are bound by stability: a decade of tolerances at once
-SHORT, LONG = 0.01, 0.2  # s
 TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
 LIMIT = "RK4 at its limit"
 
@@ -65,7 +62,7 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list
     Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
     """
     scene, points, motion, rung = trade_scene(name), list[Point](), motion_of(reference(name).tip), 0
-    while rung < RUNGS:
+    while rung < 48:  # the last tolerance is 5e-13 of the motion, below what roundings leave
         tolerance = COARSEST * motion * FINER**rung
         try:
             run = scene.varied({"run.method": method, "run.tolerance": tolerance})
@@ -74,14 +71,14 @@ def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list
             break
         if points[-1].worst <= smallest or points[-1].seconds >= budget:
             break
-        rung += LEFT_OUT if _bound_by_stability(points) else 1
+        rung += 4 if _bound_by_stability(points) else 1  # a decade at once
     return points
 
 
 def _bound_by_stability(points: Sequence[Point]) -> bool:
     """Whether the last two runs took as many evaluations."""
     last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
-    return abs(last - before) < ALIKE * before
+    return abs(last - before) < 0.02 * before
 
 
 def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -> Point:
@@ -94,7 +91,8 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
     """
     try:
         runs = [timed_run(scene, longest)]
-        runs += [timed_run(scene) for _ in range(4 if runs[0].seconds < SHORT else runs[0].seconds < LONG)]
+        more = 4 if runs[0].seconds < 0.01 else 1 if runs[0].seconds < 0.2 else 0
+        runs += [timed_run(scene) for _ in range(more)]
     except TooDearError:
         raise
     except FlexlinkError:

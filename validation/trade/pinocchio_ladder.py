@@ -29,7 +29,7 @@ from validation.trade.work_precision import Point, ladder
 from validation.types import Array
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
-EVALUATIONS = {"RK4": 4, "DOP853": 12}  # of a step
+EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}  # of a step
 BATCH, REPEATS = 256, 60
 
 
@@ -84,7 +84,7 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
     """
     form = PinocchioForm(trade_scene(name), most)
     aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
-    for method, a_step in EVALUATIONS.items():
+    for method, a_step in EVALUATIONS_OF_A_STEP.items():
         first = _steps_of_limit(form.scene, method)
         evaluations = a_step * OUTPUTS * first
         if evaluations > most:

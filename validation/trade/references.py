@@ -22,7 +22,7 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
-from validation.reference_values import FOLDER, look_up
+from validation.reference_values import REFERENCE_FOLDER, look_up
 from validation.trade.scenes import Seen, is_of, motion_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def is_there(name: str) -> bool:
     """Whether the reference of this very scene is stored, whole."""
-    path = FOLDER / f"{reference_name(name)}.json"
+    path = REFERENCE_FOLDER / f"{reference_name(name)}.json"
     return path.is_file() and "bend" in look_up(reference_name(name)) and is_of(trade_scene(name), name)
 
 
@@ -94,7 +94,7 @@ def _store(name: str, scene: Scene, found: Seen, apart: float, methods: dict[str
             "bend": found.bend.tolist(),
         },
     }
-    path = FOLDER / f"{reference_name(name)}.json"
+    path = REFERENCE_FOLDER / f"{reference_name(name)}.json"
     path.parent.mkdir(exist_ok=True)
     text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
     write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))

@@ -7,8 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-TARGETS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
-
 
 class Point(NamedTuple):
     """One run: the setting (step [s], or tolerance), tip error over the motion (inf: failed), CPU seconds.
