@@ -12,8 +12,8 @@ from flexlink.pages.tables import table_csv
 from reports.results import Results
 from reports.tables import state
 from reports.verdict import PASS, correct, measured
-from validation.facts import said
-from validation.judgement import correctness, crowd, speed
+from validation.facts import in_words
+from validation.judgement import correctness, load_in_words, speed
 from validation.store import Row
 
 FOLDER = Path(__file__).parent / "reference_run"
@@ -37,7 +37,7 @@ class Reference:
 
 def _asked(row: Row) -> tuple[str, str, str]:
     """(case, quantity, setting): what was asked, whichever engine or form of it came out as the fastest."""
-    set_ = said({name: value for name, value in row.varied.items() if name != FOUND})
+    set_ = in_words({name: value for name, value in row.varied.items() if name != FOUND})
     return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 
 
@@ -53,7 +53,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     if verdict.state != PASS:
         raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
     if fast.unmeasured:
-        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.said()}; {HOW}")
+        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.summary()}; {HOW}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -63,7 +63,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     cases = [(case, correctness(rows)) for case, rows in results.cases.items()]
     lines = ((case, found.judged, len(found.failed)) for case, found in cases)
     write_text(folder / "correctness.csv", table_csv(("case", "checks", "failed"), lines))
-    quiet = [(case, crowd(done.conditions)) for case, done in results.finished.items() if done.conditions]
+    quiet = [(case, load_in_words(done.conditions)) for case, done in results.finished.items() if done.conditions]
     write_text(folder / "machine.csv", table_csv(("what", "value"), [("measured", measured(results)), *quiet]))
     return folder
 

@@ -61,9 +61,9 @@ def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_spe
 def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None:
     eps = np.finfo(float).eps
     errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
-    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
     errors["native", "M"], errors["pinocchio", "M"] = 4e-12, 2e-12
-    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -94,7 +94,7 @@ def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
 def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
-        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.Found(outcome, 1.0, "", 0.0))
+        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))
         for values in ({"young": 1.0}, {"young": 3.0}, both)
         for engine in ("native", "mujoco")
         for outcome in ("error", "silent wrong" if engine == "mujoco" and values != {"young": 3.0} else "within")

@@ -22,7 +22,7 @@ from reports.findings import physics_choice, physics_price
 from reports.results import Results
 from validation import reference_values
 from validation.case import STUDY_SCENES, load_cases
-from validation.facts import said
+from validation.facts import in_words
 from validation.kinds import KINDS
 from validation.oracles import bending_chain, hencky
 from validation.physics import formulas, parity
@@ -43,7 +43,7 @@ SOURCES = [path for folder in ("validation/cases", "validation/kinds", "validati
 def rows(sweep, errors):
     points = [Point(Rule(rule=rule, hinges=n), {"tip": e}) for rule, found in errors.items() for n, e in found.items()]
     found = list(report(sweep, points, "about"))
-    return {(m.quantity, said(m.varied)): m.value for m in found if not isinstance(m, Series)}
+    return {(m.quantity, in_words(m.varied)): m.value for m in found if not isinstance(m, Series)}
 
 
 @pytest.mark.parametrize("power", [1, 2, 4])

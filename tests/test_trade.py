@@ -208,7 +208,7 @@ def test_pinocchio_is_charged_with_its_evaluations_and_stops_at_the_most_it_may_
     assert pinocchio_ladder._by_tolerance("kick11", form, "Radau", 1e-6, [1e-2, 1e-3]) == [Point(1e-2, math.inf, 0.0)]
     found = pinocchio_ladder.points("pulse41", [1e-2], most=500, smallest=1e-8)
     (limit,) = found["RK4"]
-    assert limit.untold
+    assert limit.time_only
     assert limit.evaluations > 500
     again = pinocchio_ladder.seconds_of_aba(fl.lump(trade.trade_scene("pulse41")))
     assert 0.1 < limit.seconds / limit.evaluations / again < 10  # a slow spell of the machine meets one of them only

@@ -19,7 +19,7 @@ from validation import case as cases
 from validation import facts, runner, sources
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
-from validation.facts import head, said
+from validation.facts import column_head, in_words
 from validation.kinds import KINDS, SETTINGS
 from validation.runner import judged
 from validation.speed import machine
@@ -448,9 +448,9 @@ def test_a_study_with_a_torn_store_is_one_line_and_exit_code_2(study, capsys):
 
 def test_what_was_varied_is_typed_and_said_in_words():
     facts = {"method": "RK4", "step": 1e-4, "hinges": 10, "n": 4, "steps": 10_000}
-    assert said(facts) == "RK4, h = 0.0001 s, 10 hinges, n = 4, 10,000 steps"
-    assert (head("step"), head("nobody foresaw")) == ("step [s]", "nobody foresaw")
-    assert said({"nobody foresaw": 3}) == "nobody foresaw 3"
+    assert in_words(facts) == "RK4, h = 0.0001 s, 10 hinges, n = 4, 10,000 steps"
+    assert (column_head("step"), column_head("nobody foresaw")) == ("step [s]", "nobody foresaw")
+    assert in_words({"nobody foresaw": 3}) == "nobody foresaw 3"
 
 
 def test_every_word_for_what_is_varied_can_be_said():
@@ -482,8 +482,8 @@ def timed(study, monkeypatch):
     def measure(conditions, *options):
         time = f"\n[quantity.time]\nmetric = 'm'\nunit = 's'\ntolerance = {study.limit}\nreason = 'a reason'\n"
         study.case_file.write_text(CASE + time, encoding="utf-8")
-        watch = type("Watch", (), {"conditions": lambda self: conditions})
-        monkeypatch.setattr(runner, "Watch", watch)
+        watch = type("LoadMonitor", (), {"conditions": lambda self: conditions})
+        monkeypatch.setattr(runner, "LoadMonitor", watch)
         return study(*options)
 
     return measure
@@ -536,21 +536,21 @@ def test_a_machine_is_busy_by_what_others_take_of_it_or_by_an_uneven_loop(condit
 
 
 def test_the_watch_counts_what_others_run_and_not_the_work_that_is_timed(monkeypatch):
-    clocks = iter([machine.Clock(10.0, 100.0, 50.0), machine.Clock(20.0, 125.0, 60.0)])  # 25 core seconds, 10 our own
+    clocks = iter([machine.ClockReading(10.0, 100.0, 50.0), machine.ClockReading(20.0, 125.0, 60.0)])  # 25 core seconds, 10 our own
     monkeypatch.setattr(machine, "_read", lambda: next(clocks))
     monkeypatch.setattr(machine, "_laps", lambda: [1.0, 1.0, 1.0, 3.0])
-    found = machine.Watch().conditions()
+    found = machine.LoadMonitor().conditions()
     assert (found.load, found.spread) == (1.5, 0.5)
 
 
 def test_a_single_hiccup_does_not_make_a_machine_busy(monkeypatch):
     monkeypatch.setattr(machine, "_laps", lambda: [1.0] * 99 + [100.0])
-    assert machine.Watch().conditions().spread == 0.0
+    assert machine.LoadMonitor().conditions().spread == 0.0
 
 
 @pytest.mark.slow
 def test_a_watch_on_this_machine_finds_something_sensible():
-    watch = machine.Watch()
+    watch = machine.LoadMonitor()
     assert watch.conditions().load is None  # too short a time for what the system counts
     time.sleep(0.3)
     found = watch.conditions()
@@ -560,7 +560,7 @@ def test_a_watch_on_this_machine_finds_something_sensible():
 
 def test_where_nobody_counts_the_load_only_the_loop_decides(monkeypatch):
     monkeypatch.setattr(machine, "PROC_STAT", Path("/nowhere/stat"))
-    assert machine.Watch().conditions().load is None
+    assert machine.LoadMonitor().conditions().load is None
 
 
 def test_all_kinds_are_found_by_being_there():

@@ -1,4 +1,4 @@
-"""python -m validation: run the study, store it, write the report, say the two verdicts. Needs a checkout."""
+"""python -m validation: run the study, store the results, write the report, print both verdicts. Needs a checkout."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ EXAMPLES = """examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; 0 if everything is right, however fast, 1 if a check fails, 2 if it could not be run."""
+    """Run the study; 0 if every check of correctness passes, 1 if one fails, 2 if the study could not run."""
     options = _parser().parse_args(arguments)
     console = Console()
     try:
@@ -164,7 +164,7 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
         if speed_state(row, finished) == MISSED:
             console.print(f"[yellow]missed[/yellow] {escape(_describe(row))}", highlight=False, soft_wrap=True)
     console.print(f"correctness: {right.judged - len(right.failed)} of {right.judged} checks pass")
-    console.print(f"speed: {escape(speed(rows, finished).said())}", soft_wrap=True)
+    console.print(f"speed: {escape(speed(rows, finished).summary())}", soft_wrap=True)
 
 
 def _describe(row: Row) -> str:

@@ -1,4 +1,4 @@
-"""A case of the study: scenes, a kind of measurement, its settings, and for each quantity the limit and its reason."""
+"""A case of the study: scenes, a kind of measurement, its settings, and the limit of each quantity with its reason."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ALL = ("*",)
 
 
 class Quantity(Spec, frozen=True):
-    """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict.
+    """A measured quantity: it passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
 
     `reason` says why the tolerance is what it is; of a quantity without one, what it is shown for, if that needs words.
     `given_up` says why a tolerance that was once set is not kept.
@@ -78,7 +78,7 @@ class Case(Spec, frozen=True):
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
 
     def divided(self) -> list[Case]:
-        """Its parts, each with the quantities that are of all of them, or "PART, …"; itself if it has none."""
+        """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
         if not self.parts:
             return [self]
         values = [str(value) for value in self.settings[self.parts]]
@@ -92,7 +92,7 @@ class Case(Spec, frozen=True):
         )  # fmt: skip
 
     def demands(self, quantity: str) -> bool:
-        """Whether it must measure this: of a part what is named after it, for the rest may be other parts' matter."""
+        """Whether the case must measure this quantity; a part must measure only quantities that carry its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
     def is_meant_by(self, pattern: str) -> bool:
@@ -131,7 +131,7 @@ NOTHING_VARIED: Facts = MappingProxyType({})
 
 
 class Measured(NamedTuple):
-    """What a kind yields for every number: a row without verdict."""
+    """One measured number, before it is judged."""
 
     quantity: str
     value: float

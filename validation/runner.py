@@ -23,7 +23,7 @@ from flexlink.describe.spec import decode
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
 from validation.kinds import KINDS, LONG, SETTINGS, TIMED, Kind, measurements
 from validation.sources import ROOT, digests, sources
-from validation.speed.machine import Watch
+from validation.speed.machine import LoadMonitor
 from validation.store import Environment, Finished, Planned, Row, Series, Store
 
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
@@ -84,7 +84,7 @@ def run_cases(
     failed: dict[str, FlexlinkError] = {}
     for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
-        watch = Watch() if case.kind in TIMED else None
+        watch = LoadMonitor() if case.kind in TIMED else None
         try:
             _keep(case, results, store, report)
         except OutputError:  # so would be the next one
@@ -108,7 +108,7 @@ def _keep(case: Case, results: Iterable[Row | Series], store: Store, report: Rep
 
 
 def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
-    """Stored for the same sources and versions; where it is asked for, its limits of time on a machine for itself."""
+    """Whether the case is stored for the same sources and versions; on request also, if timed, on an idle machine."""
     done = store.finished().get(case.name)
     if done is None or done.key != key:
         return False
@@ -156,7 +156,7 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _end_with_parent() -> None:
-    """A worker ends when the study does, even one that was killed and can tell nobody."""
+    """Let a worker end when the study ends, even if the study was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         watch = Thread(target=lambda: (wait([parent.sentinel]), os._exit(1)), daemon=True)
@@ -237,7 +237,7 @@ def _key(case: Case, shared: bytes) -> str:
 
 
 def _hash_of_sources() -> bytes:
-    """What results may depend on, and versions of what that stands on; cases and scenes come per case."""
+    """Hash of all sources and package versions that results may depend on; cases and scenes are hashed per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions(PACKAGES)]).encode())
     for path in sources():
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())

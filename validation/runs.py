@@ -1,4 +1,4 @@
-"""Runs of a scene: what a run is told by, and the panels of figure 5 for any arm."""
+"""Runs of a scene: their facts, distances of their paths, and the panels of figure 5 for any arm."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from validation.store import Series
 from validation.types import Array
 
 
-def told(run: RunSettings) -> dict[str, Fact]:
-    """What a run is told by."""
+def run_facts(run: RunSettings) -> dict[str, Fact]:
+    """Method, step and duration of a run."""
     return {"method": run.method, "step": run.step, "duration": run.duration}
 
 

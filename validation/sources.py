@@ -1,4 +1,4 @@
-"""Which files the study's numbers come from, and which of them are no longer what they were when it was measured."""
+"""Source files that the results depend on, and which of them have changed since the measurement."""
 
 from __future__ import annotations
 

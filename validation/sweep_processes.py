@@ -1,4 +1,4 @@
-"""Sweeps in processes of their own, which can be killed; and a Dask cluster on loopback."""
+"""Sweeps in separate processes, which can be killed, and a Dask cluster on loopback."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def finish(process: subprocess.Popen[str]) -> None:
 
 
 def kill(process: subprocess.Popen[str]) -> bool:
-    """Kill it with all its workers, at once; whether it was still at work."""
+    """Kill a sweep with all its workers; whether it was still running."""
     alive = process.poll() is None
     if alive:
         os.killpg(process.pid, signal.SIGKILL)
@@ -65,7 +65,7 @@ def kill(process: subprocess.Popen[str]) -> bool:
 
 
 def killed_at(counts: Iterable[int], sweep: Path, out: Path, *options: str) -> int:
-    """Run a sweep to its end that is killed as soon as it has so many rows, count by count; how often it was."""
+    """Run a sweep, kill and restart it at each of these counts of rows; the number of kills."""
     kills = 0
     for count in counts:
         with started(sweep, out, *options) as process:
@@ -96,7 +96,7 @@ def _asked(path: Path, question: str) -> list[tuple[Any, ...]]:
 
 
 def until(found: Callable[[], bool], process: subprocess.Popen[Any], seconds: float = LONGEST_WAIT) -> bool:
-    """Wait for something while a process lives; whether it came."""
+    """Wait for a condition while a process runs; whether it was met."""
     end = time.monotonic() + seconds
     while not found() and process.poll() is None and time.monotonic() < end:
         time.sleep(0.02)

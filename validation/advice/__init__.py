@@ -1,1 +1,1 @@
-"""What advice is judged by: random arms in situations that it is asked about, and the truth about their tips."""
+"""Random scenes for advice, and the references that judge it."""

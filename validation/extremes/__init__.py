@@ -1,1 +1,1 @@
-"""What becomes of arms and conditions far from the usual, in flexlink and in other engines."""
+"""Arms and runs at extreme parameters, and their outcomes in flexlink and in other engines."""

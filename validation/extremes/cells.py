@@ -56,7 +56,7 @@ class Axis(Spec, frozen=True):
         if self.unit == "links":
             return _with_links(scene, int(value))
         if self.unit == "times":
-            return {path: value * factor * _said(scene, path) for path, factor in self.paths.items()}
+            return {path: value * factor * _number_at(scene, path) for path, factor in self.paths.items()}
         if self.unit == "fastest mode":
             chain = lump(scene)
             value *= 2.0 / fastest_frequency(chain, initial_state(scene, chain)[0])
@@ -135,7 +135,7 @@ def _times(value: float, weight: Any) -> Any:
     return round(float(product)) if isinstance(weight, int) else product.tolist()
 
 
-def _said(scene: Scene, path: str) -> float:
+def _number_at(scene: Scene, path: str) -> float:
     """The number at a path of tables of the arm."""
     return float(functools.reduce(lambda table, key: table[key], path.split("."), parsed(scene.arm)))
 

@@ -1,4 +1,4 @@
-"""What becomes of a run, judged by a truth that two methods agree on: right, warned, an error by name, silently wrong.
+"""Outcome of a run, judged by a reference on which two methods agree: right, warned, an error, silently wrong.
 
 A run with a tolerance is judged by it; one of fixed steps by the error from which flexlink itself calls a run doubtful.
 With ε the tip's largest distance from the truth at any sample, in units of that tolerance:
@@ -53,7 +53,7 @@ mean length of its own."""
 
 
 class Truth(NamedTuple):
-    """The tip as two methods have it."""
+    """Reference path of the tip, on which two methods agree."""
 
     tip: Array  # (samples, 3) of the finer one [m]; of no samples where none is found
     apart: float  # how far the two are apart [m]; inf where there are no two
@@ -65,8 +65,8 @@ class Truth(NamedTuple):
         return float(np.linalg.norm(self.tip - self.tip[0], axis=1).max())
 
 
-class Found(NamedTuple):
-    """One run: its outcome, its error in units of the tolerance, and what was said."""
+class RunOutcome(NamedTuple):
+    """One run: its outcome, its error in units of the tolerance, and its messages."""
 
     outcome: Outcome
     error: float  # nan: none is known
@@ -127,28 +127,28 @@ def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Traj
         return SingleRun(scene).finish(stop, look, compared=compared)
 
 
-def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> Found:
+def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOutcome:
     """Run a scene and judge it; the truth is asked for only where there is a result."""
     started = time.thread_time()
     try:
         run = within_budget(scene, budget)
     except InterruptedRunError as stopped:
-        return Found("dear", np.nan, str(stopped), time.thread_time() - started)
+        return RunOutcome("dear", np.nan, str(stopped), time.thread_time() - started)
     except FlexlinkError as refused:
-        return Found("error", np.nan, str(refused), time.thread_time() - started)
+        return RunOutcome("error", np.nan, str(refused), time.thread_time() - started)
     seconds = time.thread_time() - started
     words = "; ".join(run.warnings) or str(run.steps)
     return judged(scene, run.tip, truth(), words, seconds)
 
 
-def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> Found:
+def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:
     """The outcome of a run that ended with this tip, (samples, 3), and said these words."""
     if not known.tip.size:
-        return Found("unknown", np.nan, words, seconds)
+        return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
     error = float(np.linalg.norm(tip - known.tip, axis=1).max())
     doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
-    return Found(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
+    return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
 
 def allowed(scene: Scene, truth: Truth) -> float:

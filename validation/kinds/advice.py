@@ -1,4 +1,4 @@
-"""Advice on random scenes that nothing was tuned on, and on robots: is it true, is it cheap, what does it cost?"""
+"""Advice on random scenes and robots that it was not tuned on: stated against true error, and cost."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Settings(Spec, frozen=True):
 
 
 class Cell(NamedTuple):
-    """Advice on a scene for a tolerance, and the truth about it."""
+    """Advice on a scene for a tolerance, with the reference."""
 
     scene: str
     tolerance: float  # part of the motion
@@ -58,7 +58,7 @@ class Cell(NamedTuple):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """A row a cell, then what all of them say together."""
+    """Rows of every cell, then statistics over all cells."""
     cells: list[Cell] = []
     optimum: list[float] = []
     refused: list[str] = []

@@ -1,4 +1,4 @@
-"""Where a run's error comes from: type of the links, lumping, steps, rounding; and which of them is worth mending."""
+"""Sources of a run's error: type of the links, lumping, time steps, rounding."""
 
 from __future__ import annotations
 

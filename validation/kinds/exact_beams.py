@@ -30,7 +30,7 @@ LONG = True
 def run(
     case: Case, coarse: Rule, fine: Rule, of_stable: Positive = 0.5, others: dict[str, str] | None = None
 ) -> Iterator[Measured | Series]:
-    """Distances of tips, alone and in units of what is allowed.
+    """Distances of tips, absolute and in units of the allowed error.
 
     `coarse` and `fine` cut the chain, `of_stable` is the steps' part of the largest stable one, and `others` are other
     references by scene.

@@ -16,7 +16,7 @@ from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
 from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up
-from validation.runs import told
+from validation.runs import run_facts
 from validation.store import Series
 from validation.types import Array
 
@@ -38,9 +38,9 @@ def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | 
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)
         rows = np.searchsorted(ours.t, times - 1e-9)  # their samples among ours, whatever the last digit of k·step
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
-        yield Measured("tip error", float(error.max()), name, varied=told(scene.run))
+        yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
-        yield Measured("time integration error", change, name, varied=told(scene.run))
+        yield Measured("time integration error", change, name, varied=run_facts(scene.run))
         yield _parity(scene.varied({"run.method": "RK4", "run.step": trial.rk4_step}), name)
 
 
@@ -55,4 +55,4 @@ def _exact(trial: Trial) -> tuple[Array, Array]:
 def _parity(scene: Scene, name: str) -> Measured:
     ours = fl.simulate(scene)
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", told(scene.run))
+    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", run_facts(scene.run))

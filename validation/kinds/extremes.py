@@ -1,4 +1,4 @@
-"""Right at extremes, or said not to be: scene × varied keys × method × tolerance → outcome, none silently wrong.
+"""Runs at extreme parameters: scene × varied keys × method × tolerance → outcome; none wrong without a warning.
 
 Beside flexlink, the engines take the same steps in the same cells; what they do not say, they do not say.
 """
@@ -21,8 +21,8 @@ from validation.case import Case, Measured
 from validation.extremes.cells import Cell as Corner
 from validation.extremes.cells import Map, recipe
 from validation.extremes.other_engine import outcome_beside
-from validation.extremes.outcomes import OUTCOMES, Found, Outcome, Truth, outcome_of, truth_of
-from validation.facts import Fact, Facts, said
+from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_of, truth_of
+from validation.facts import Fact, Facts, in_words
 from validation.store import Series, table
 
 LONG = True
@@ -49,7 +49,7 @@ class HowTo(NamedTuple):
     @property
     def words(self) -> str:
         """Step or tolerance, in words."""
-        return said({self.key: self.value})
+        return in_words({self.key: self.value})
 
     def scene(self, scene: Scene) -> Scene:
         """A scene that is to be run so.
@@ -115,12 +115,12 @@ class Settings(Map, frozen=True):
 
 
 class Cell(NamedTuple):
-    """One run: where it stands, and what became of it."""
+    """One run of the map and its outcome."""
 
     scene: str
     axes: dict[str, float]
     how: HowTo
-    found: Found
+    found: RunOutcome
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -135,24 +135,24 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield _series(case, found)
 
 
-def told(_: Case, settings: Settings, number: int) -> Iterator[str]:
-    """What one cell is, and what becomes of it, in lines."""
+def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
+    """Describe one cell and its result, line by line."""
     corner, how = list(settings.runs())[number]
     found = _Judge(settings)(corner, how)
-    yield f"{corner.scene}, {said(corner.values)}, {how.engine}, {how.method}, {how.words}"
+    yield f"{corner.scene}, {in_words(corner.values)}, {how.engine}, {how.method}, {how.words}"
     yield f"{found.outcome}: error {found.error:.3g} tolerances"
     yield found.words
 
 
 class _Judge:
-    """What becomes of runs one after the other; those of one scene share its truth."""
+    """Judges runs one after the other; runs of one scene share the reference."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self._truths = settings, dict[tuple[float, float], Truth]()
         self._corner: Corner | None = None
         self._scene: Scene | FlexlinkError
 
-    def __call__(self, corner: Corner, how: HowTo) -> Found:
+    def __call__(self, corner: Corner, how: HowTo) -> RunOutcome:
         if corner is not self._corner:
             self._corner, self._truths = corner, {}
             try:
@@ -164,7 +164,7 @@ class _Judge:
                 raise self._scene
             scene = how.scene(self._scene)
         except FlexlinkError as error:
-            return Found("error", np.nan, str(error), 0.0)
+            return RunOutcome("error", np.nan, str(error), 0.0)
         if how.engine == NATIVE:
             return outcome_of(scene, self._truth(scene), self.settings.budget)
         return outcome_beside(scene, how.engine, how.method, self._truth(scene))
@@ -182,7 +182,7 @@ class _Judge:
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
-    """How often each outcome came; of engines beside flexlink they are told, not judged."""
+    """Number of runs by outcome; of other engines it is information only."""
     counts = collections.Counter(cell.found.outcome for cell in members)
     for outcome in OUTCOMES:
         note = _worst(members) if outcome == "silent wrong" else ""
@@ -211,13 +211,13 @@ def _worst(members: list[Cell]) -> str:
     if not wrong:
         return ""
     cell = max(wrong, key=lambda cell: cell.found.error)
-    where = f"{cell.scene}, {said(cell.axes)}, {cell.how.method}, {cell.how.words}"
+    where = f"{cell.scene}, {in_words(cell.axes)}, {cell.how.method}, {cell.how.words}"
     return f"worst: {where}: {cell.found.error:.3g} tolerances"
 
 
 def _series(case: Case, found: list[Cell]) -> Series:
     rows = [
-        (number, recipe(case, number), cell.scene, said(cell.axes), " and ".join(cell.axes), *cell.how[:2],
+        (number, recipe(case, number), cell.scene, in_words(cell.axes), " and ".join(cell.axes), *cell.how[:2],
          cell.how.words, *cell.found[:3])
         for number, cell in enumerate(found)
     ]  # fmt: skip

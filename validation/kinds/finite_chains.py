@@ -1,4 +1,4 @@
-"""Chains of a few cells against their own exact values: theory and code describe the same thing, to rounding.
+"""Chains of a few cells against their own exact values: theory and code agree to rounding.
 
 Nothing is approximated here, so that any wrong mass, arm or spring shows, however small.
 """

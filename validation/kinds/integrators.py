@@ -49,7 +49,7 @@ def run(
     steps: dict[str, tuple[float, ...]],
     stability: tuple[str, ...] = (),
 ) -> Iterator[Measured | Series]:
-    """Every run as a point, then stability; the report weighs the methods against each other.
+    """Error, drift and cost of every run, then limits of stability; the report compares the methods.
 
     `reference` are two steps of RK10 [s], of which the finer one counts as exact, `steps` those of the methods [s];
     of the methods in `stability` the limit is measured.

@@ -1,4 +1,4 @@
-"""Native and other engines against 50-digit arithmetic on planar chains: the judge where engines differ."""
+"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides where engines differ."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def _array(values: Any) -> Array:
 
 
 def _error(engine: Engine, chain: Chain, quantity: str, state: State, exact: dict[str, Array]) -> float:
-    """In units of what rounding explains."""
+    """Largest error in units of the rounding bound."""
     term = QUANTITIES[quantity]
     return float(term.error(chain, state, term.evaluate(engine, state), exact[quantity]).max())

@@ -30,7 +30,7 @@ from validation.physics.hinge_sweep import Point, Sweep, report
 from validation.physics.published import published
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
-from validation.runs import told
+from validation.runs import run_facts
 from validation.store import Series
 from validation.types import Array
 
@@ -62,7 +62,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     points = [Point(at, _errors(settings, run(at), exact)) for at, _ in existing(case, settings.rules)]
     yield from report(settings, points, case.about, {"tip": "m"})
     scene, ours = _scene(case, settings, settings.best), run(settings.best)
-    facts: Facts = {**settings.best.facts, **told(scene.run)}
+    facts: Facts = {**settings.best.facts, **run_facts(scene.run)}
     for measure, error in _errors(settings, ours, exact).items():
         yield Measured(f"{measure} error", error, scene.name, varied=facts)
     half = fl.simulate(scene, step=scene.run.step / 2)
@@ -119,7 +119,7 @@ def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajector
 
 def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
-    facts: Facts = {**at.facts, **told(scene.run)}
+    facts: Facts = {**at.facts, **run_facts(scene.run)}
     if scene.motion:
         free = fl.lump(scene.varied({"motion": []}))
         value = max(_acceleration_errors(scene, ours, free))

@@ -1,4 +1,4 @@
-"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and SUNDIALS' CVODE where it is.
+"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and CVODE where installed.
 
 The witness runs twice; how far its two tips are apart bounds the error of the coarser run, and so, amply, that of the
 finer, which is compared. A run of ours may be off by ten times its tolerance, the project's limit for the error at the
@@ -36,7 +36,7 @@ class Witness(Spec, frozen=True):
 
 
 def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Positive]) -> Iterator[Measured]:
-    """Distances of tips in units of what is allowed, and what a witness knows of itself.
+    """Distances of tips in units of the allowed error, and the error estimate of each solver.
 
     `scene` are the witnesses of scenes of the trade by name, `methods` our methods with their tolerances [m].
     """

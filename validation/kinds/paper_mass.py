@@ -43,7 +43,7 @@ class Time(NamedTuple):
     times: Mapping[str, float]
 
     def times_less(self, one: str, other: str) -> float:
-        """How many times less `one` takes than `other`."""
+        """Time of `other` over time of `one`."""
         return self.times[other] / self.times[one]
 
 
@@ -94,7 +94,7 @@ def _exponents(found: Sequence[Time]) -> Iterator[Measured]:
 
 
 def _verdict(found: Sequence[Time], longest: Time) -> str:
-    """Whether each method takes less than the one before, everywhere; and what came later."""
+    """Whether each method takes less time than the one before on every chain; and the time of composite bodies."""
     tie = 0.9  # of a time: what is nearer, a machine may turn round
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
     dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]

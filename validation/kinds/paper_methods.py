@@ -1,4 +1,4 @@
-"""Is RK4 enough over all the cases? Evaluations that an error of the tip takes by each method, on many kinds of arm."""
+"""Is RK4 enough in all cases? Evaluations per method for a given error of the tip, on many arms."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Need(NamedTuple):
     evaluations: Mapping[str, float]
 
     def gain(self, rival: str, method: str = OF_ORDER_4) -> float:
-        """How many times fewer the rival takes than the method."""
+        """Evaluations of the method over those of the rival."""
         return self.evaluations[method] / self.evaluations[rival]
 
 

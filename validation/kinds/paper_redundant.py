@@ -1,4 +1,4 @@
-"""What the removal of redundant operations gains: the same recursion with and without products by 0 and 1."""
+"""Gain by removing redundant operations: the same recursion with and without products by 0 and 1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Must round-off be weighed against the step? Errors of the steps and of rounding, down to where they meet."""
+"""Does round-off limit the step? Errors of the steps and of rounding, down to the step where they are equal."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ class Arm(Spec, frozen=True):
 
 
 class Price(NamedTuple):
-    """What so many segments a link give and take."""
+    """Error and cost of a number of segments per link."""
 
     scene: str
     segments: int

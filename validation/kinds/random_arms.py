@@ -1,4 +1,4 @@
-"""Random serial arms, which use every key of a link, in other engines: term by term, none left out."""
+"""Random serial arms that use every key of a link, in other engines, term by term."""
 
 from __future__ import annotations
 

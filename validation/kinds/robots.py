@@ -1,4 +1,4 @@
-"""Imported arms against their robots' own URDF in Pinocchio; arms that bend against the same arms, rigid.
+"""Imported arms against the original URDF in Pinocchio; flexible arms against the same arms, rigid.
 
 The files of robots come with an optional package; an arm whose file is not installed is left out, and told.
 """

@@ -1,4 +1,4 @@
-"""Speed of a whole simulation: warmed up, alone on the machine, the fastest of repeats."""
+"""Speed of a whole simulation after warm-up: the fastest of several runs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import told
+from validation.runs import run_facts
 from validation.speed.stopwatch import Work, race
 
 TIMED = True
@@ -21,7 +21,7 @@ def run(case: Case, repeats: int, dynamics: tuple[str, ...], engines: tuple[str,
         works = {("native", solver): _runs("native", scene.varied({"run.dynamics": solver})) for solver in dynamics}
         works |= {(name, ""): _runs(name, scene) for name in engines}
         for (name, solver), lap in race(works, repeats, 0.0).items():
-            facts: Facts = told(scene.run) | ({"solver": solver} if solver else {})
+            facts: Facts = run_facts(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
             yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, facts, timed=True)
             step = 1e6 * lap.seconds * scene.run.step / scene.run.duration

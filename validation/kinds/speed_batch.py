@@ -1,4 +1,4 @@
-"""Many members at once: the loop of `simulate_many` beside MuJoCo's rollout and `mj_step`, one thread each."""
+"""Many runs at once on one thread: the loop of `simulate_many`, MuJoCo's rollout and `mj_step`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Settings(Races, frozen=True):
 
 
 def rehearsal(settings: Settings) -> Settings:
-    """So few members and steps that nothing but compilation takes time."""
+    """Few members and steps, so that only compilation takes time."""
     return replace(settings, members=LANES, steps=1, turns=1, turn=0.0)
 
 

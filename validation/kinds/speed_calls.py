@@ -37,7 +37,7 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
 
 
 def _times(name: str, chain: Chain, segments: int, family: Family, settings: Races) -> Iterator[dict[str, Time]]:
-    """Job by job, the times of all who take part: native, public, pinocchio, its fastest form, mujoco."""
+    """Times of all contestants, job by job: native, public, pinocchio, its fastest form, mujoco."""
     states = timed_states(chain)
     parties = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
     forms = evaluations.pinocchio(chain, states) if segments <= family.pinocchio else {}

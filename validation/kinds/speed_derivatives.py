@@ -1,4 +1,4 @@
-"""Time of exact derivatives by public call, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
+"""Time of a call of exact derivatives, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ rehearsal = growth.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured]:
-    """Ratios of Pinocchio's times, of its fastest joints, to ours, and ours."""
+    """Our times, and the ratios of Pinocchio's times, with its fastest joints, to ours."""
     for name, family in settings.chain.items():
         for segments in family.segments:
             chain = lump(family.scene(case, segments))
@@ -44,7 +44,7 @@ def run(case: Case, settings: Races) -> Iterator[Measured]:
 
 
 def parties(chain: Chain, states: States) -> dict[str, Jobs]:
-    """Who takes part, by job: we, and Pinocchio with each kind of joints that fits."""
+    """The contestants by job: flexlink, and Pinocchio with each kind of joints that fits."""
     q, qd, tau, qdd = (list(part) for part in states)
     found = {
         OURS: {

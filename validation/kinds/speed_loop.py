@@ -1,4 +1,4 @@
-"""A control loop in Python: a joint PD in NumPy samples an arm, and `Simulator.step` or MuJoCo's `mj_step` goes on.
+"""A control loop in Python: a joint PD law in NumPy, then `Simulator.step` or MuJoCo's `mj_step`.
 
 The law is part of the time; it and the joints are the same for all.
 """
@@ -53,7 +53,7 @@ def run(
     turns: int = 10,
     turn: NonNegative = 0.02,
 ) -> Iterator[Measured]:
-    """Time of a sample, how often it goes into the time it stands for, and MuJoCo's over ours, with the same steps.
+    """Time of a sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
 
     `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the gains of the driven joints; each
     contestant runs `turns` times, `turn` [s] or longer.
@@ -79,7 +79,7 @@ def run(
 
 
 def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:
-    """Towards angles that swing about the start, with the torque that holds the arm there."""
+    """PD law towards angles that oscillate about the start, with the torque that holds the arm there."""
     driven, (start, _) = chain.active, initial_state(scene, chain)
     target, hold = start[driven], gravity_torque(chain, start)[driven]
     swing = 0.1  # rad, once a second

@@ -1,4 +1,4 @@
-"""What a model costs: type of the links, rule, hinges, method and steps, against the tip's whole error from the arm.
+"""Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
 
 The error is from the arm itself, a chain of infinitely many hinges exact in time, as a part of how far its tip moves;
 the time is that of the steps alone, as in `speed_trade`.
@@ -79,7 +79,7 @@ class Run(NamedTuple):
     seconds: float
 
     @property
-    def said(self) -> str:
+    def in_words(self) -> str:
         """The choice in words."""
         flex, rule, hinges, method, setting, *_ = self.row
         cut = flex if flex == "rigid" else f"{flex}, {hinges} hinges by {rule}"
@@ -111,7 +111,7 @@ def run(
             if met:
                 best = min(met, key=lambda run: run.seconds)
                 yield Measured(
-                    "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.said, timed=True
+                    "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.in_words, timed=True
                 )
         columns = table(COLUMNS, [run.row for run in made])
         title = f"{base.name}: which model, and what it costs"

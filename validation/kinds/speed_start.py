@@ -1,4 +1,4 @@
-"""What a user waits for and what memory a run takes: cold and warm start, import, growth with duration.
+"""Cold and warm start, import time, and growth of memory with the length of a run.
 
 Every measurement is a process of its own; the cold start has an empty cache folder of its own.
 """
@@ -56,7 +56,7 @@ def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
-    """Seconds from the start of the process to its end, and what it said."""
+    """Seconds from the start of a process to its end, and its output."""
     start = time.perf_counter()
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     return time.perf_counter() - start, done.stderr + done.stdout

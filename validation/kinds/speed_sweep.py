@@ -1,4 +1,4 @@
-"""Throughput of a sweep on some workers, into its database, beside a process that calls MuJoCo for the same members."""
+"""Throughput of a sweep with several workers and its database, and of one process that calls MuJoCo."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ TIMED = True
 
 
 def rehearsal(settings: Any) -> Any:
-    """So few members that nothing but compilation takes time."""
+    """Few members, so that only compilation takes time."""
     return replace(settings, members=64, workers=1, turns=1, beside=1, turn=0.0)
 
 
@@ -58,7 +58,7 @@ def run(
 
 
 def _seconds(sweep: Path, members: int, workers: int, out: Path) -> float:
-    """Of a member on all workers, from the first rows on: their start, seconds, is once for a sweep of any length."""
+    """Seconds per member with all workers, from the first rows on: workers start once, however long the sweep is."""
     marks: list[tuple[float, float]] = []
     fl.sweep(sweep, out=out, workers=workers, progress=lambda part: marks.append((part, time.perf_counter())))
     marks = [mark for mark in marks if mark[0] > 0]
@@ -69,7 +69,7 @@ def _seconds(sweep: Path, members: int, workers: int, out: Path) -> float:
 
 
 def _processor_time(work: Callable[[], object]) -> float:
-    """Of this process [s], which does not change much where others share its cores."""
+    """CPU time of this process [s], which depends little on other processes."""
     begun = time.process_time()
     work()
     return time.process_time() - begun

@@ -1,4 +1,4 @@
-"""Work against precision: what an error costs with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
+"""Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
 order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
@@ -68,9 +68,9 @@ class Aim(NamedTuple):
     what: str
     error: float
 
-    def seen(self, point: Point) -> Point:
+    def point(self, point: Point) -> Point:
         """The point with the error that counts."""
-        return point if self.what == "error" or point.untold else point._replace(error=point.bend)
+        return point if self.what == "error" or point.time_only else point._replace(error=point.bend)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -85,7 +85,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _has_its_own(case: Case, name: str, quantity: str) -> bool:
-    """Whether a limit that holds for all scenes is given up for one, whose quantity says why."""
+    """Whether the limit for all scenes is replaced for this one by a quantity of its own."""
     own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
     return own is not None and bool(own.given_up)
 
@@ -138,7 +138,7 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
 
 
 def _seen(aim: Aim, ladders: Ladders) -> Ladders:
-    return {name: [aim.seen(point) for point in points] for name, points in ladders.items()}
+    return {name: [aim.point(point) for point in points] for name, points in ladders.items()}
 
 
 def _ratios(
@@ -147,7 +147,7 @@ def _ratios(
     """The cheapest of a group over the cheapest run of flexlink; 0 where flexlink does not get there."""
     least = min(costs, key=lambda each: costs[each].seconds)
     ratio = costs[least].seconds / best[1].seconds if best else 0.0
-    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {NOTES[costs[least].kind]}".strip()
+    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_run_in_words(best)}. {NOTES[costs[least].kind]}".strip()
     quantity = f"{group} / flexlink, {aim.what} {aim.error:g}"
     named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{HARD_SCENE}",) if _is_damped_or_spatial(name) else ())
     for each in named:
@@ -165,12 +165,12 @@ def _is_damped_or_spatial(name: str) -> bool:
 
 
 def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost | None:
-    if len(points) == 1 and points[0].untold:
+    if len(points) == 1 and points[0].time_only:
         return Cost(points[0].seconds, "limit")
     return cost(points, error, ORDERS_OF_OTHERS.get(group, {}).get(name, ORDER_OF_RK4))
 
 
-def _told(best: tuple[str, Point] | None) -> str:
+def _run_in_words(best: tuple[str, Point] | None) -> str:
     if best is None:
         return "flexlink does not get there"
     return f"{best[0]}, setting {best[1].setting:.2g}: {1e3 * best[1].seconds:.4g} ms"

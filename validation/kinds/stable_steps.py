@@ -1,4 +1,4 @@
-"""The stable step that is predicted against the one that is observed, of every explicit method on every scene.
+"""Predicted and observed largest stable step of every explicit method on every scene.
 
 Each arm rests where gravity and wrench bend it, its joints held by constant torques. Two runs of a few steps h, which
 start a little aside along all modes at once, either way, tell by how much a step multiplies each mode: with w its left

@@ -12,7 +12,7 @@ from flexlink import engines
 from flexlink.chain.arguments import choice
 from flexlink.engines import Engine
 from validation.case import Case, Measured
-from validation.facts import Facts, said
+from validation.facts import Facts, in_words
 from validation.physics.hinge_sweep import Point, Sweep, report
 from validation.physics.published import published
 from validation.physics.tip_loads import TIP_LOADS, TipLoad
@@ -51,7 +51,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         facts: Facts = {**load.facts, **settings.best.facts}
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
-        pairs.append((said(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
+        pairs.append((in_words(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
         yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)

@@ -1,4 +1,4 @@
-"""Sweeps that are killed, or lose a worker, beside one that nothing disturbs: each member once, and the same rows."""
+"""Sweeps that are killed, or lose a worker, against an undisturbed one: each member once, and the same rows."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def run(
 
 
 def _with_a_worker_lost(sweep: Path, out: Path, cluster: int, members: int) -> int:
-    """The sweep goes on with those that are left; whether it was at work when the worker was killed."""
+    """Kill one worker of a cluster during a sweep; whether the sweep was still running."""
     with (
         sweep_processes.cluster(out.parent, cluster) as (address, workers),
         sweep_processes.started(sweep, out, "--dask", address) as process,

@@ -1,7 +1,7 @@
-"""Engines that compute springs, dampers and Runge-Kutta steps themselves: term by term, and whole motions.
+"""Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves: terms, and whole motions.
 
 Motions have the same tableau and step, so that nothing but rounding is left. A witness that is not installed is left
-out, and told.
+out, and run_facts.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from flexlink.describe.spec import Positive
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
 from validation.case import Case, Measured
-from validation.runs import told
+from validation.runs import run_facts
 from validation.types import Array
 
 LONG = True
@@ -72,7 +72,7 @@ def _relative(theirs: Array, ours: Array) -> float:
 
 
 def _motion(scene: Scene, name: str) -> Iterator[Measured]:
-    chain, facts = lump(scene), told(scene.run)
+    chain, facts = lump(scene), run_facts(scene.run)
     (_, q, qd), (_, q2, qd2) = (engines.load(each, chain).integrate(scene) for each in ("native", name))
     yield Measured("max |Δq|", float(np.abs(q2 - q).max()), scene.name, name, facts)
     yield Measured("max |Δq̇|", float(np.abs(qd2 - qd).max()), scene.name, name, facts)

@@ -1,4 +1,4 @@
-"""Planar scenes that Exudyn's geometrically exact beams have run, too, and what is stored of those runs.
+"""Planar scenes with stored runs of Exudyn's geometrically exact beams.
 
 `python -m validation.physics.exudyn_beams` computes them.
 """

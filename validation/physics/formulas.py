@@ -1,4 +1,4 @@
-"""Torques and motions that a benchmark gives by a formula, as tables fine enough to be exact beside its limit."""
+"""Torques and motions that a benchmark defines by a formula, as tables with a negligible error."""
 
 from __future__ import annotations
 

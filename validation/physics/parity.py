@@ -1,4 +1,4 @@
-"""The same benchmark through another engine, which loaded the exported file: its M, its torques, nothing of ours.
+"""The same benchmark in another engine from the exported file, with that engine's M and torques.
 
 Along one angle every torque of a chain is a trigonometric polynomial of degree 2 at most, so that M. Riesz's formula
 gives the exact slope from four values: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (8 sin²(x_k/2)), x_k = (2k − 1) π/4.

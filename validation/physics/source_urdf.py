@@ -1,4 +1,4 @@
-"""A robot's own URDF in Pinocchio: what it says before flexlink has read it."""
+"""A robot's original URDF in Pinocchio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who is timed at one evaluation: kernels in a compiled loop; public functions, Pinocchio and MuJoCo from Python.
+"""Contestants at one evaluation: kernels in a compiled loop; public functions, Pinocchio and MuJoCo from Python.
 
 Each function below returns, for a chain and states, the contestants by job.
 """

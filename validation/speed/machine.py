@@ -1,4 +1,4 @@
-"""What else the machine does during a timed case: cores that others keep busy, and how evenly a fixed loop runs."""
+"""Load of the machine during a timed case: cores used by other processes, and scatter of a calibration loop."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ PROC_STAT = Path("/proc/stat")
 SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
 
 
-class Watch:
-    """Watches the machine from its making until it is asked for the conditions."""
+class LoadMonitor:
+    """Measures the load of the machine from construction to `conditions`."""
 
     def __init__(self) -> None:
         self._laps = _laps()
         self._start = _read()
 
     def conditions(self) -> Conditions:
-        """Load and spread since the making."""
+        """Load and spread since construction."""
         start, end = self._start, _read()
         load = None
         passed = end.wall - start.wall
@@ -34,7 +34,7 @@ class Watch:
         return Conditions(load, round(spread, 3), os.cpu_count() or 1)
 
 
-class Clock(NamedTuple):
+class ClockReading(NamedTuple):
     """Seconds: by the wall, of all processes on all cores, of this process and its children that ended."""
 
     wall: float
@@ -42,14 +42,14 @@ class Clock(NamedTuple):
     own: float
 
 
-def _read() -> Clock:
+def _read() -> ClockReading:
     times = os.times()
     own = times.user + times.system + times.children_user + times.children_system
-    return Clock(time.perf_counter(), _busy_seconds(), own)
+    return ClockReading(time.perf_counter(), _busy_seconds(), own)
 
 
 def _busy_seconds() -> float | None:
-    """Core seconds in which any process ran, or the machine was taken away by its host; None where nobody counts."""
+    """CPU time of all processes and of the host, all cores [s]; None where the system does not count it."""
     if not PROC_STAT.exists():
         return None
     user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])

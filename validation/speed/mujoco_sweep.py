@@ -1,4 +1,4 @@
-"""Members of a sweep in one process that calls MuJoCo, by what is done of each: run, model compiled, text written.
+"""Members of a sweep in one process with MuJoCo: run only, model compiled too, or text written too.
 
 Nothing is read off the runs, which is in MuJoCo's favour.
 """

@@ -1,4 +1,4 @@
-"""Who is timed at Runge-Kutta steps: our compiled loop, MuJoCo's `mj_step`, and a Python loop over Pinocchio's `aba`.
+"""Contestants at Runge-Kutta steps: our compiled loop, MuJoCo's `mj_step`, a Python loop over Pinocchio's `aba`.
 
 Each function prepares a run from the scene's initial state and returns work that takes so many steps of RK4.
 """

@@ -1,4 +1,4 @@
-"""Timing: contestants take turns, each is warmed up, the fastest of its turns counts."""
+"""Timing: contestants run in turns after a warm-up; the fastest turn of each counts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recursive Newton-Euler as for any arm, nothing left out: what removing redundant operations is measured against.
+"""Recursive Newton-Euler for any arm with all operations: the baseline for removing redundant ones.
 
 The formulation is that of `flexlink/kernels/bodies/rne.py`, body frames and the same terms. But every hinge is a joint
 of its own, with a body that may have no mass, a rotation matrix of nine numbers, an axis and an offset of three:

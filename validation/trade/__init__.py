@@ -1,1 +1,1 @@
-"""What an accuracy costs: scenes with their references, and the time of flexlink, other engines and solvers on them."""
+"""Work-precision studies: scenes with references, and runs of flexlink, other engines and solvers on them."""

@@ -1,4 +1,4 @@
-"""What an error costs with Drake's own integrators on the exported SDF, steps by its control of errors.
+"""Time for a given error with Drake's error-controlled integrators on the exported SDF.
 
 For scenes without drive, dry friction and load, which Drake would ask Python for: the clock runs while it advances, and
 no Python is in that. Its `runge_kutta5` and `bogacki_shampine3`

@@ -1,4 +1,4 @@
-"""The error of a run, in parts: model, space, time and rounding, each against a run that has converged in it.
+"""The error of a run split into model, space, time and rounding, each against a run converged in that part.
 
     run → the same chain, exact in time → the same type, infinitely many hinges → the true type, infinitely many hinges
        time                            space                                   model

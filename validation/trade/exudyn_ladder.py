@@ -1,4 +1,4 @@
-"""What an error costs with Exudyn's own integrators, at fixed steps, from a tree of the exported URDF.
+"""Time for a given error with Exudyn's integrators at fixed steps on the exported URDF.
 
 For scenes without drive, dry friction and load, which Exudyn would ask Python for. A run is one call, whose outputs
 Exudyn keeps itself; what a call of one step takes, setting up included, is taken off.

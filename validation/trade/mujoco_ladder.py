@@ -1,4 +1,4 @@
-"""What an error costs with each of MuJoCo's integrators: a ladder of steps, or what a part of the run tells."""
+"""Time for a given error with each of MuJoCo's integrators, from runs with finer and finer steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an error costs with flexlink: controlled methods with a ladder of tolerances, others with one of steps.
+"""Time for a given error with flexlink: adaptive methods with finer and finer tolerances, others with finer steps.
 
 Those of an explicit method begin at its limit of stability, those of an implicit one at the time between outputs.
 

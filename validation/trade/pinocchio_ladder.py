@@ -1,4 +1,4 @@
-"""What an error costs with Pinocchio's ABA: a loop of RK4, and SciPy's DOP853 and Radau.
+"""Time for a given error with Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
 
 Runs are made from Python; what they are charged with is the number of evaluations × the time of one ABA, and nothing
 else. That time is the least of repeats of `abaInParallel` on one thread, a loop in C++ over many states, with the kind
@@ -77,7 +77,7 @@ def seconds_of_aba(chain: Chain) -> float:
 
 
 def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -> dict[str, list[Point]]:
-    """RK4 from its limit of stability on, SciPy's solvers with tolerances; an explicit run that is too long untold.
+    """RK4 from its limit of stability on, SciPy's solvers with tolerances; only the time of too long explicit runs.
 
     `most` is the number of evaluations that a run may take, for it is made in Python. Relative tolerances are the
     solvers' own, absolute ones a hundredth.
@@ -88,8 +88,8 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
         first = _steps_of_limit(form.scene, method)
         evaluations = a_step * OUTPUTS * first
         if evaluations > most:
-            untold = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
-            found[method] = [untold]
+            too_long = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
+            found[method] = [too_long]
         elif method == "RK4":
             longest = aba * most
 

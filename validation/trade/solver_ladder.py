@@ -1,4 +1,4 @@
-"""What an error costs with SciPy's solvers and CVODE, on flexlink's forward dynamics called from Python."""
+"""Time for a given error with SciPy's solvers and CVODE on flexlink's forward dynamics, called from Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work against precision: points (errors, CPU seconds) of a method on a scene, and what an error costs with it."""
+"""Work-precision diagrams: points (error, CPU time) of a method on a scene, and the time for a given error."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ class Point(NamedTuple):
         return max(self.error, self.bend)
 
     @property
-    def untold(self) -> bool:
-        """Whether it stands for a run that is too long to be made: its beginning tells the time, nothing the error."""
+    def time_only(self) -> bool:
+        """Whether the run was too long: its time is extrapolated from its beginning, its error unknown."""
         return math.isnan(self.error)
 
 
