@@ -34,7 +34,7 @@ from reports.stored_full import (
     since,
 )
 from reports.tables import meanings, rows_csv
-from validation.judgement import load_in_words
+from validation.judgement import crowd
 
 HERE = Path(__file__).parent
 MOST = 10_000_000  # bytes: what a repository may hold of generated files
@@ -111,7 +111,7 @@ def _machine(study: Results) -> Iterator[tuple[str, str]]:
     yield from environment_rows(study.environment)
     for case, done in study.finished.items():
         took = f"{sum(row.seconds for row in study.cases.get(case, ())):.1f} s"
-        besides = (load_in_words(done.conditions),) if done.conditions else ()
+        besides = (crowd(done.conditions),) if done.conditions else ()
         yield case, "; ".join((f"{done.date:%Y-%m-%d %H:%M} UTC", took, done.machine, *besides))
     for missing in study.missing:
         yield missing.case, missing.why

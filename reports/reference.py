@@ -13,7 +13,7 @@ from reports.results import Results
 from reports.tables import state
 from reports.verdict import PASS, correct, measured
 from validation.facts import in_words
-from validation.judgement import correctness, load_in_words, speed
+from validation.judgement import correctness, crowd, speed
 from validation.store import Row
 
 FOLDER = Path(__file__).parent / "reference_run"
@@ -53,7 +53,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     if verdict.state != PASS:
         raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
     if fast.unmeasured:
-        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.summary()}; {HOW}")
+        raise FlexlinkError(f"{results.store.path}: no reference run: {fast.said()}; {HOW}")
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -63,7 +63,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
     cases = [(case, correctness(rows)) for case, rows in results.cases.items()]
     lines = ((case, found.judged, len(found.failed)) for case, found in cases)
     write_text(folder / "correctness.csv", table_csv(("case", "checks", "failed"), lines))
-    quiet = [(case, load_in_words(done.conditions)) for case, done in results.finished.items() if done.conditions]
+    quiet = [(case, crowd(done.conditions)) for case, done in results.finished.items() if done.conditions]
     write_text(folder / "machine.csv", table_csv(("what", "value"), [("measured", measured(results)), *quiet]))
     return folder
 

@@ -9,7 +9,7 @@ from flexlink.pages.tables import table_csv
 from reports.reference import Reference
 from reports.results import Results
 from reports.tables import TIMED, limit
-from validation.judgement import load_in_words, speed_state
+from validation.judgement import crowd, speed_state
 from validation.store import Row
 
 ORDER = tuple(TIMED)
@@ -46,7 +46,7 @@ def lines(results: Results, beside: Reference) -> list[Line]:
 def conditions(results: Results) -> list[tuple[str, str, str]]:
     """(case, end of its run, what the machine did besides) of everything that was timed."""
     timed = ((case, done.date, done.conditions) for case, done in results.finished.items())
-    return [(case, f"{date:%Y-%m-%d %H:%M} UTC", load_in_words(found)) for case, date, found in timed if found]
+    return [(case, f"{date:%Y-%m-%d %H:%M} UTC", crowd(found)) for case, date, found in timed if found]
 
 
 def csv_text(results: Results, beside: Reference) -> str:

@@ -131,7 +131,7 @@ def fast(results: Results) -> Verdict:
     """Whether the limits of time are met; a busy machine says nothing about them."""
     found = speed(results.rows, results.finished)
     word = "missed" if found.missed else "not measured" if found.unmeasured or not found.met else "met"
-    return Verdict(word, f"{found.summary()[0].upper()}{found.summary()[1:]}.")
+    return Verdict(word, f"{found.said()[0].upper()}{found.said()[1:]}.")
 
 
 def numbers_that_matter(results: Results, wanted: Iterable[Number]) -> list[Fact]:

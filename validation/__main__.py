@@ -164,7 +164,7 @@ def _print_verdict(console: Console, rows: Sequence[Row], store: Store) -> None:
         if speed_state(row, finished) == MISSED:
             console.print(f"[yellow]missed[/yellow] {escape(_describe(row))}", highlight=False, soft_wrap=True)
     console.print(f"correctness: {right.judged - len(right.failed)} of {right.judged} checks pass")
-    console.print(f"speed: {escape(speed(rows, finished).summary())}", soft_wrap=True)
+    console.print(f"speed: {escape(speed(rows, finished).said())}", soft_wrap=True)
 
 
 def _describe(row: Row) -> str:

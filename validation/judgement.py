@@ -1,4 +1,4 @@
-"""Two independent verdicts on stored rows: correctness, and speed on this machine."""
+"""Two verdicts on stored rows: what is right, and how fast it is on this machine. The first never asks the second."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Correctness(NamedTuple):
 
 
 class Speed(NamedTuple):
-    """Rows with a limit of time, by result."""
+    """Limits of time by what became of them."""
 
     met: tuple[Row, ...]
     missed: tuple[Row, ...]
@@ -30,18 +30,18 @@ class Speed(NamedTuple):
         named = ((self.met, "met"), (self.missed, "missed"), (self.unmeasured, "not measured"))
         return ", ".join(f"{len(rows)} {word}" for rows, word in named if rows)
 
-    def summary(self) -> str:
+    def said(self) -> str:
         """The verdict in a line."""
         parts = [f"{len(rows)} {word}" for rows, word in ((self.met, "met"), (self.missed, "missed")) if rows]
         if parts:
             parts[-1] += " on this machine"
         if self.unmeasured:
-            parts.append(f"{len(self.unmeasured)} {BUSY}{f' ({load_in_words(self.worst)})' if self.worst else ''}")
+            parts.append(f"{len(self.unmeasured)} {BUSY}{f' ({crowd(self.worst)})' if self.worst else ''}")
         return ", ".join(parts) or "nothing was timed against a limit"
 
 
-def load_in_words(conditions: Conditions) -> str:
-    """Load of a machine during a timed case, in words."""
+def crowd(conditions: Conditions) -> str:
+    """What a machine did besides, in words."""
     spread = f"a fixed loop took {100 * conditions.spread:.0f} % longer than at its best"
     if conditions.load is None:
         return spread
@@ -49,7 +49,7 @@ def load_in_words(conditions: Conditions) -> str:
 
 
 def correctness(rows: Sequence[Row]) -> Correctness:
-    """The verdict on all rows that are not timed."""
+    """The verdict on everything that does not depend on time."""
     judged = [row for row in rows if row.passed is not None and not row.timed]
     return Correctness(len(judged), tuple(row for row in judged if not row.passed))
 
@@ -67,7 +67,7 @@ def speed(rows: Sequence[Row], finished: Mapping[str, Finished]) -> Speed:
 
 
 def speed_state(row: Row, finished: Mapping[str, Finished]) -> str:
-    """Result of a limit of time; "" for a row without one."""
+    """What became of a limit of time; "" of a row that has none."""
     if not row.timed or row.passed is None:
         return ""
     if row.case not in finished or finished[row.case].busy:
