@@ -536,9 +536,8 @@ def test_a_machine_is_busy_by_what_others_take_of_it_or_by_an_uneven_loop(condit
 
 
 def test_the_watch_counts_what_others_run_and_not_the_work_that_is_timed(monkeypatch):
-    clocks = iter(
-        [machine.ClockReading(10.0, 100.0, 50.0), machine.ClockReading(20.0, 125.0, 60.0)]
-    )  # 25 core seconds, 10 our own
+    readings = machine.ClockReading(10.0, 100.0, 50.0), machine.ClockReading(20.0, 125.0, 60.0)
+    clocks = iter(readings)  # 25 core seconds, 10 our own
     monkeypatch.setattr(machine, "_read", lambda: next(clocks))
     monkeypatch.setattr(machine, "_laps", lambda: [1.0, 1.0, 1.0, 3.0])
     found = machine.LoadMonitor().conditions()
