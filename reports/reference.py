@@ -11,7 +11,7 @@ from flexlink.common.output import write_text
 from flexlink.pages.tables import table_csv
 from reports.results import Results
 from reports.verdict import PASS, correct, measured
-from validation.facts import said
+from validation.facts import in_words
 from validation.judgement import JudgedRow, correctness, crowd, speed
 from validation.store import Row
 
@@ -36,7 +36,7 @@ class Reference:
 
 def _asked(row: Row) -> tuple[str, str, str]:
     """(case, quantity, setting): what was asked, whichever engine or form of it came out as the fastest."""
-    set_ = said({name: value for name, value in row.varied.items() if name != FOUND})
+    set_ = in_words({name: value for name, value in row.varied.items() if name != FOUND})
     return row.case, row.quantity, ", ".join(part for part in (row.scene, set_) if part)
 
 

@@ -9,7 +9,7 @@ from typing import get_args
 from flexlink.pages.numbers import amount
 from flexlink.pages.tables import Table, table_csv
 from reports.results import used
-from validation.facts import head, said
+from validation.facts import column_head, in_words
 from validation.judgement import JudgedRow, State
 from validation.store import Row, Series
 
@@ -35,11 +35,11 @@ def checks(rows: Sequence[JudgedRow]) -> tuple[Table, str]:
         "quantity": [row.quantity for row in rows],
         "scene": [row.scene for row in rows],
         "engine": [row.engine for row in rows],
-        "setting": [said({name: v for name, v in row.varied.items() if name in differ}) for row in rows],
+        "setting": [in_words({name: v for name, v in row.varied.items() if name in differ}) for row in rows],
     }
     shown = {name: column for name, column in columns.items() if len(set(column)) > 1 or name == "quantity"}
     alike = [columns[name][0] for name in columns if name not in shown and columns[name][0]]
-    alike += [said({name: next(iter(values))}) for name, values in facts.items() if name not in differ]  # type: ignore[dict-item]
+    alike += [in_words({name: next(iter(values))}) for name, values in facts.items() if name not in differ]  # type: ignore[dict-item]
     shown |= {
         "value": [amount(row.value, row.unit) for row in rows],
         "limit": [limit(row) for row in rows],
@@ -82,7 +82,7 @@ def rows_csv(rows: Sequence[JudgedRow], without: Collection[str] = ()) -> str:
     """All fields of the rows, a column for each thing varied; numbers are written so that they read back exactly."""
     fields = tuple(f for f in CSV_FIELDS if f not in without)
     facts = tuple(dict.fromkeys(name for row in rows for name in row.varied))
-    heads = (*fields, *(head(name) for name in facts), "state")
+    heads = (*fields, *(column_head(name) for name in facts), "state")
     cells = ([getattr(row, f) for f in fields] + [row.varied.get(f) for f in facts] + [row.state] for row in rows)
     return table_csv(heads, cells)
 

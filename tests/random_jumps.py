@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.random_arms import Dice
+from validation.random_arms import Dice
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.motion.simulate import prepare
-from validation.benchmarks.random_arms import Dice
+from validation.random_arms import Dice
 
 WRONG = 0.05  # of the tip's motion
 FLEX, SHARES = ("rigid", "z", "yz", "xyz"), (0.2, 0.3, 0.2, 0.3)

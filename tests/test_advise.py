@@ -18,8 +18,8 @@ from flexlink.advice.rigid import oscillator_response
 from flexlink.advice.verdict import Advice
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
-from validation.benchmarks import advice_truth
-from validation.benchmarks.advice_scenes import robot_scene
+from validation.advice import truth as advice_truth
+from validation.advice.scenes import robot_scene
 from validation.case import CASES, load_case
 from validation.kinds import advice as kind
 

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from scipy import linalg
 
 import flexlink as fl
-from validation.benchmarks.sweep import order
+from validation.physics.hinge_sweep import order
 
 CONE = {"thick": fl.Section(shape="circle", diameter=0.06), "thin": fl.Section(shape="circle", diameter=0.02)}
 

@@ -13,7 +13,7 @@ from conftest import ROOT, chain_of, make_scene, nasty_scene, random_state
 import flexlink as fl
 from flexlink.common.safe_xml import parse
 from flexlink.formats.capsules import COLOURS, THICKNESS, capsules
-from validation.benchmarks.random_arms import random_arm
+from validation.random_arms import random_arm
 
 WRITERS = [fl.to_urdf, fl.to_mjcf, fl.to_sdf]
 

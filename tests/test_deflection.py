@@ -16,7 +16,7 @@ from flexlink.dynamics.placement import unbent
 from flexlink.results.deflection import deflections
 from flexlink.scene_report.study import Study
 from flexlink.sweeps.measures import column_of
-from validation.benchmarks.trade import seen
+from validation.trade.scenes import seen
 
 GEAR = 0.5 * 2 * np.sin(0.01 / 2)  # m: the arm of 0.5 m, its gear turned by 0.01 rad: 5.0 mm
 STEEL = fl.Material(young=210e9, density=7850.0)

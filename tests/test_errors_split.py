@@ -8,9 +8,10 @@ from flexlink.describe.scene import load_scene
 from reports.figures import errors_split as figure
 from reports.findings import errors_split as finding
 from reports.results import Results
-from validation.benchmarks.error_parts import Fine, Setup, Splitter, apart, rounding
 from validation.case import ALL, MODELS, load_cases
+from validation.runs import apart
 from validation.store import Series, Store, table
+from validation.trade.error_parts import Fine, Setup, Splitter, rounding
 
 COARSE = {
     "model": Setup(flex="rigid", method="DOP853", tolerance=1e-10),

@@ -13,8 +13,8 @@ from flexlink.describe.spec import decode
 from reports.figures import extreme_runs
 from reports.results import Results
 from validation import cell
-from validation.benchmarks.cells import Map
 from validation.case import CASES, Measured, load_case
+from validation.extremes.cells import Map
 from validation.kinds import digits, extremes, long_runs, stable_steps
 from validation.runner import kind_of
 from validation.store import Store
@@ -61,9 +61,9 @@ def test_axes_multiply_what_is_there_count_in_whole_numbers_repeat_links_and_spe
 def test_an_engine_that_is_better_by_luck_is_no_reason_to_ask_for_more() -> None:
     eps = np.finfo(float).eps
     errors = {("native", "M"): 6e-16, ("pinocchio", "M"): 0.0, ("mujoco", "M"): 1e-13}
-    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(6e-16 / (4 * eps))
     errors["native", "M"], errors["pinocchio", "M"] = 4e-12, 2e-12
-    assert digits.Found(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
+    assert digits.CellErrors(16, 1.0, errors, "").ratio("M") == pytest.approx(40.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -94,7 +94,7 @@ def test_a_case_without_cells_says_so(monkeypatch, capsys) -> None:
 def test_the_picture_of_runs_tells_who_is_wrong_without_a_word_where_and_how_to_see_it_once_more(tmp_path) -> None:
     step, both = ("RK4", "step", 0.1, 0), {"young": 1.0, "mass": 2.0}
     found = [
-        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.Found(outcome, 1.0, "", 0.0))
+        extremes.Cell("plane", values, extremes.HowTo(engine, *step), extremes.RunOutcome(outcome, 1.0, "", 0.0))
         for values in ({"young": 1.0}, {"young": 3.0}, both)
         for engine in ("native", "mujoco")
         for outcome in ("error", "silent wrong" if engine == "mujoco" and values != {"young": 3.0} else "within")
@@ -130,15 +130,16 @@ def test_the_stable_step_of_an_arm_with_friction_is_seen_where_it_is_predicted(m
     rest = stable_steps.at_rest(fl.load_scene(models / "t3_spatial.toml"))
     predicted = fl.stable_step(fl.lump(rest.scene), rest.q, tip_wrench=rest.scene.tip_wrench, method=method)
     assert stable_steps.observed(rest, method, predicted) == pytest.approx(1.0, abs=0.01)
-    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SIDES[0]
+    assert stable_steps.observed(rest, method, 1.5 * predicted) == stable_steps.SEARCHED[0]
 
 
 @pytest.mark.slow
 def test_long_runs_are_told_against_their_first_hundredth() -> None:
     case = load_case(CASES / "long_runs.toml")
-    few = long_runs.Settings(number=20_000, steps={"RK4": 1e-4, "Gauss4": 1e-4})
-    found = {(m.quantity, m.varied["method"]): m.value for m in long_runs.run(case, few) if isinstance(m, Measured)}
-    for method in few.steps:
+    steps = {"RK4": 1e-4, "Gauss4": 1e-4}
+    rows = [m for m in long_runs.run(case, number=20_000, steps=steps) if isinstance(m, Measured)]
+    found = {(m.quantity, m.varied["method"]): m.value for m in rows}
+    for method in steps:
         assert found["time", method] <= 1e-6
         assert 0 < found["momentum drift / expected", method] <= 1.5
         assert found["momentum drift", method] < 1e-6

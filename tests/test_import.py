@@ -25,7 +25,7 @@ from flexlink.robots.importing import ImportResult, import_urdf
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import _positions
 from flexlink.robots.tuning import clamped_frequency
-from validation.benchmarks.original import Original
+from validation.physics.source_urdf import Original
 
 SEEDS = range(4)
 

@@ -13,7 +13,7 @@ from conftest import ROOT
 
 import flexlink as fl
 from flexlink.sweeps import workers
-from validation.benchmarks.disturbed import cluster, counted, finish, killed_at, rows, started, until
+from validation.sweep_processes import cluster, counted, finish, killed_at, rows, started, until
 
 MEMBERS = 1500  # two seconds of two workers
 SWEEP = """

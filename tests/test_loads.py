@@ -13,8 +13,8 @@ from flexlink.chain.chain import Coordinate
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.placement import hinge_bodies
 from flexlink.kernels.layout import BODY, HINGE
-from validation.benchmarks.random_arms import random_arm
 from validation.kinds.identities import IDENTITIES
+from validation.random_arms import random_arm
 
 NASTY = fl.lump(nasty_scene())
 WRENCH = np.array([10.0, -20.0, 30.0, 5.0, -4.0, 3.0])

@@ -33,9 +33,9 @@ from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.dynamics.tangent import gyroscopic_matrix, load_torque, stiffness_matrix, tangent
 from flexlink.dynamics.vibration.modal import first_order_matrix
 from flexlink.errors import ArgumentError
-from validation.benchmarks.reference_values import look_up
-from validation.benchmarks.sweep import order
 from validation.oracles import bending_chain, hencky
+from validation.physics.hinge_sweep import order
+from validation.reference_values import look_up
 
 BEAM = look_up("eb_beam_roots")["dimensionless_omega_(betaL)^2"]
 CLAMPED = np.array(BEAM["clamped_free"][:3], float)

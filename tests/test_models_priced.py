@@ -27,8 +27,8 @@ GRID = {
 @pytest.fixture(scope="module")
 def found():
     """Rows and the series of a tenth of a second."""
-    settings = decode({"scene": {"paper_fig5": GRID}, "errors": [1e-1, 1e-5], "budget": 5.0}, speed_models.Settings)
-    *rows, series = speed_models.run(replace(CASE, scenes=("paper_fig5",)), settings)
+    grid, case = decode(GRID, speed_models.Grid), replace(CASE, scenes=("paper_fig5",))
+    *rows, series = speed_models.run(case, scene={"paper_fig5": grid}, errors=(1e-1, 1e-5), budget=5.0)
     return rows, series
 
 

@@ -8,7 +8,16 @@ from flexlink.describe.spec import decode
 from reports.findings import paper_claims
 from reports.results import Results
 from validation.case import ALL, CLAIM, Measured, load_cases
-from validation.kinds import KINDS, paper_lu, paper_mass, paper_methods, paper_rounding, paper_segments
+from validation.kinds import (
+    KINDS,
+    SETTINGS,
+    measurements,
+    paper_lu,
+    paper_mass,
+    paper_methods,
+    paper_rounding,
+    paper_segments,
+)
 from validation.kinds.paper_equations import _of_springs
 from validation.kinds.paper_types import _verdict
 from validation.runner import judged
@@ -17,9 +26,9 @@ from validation.runner import judged
 def measured(name, **changes):
     """Quantity → rows of a case, with other settings."""
     (case,) = load_cases(name)
-    kind = KINDS[case.kind]
+    settings = decode(case.settings | changes, SETTINGS[case.kind])
     found = {}
-    for each in kind.run(case, decode(case.settings | changes, kind.Settings)):
+    for each in measurements(KINDS[case.kind], case, settings):
         found.setdefault(getattr(each, "quantity", "series"), []).append(each)
     return found
 

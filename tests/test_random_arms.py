@@ -10,9 +10,9 @@ from flexlink.describe.spec import Spec
 from flexlink.describe.writing import without_defaults
 from flexlink.engines import load
 from flexlink.formats.mjcf_reading import read_mjcf
-from validation.benchmarks.random_arms import random_arm
 from validation.case import load_cases
 from validation.kinds import random_arms
+from validation.random_arms import random_arm
 
 EPS = np.finfo(float).eps
 
@@ -59,8 +59,8 @@ def test_solvers_agree_on_random_arms(rng) -> None:
 @pytest.mark.slow
 def test_engines_take_every_random_arm_and_agree() -> None:
     (case,) = load_cases("random_arms")
-    settings = random_arms.Settings(engines=("pinocchio", "mujoco"), arms=10, samples=8, seed=80)  # 83 carries a disc
-    measured = list(random_arms.run(case, settings))
+    engines = ("pinocchio", "mujoco")
+    measured = list(random_arms.run(case, engines=engines, arms=10, samples=8, seed=80))  # 83 carries a disc
     assert len(measured) == 2 * 10
     for row in measured:
         assert row.value <= case.quantity[row.quantity].tolerance, row

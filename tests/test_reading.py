@@ -14,7 +14,7 @@ from conftest import flexible, make_scene, nasty_scene
 import flexlink as fl
 from flexlink.common.safe_xml import parse
 from flexlink.formats import FORMATS
-from validation.benchmarks.random_arms import random_arm
+from validation.random_arms import random_arm
 
 EVERY = pytest.mark.parametrize("format", FORMATS.values(), ids=FORMATS)
 

@@ -15,7 +15,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.engines import load
 from flexlink.errors import SceneError
-from validation.benchmarks.sweep import order
+from validation.physics.hinge_sweep import order
 
 TIP_FREE = {"clamped", "hencky"}
 """Rules for a torque-free tip: a node's worth of weight is left out there, where the bending moment vanishes."""

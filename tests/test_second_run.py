@@ -17,7 +17,7 @@ from flexlink.motion import verification as second_run
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.verification import Second
 from flexlink.results import balance
-from validation.benchmarks.random_arms import Dice
+from validation.random_arms import Dice
 
 pytestmark = compiled
 WRONG = 0.05  # of the tip's motion

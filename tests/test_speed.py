@@ -22,14 +22,14 @@ from reports.findings import speed_times
 from reports.results import Results
 from validation.case import CASES, Case, load_case
 from validation.kinds import speed_calls, speed_steps
-from validation.kinds.speed_calls import Time
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.runner import judged
+from validation.speed import compiled_loops, evaluations, pinocchio_models, steps, stopwatch
+from validation.speed.families import Family, of_steps, timed_states
+from validation.speed.growth import Time, exponent, series
+from validation.speed.stopwatch import race
 from validation.store import Environment, Finished, Planned, Store
-from validation.timing import contestants, loops, pinocchio_models, steps, stopwatch
-from validation.timing.families import Family, of_steps, timed_states
-from validation.timing.stopwatch import race
 
 ROOT = Path(__file__).parent.parent
 CASE = Case(name="c", kind="k", title="t", about="a", quantity={}, scenes=("paper_fig5",))
@@ -84,26 +84,26 @@ def test_the_compiled_loops_do_the_public_functions_work(chain: fl.Chain) -> Non
     states = timed_states(chain)
     q, qd, tau, qdd = states
     last = 5 % len(q)  # of 6 calls
-    jobs = contestants.native(chain, states)
+    jobs = evaluations.native(chain, states)
     expected = {
-        contestants.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
-        contestants.RNE: fl.inverse_dynamics(chain, q[last], qd[last], qdd[last]),
-        contestants.MASS: fl.mass_matrix(chain, q[last]),
-        contestants.BIAS: fl.bias_torque(chain, q[last], qd[last]),
+        evaluations.FORWARD: fl.forward_dynamics(chain, q[last], qd[last], tau[last]),
+        evaluations.RNE: fl.inverse_dynamics(chain, q[last], qd[last], qdd[last]),
+        evaluations.MASS: fl.mass_matrix(chain, q[last]),
+        evaluations.BIAS: fl.bias_torque(chain, q[last], qd[last]),
     }
-    assert jobs.keys() == expected.keys() == contestants.public(chain, states).keys()
+    assert jobs.keys() == expected.keys() == evaluations.public(chain, states).keys()
     for job, value in expected.items():
         np.testing.assert_array_equal(jobs[job](6), value)
-    assert loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
+    assert compiled_loops.mass_loop(chain.arrays, q, 1).shape == (chain.n, chain.n)
 
 
 def test_mujoco_and_pinocchio_take_part_in_every_job(chain: fl.Chain) -> None:
     states = timed_states(chain)
-    jobs = set(contestants.native(chain, states))
-    assert set(contestants.mujoco_calls(chain, states)) == jobs
-    forms = contestants.pinocchio(chain, states)
+    jobs = set(evaluations.native(chain, states))
+    assert set(evaluations.mujoco_calls(chain, states)) == jobs
+    forms = evaluations.pinocchio(chain, states)
     assert set(forms[speed_calls.PLAIN]) == jobs
-    for contestant in (contestants.mujoco_calls(chain, states), *forms.values()):
+    for contestant in (evaluations.mujoco_calls(chain, states), *forms.values()):
         for work in contestant.values():
             work(3)
 
@@ -173,8 +173,9 @@ def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkey
 
 
 def test_the_exponent_is_of_the_long_chains_only() -> None:
-    times = [Time("native", n, 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0)) for n in (10, 100, 400, 3000)]
-    [row] = speed_calls.exponents("T1", "forward dynamics", times)
+    seconds = {n: 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0) for n in (10, 100, 400, 3000)}
+    times = [Time("T1", "forward dynamics", "native", *each) for each in seconds.items()]
+    [row] = exponent(times)
     assert row.quantity == "T1 forward dynamics: exponent"
     assert row.varied == {"chain": "T1", "job": "forward dynamics", "n": 100, "to n": 3000}
     assert row.value == pytest.approx(1.5)
@@ -212,9 +213,10 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     store = Store(tmp_path)
     store.prepare(["speed_calls"])
     case = load_case(CASES / "speed_calls.toml")
-    entries = [("T1", Time("native", n, 1e-8 * n)) for n in (10, 100, 1000)] + [("T1", Time("mujoco", 10, 1e-6))]
-    store.add_series("speed_calls", speed_calls.series("forward dynamics", entries))
-    for row in speed_calls.exponents("T1", "forward dynamics", [each for _, each in entries]):
+    job = "T1", "forward dynamics"
+    times = [Time(*job, "native", n, 1e-8 * n) for n in (10, 100, 1000)] + [Time(*job, "mujoco", 10, 1e-6)]
+    store.add_series("speed_calls", series(times))
+    for row in exponent(times[:3]):
         store.append(judged(case, row, 0.0, "key"))
     store.note_environment(Environment())
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})

@@ -28,9 +28,9 @@ from flexlink import (
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import LARGEST_ARC
 from flexlink.errors import ArgumentError, ConvergenceError
-from validation.benchmarks.reference_values import look_up
-from validation.benchmarks.sweep import order
 from validation.oracles import hencky
+from validation.physics.hinge_sweep import order
+from validation.reference_values import look_up
 
 # --- the elastica ----------------------------------------------------------------------------------------------------
 

@@ -20,7 +20,7 @@ from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.laws import TABLE
 from flexlink.motion.simulate import SingleRun
-from validation.benchmarks.random_arms import Dice
+from validation.random_arms import Dice
 
 pytestmark = compiled
 CONTROLLED = ("Radau5", "Radau9", "DOP853")

@@ -16,14 +16,16 @@ from flexlink.common.errors import SceneError
 from flexlink.describe.spec import decode
 from flexlink.inputs.initial_state import initial_state
 from flexlink.results.tip_motion import tip_travel
-from validation.benchmarks import trade, trade_references
-from validation.benchmarks.first_order import FirstOrder
-from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, load_case
 from validation.kinds import other_solvers, speed_trade
-from validation.timing import native_trade, pinocchio_models, pinocchio_trade, witness_trade
-from validation.timing.mujoco_runs import INTEGRATORS, MujocoRuns
-from validation.timing.work_precision import Point, cost, ladder
+from validation.reference_values import reference_array
+from validation.speed import pinocchio_models
+from validation.trade import native_ladder, pinocchio_ladder, witness_ladder
+from validation.trade import references as trade_references
+from validation.trade import scenes as trade
+from validation.trade.first_order import FirstOrder
+from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
+from validation.trade.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
 
@@ -138,14 +140,15 @@ def test_a_motion_that_is_wrong_by_more_than_its_tolerance_is_told_and_so_is_a_w
     witnesses = [
         {"solver": "DOP853", "relative": [1e-6, 1e-8]}, {"solver": "CVODE", "relative": [1e-6, 1e-8], "needed": False},
     ]  # fmt: skip
-    settings = decode({"scene": {"kick11": witnesses}, "methods": {"Radau5": 1e-5}}, other_solvers.Settings)
-    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    case, methods = load_case(CASES / "other_solvers.toml"), {"Radau5": 1e-5}
+    scene = {"kick11": [decode(each, other_solvers.Witness) for each in witnesses]}
+    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
     assert found["tip apart / allowed"].value < 1
     assert "scikit-sundae" in found["witnesses left out"].note
 
     run = fl.simulate(trade.trade_scene("kick11"), method="Radau5", tolerance=1e-5)
     monkeypatch.setattr(other_solvers, "simulate", lambda *_, **__: dataclasses.replace(run, tip=run.tip + 2e-4))
-    found = {row.quantity: row for row in other_solvers.run(load_case(CASES / "other_solvers.toml"), settings)}
+    found = {row.quantity: row for row in other_solvers.run(case, scene, methods)}
     assert found["tip apart / allowed"].value > 1
 
 
@@ -182,7 +185,7 @@ def test_gains_are_springs_and_dampers_of_mujoco():
 def test_pinocchio_has_the_slope_of_flexlink_with_friction_springs_drive_wrench_and_led_joints():
     for name in ("t3s4", "p2p5", "ur5"):
         scene = trade.trade_scene(name)
-        ours, theirs = FirstOrder(scene), pinocchio_trade.PinocchioForm(scene)
+        ours, theirs = FirstOrder(scene), pinocchio_ladder.PinocchioForm(scene)
         y = ours.start + 0.01 * np.random.default_rng(0).normal(size=len(ours.start))
         exact = ours(0.1, y)
         assert theirs(0.1, y) == pytest.approx(exact, abs=1e-8 * np.abs(exact).max())  # cond(M) of either is 1e5
@@ -195,26 +198,26 @@ def test_pinocchio_has_the_slope_of_flexlink_with_friction_springs_drive_wrench_
 def test_a_loop_of_rk4_in_pinocchio_is_flexlink_s_run_with_the_same_steps():
     scene = trade.trade_scene("kick11").varied({"run.duration": 0.2})
     run = fl.simulate(scene, method="RK4", step=scene.run.sample / 80)
-    solved = pinocchio_trade.PinocchioForm(scene).by_rk4(80)
+    solved = pinocchio_ladder.PinocchioForm(scene).by_rk4(80)
     assert solved.q == pytest.approx(run.q, abs=1e-11)
     assert solved.evaluations == run.steps.evaluations
 
 
 @pytest.mark.slow
 def test_pinocchio_is_charged_with_its_evaluations_and_stops_at_the_most_it_may_take():
-    form = pinocchio_trade.PinocchioForm(trade.trade_scene("kick11"), most=500)
-    assert pinocchio_trade._by_tolerance("kick11", form, "Radau", 1e-6, [1e-2, 1e-3]) == [Point(1e-2, math.inf, 0.0)]
-    found = pinocchio_trade.points("pulse41", [1e-2], most=500, smallest=1e-8)
+    form = pinocchio_ladder.PinocchioForm(trade.trade_scene("kick11"), most=500)
+    assert pinocchio_ladder._by_tolerance("kick11", form, "Radau", 1e-6, [1e-2, 1e-3]) == [Point(1e-2, math.inf, 0.0)]
+    found = pinocchio_ladder.points("pulse41", [1e-2], most=500, smallest=1e-8)
     (limit,) = found["RK4"]
-    assert limit.untold
+    assert limit.time_only
     assert limit.evaluations > 500
-    again = pinocchio_trade.seconds_of_aba(fl.lump(trade.trade_scene("pulse41")))
+    again = pinocchio_ladder.seconds_of_aba(fl.lump(trade.trade_scene("pulse41")))
     assert 0.1 < limit.seconds / limit.evaluations / again < 10  # a slow spell of the machine meets one of them only
 
 
 def test_the_fastest_aba_is_no_slower_than_a_call_from_python():
     chain = fl.lump(trade.trade_scene("t3s4"))
-    assert pinocchio_trade.seconds_of_aba(chain) < 3 * _call_of_aba(chain)
+    assert pinocchio_ladder.seconds_of_aba(chain) < 3 * _call_of_aba(chain)
 
 
 def _call_of_aba(chain):
@@ -229,7 +232,7 @@ def _call_of_aba(chain):
 @pytest.mark.slow
 def test_drake_s_own_control_of_errors_comes_to_the_reference_and_a_run_that_is_too_dear_is_not_waited_for():
     pytest.importorskip("pydrake", reason="Drake, an optional witness, is not installed")
-    runs = importlib.import_module("validation.timing.drake_trade").DrakeRuns("paperd")
+    runs = importlib.import_module("validation.trade.drake_ladder").DrakeRuns("paperd")
     coarse, fine = (runs.run("implicit_euler", accuracy, 60.0) for accuracy in (1e-1, 1e-3))
     assert fine.error < 0.5 * coarse.error < 0.2
     assert fine.evaluations > coarse.evaluations > 0
@@ -239,16 +242,16 @@ def test_drake_s_own_control_of_errors_comes_to_the_reference_and_a_run_that_is_
 @pytest.mark.slow
 def test_exudyn_s_implicit_steps_are_of_the_second_order_and_its_limit_of_stability_is_told():
     pytest.importorskip("exudyn", reason="Exudyn, an optional witness, is not installed")
-    runs = importlib.import_module("validation.timing.exudyn_trade").ExudynRuns("paperd")
+    runs = importlib.import_module("validation.trade.exudyn_ladder").ExudynRuns("paperd")
     errors = [runs.run("GeneralizedAlpha", steps).error for steps in (2, 4, 8)]
     assert all(3.5 < coarse / fine < 4.5 for coarse, fine in itertools.pairwise(errors))
     assert runs.run("RK44", 4).error == math.inf
 
 
 def test_a_witness_that_is_not_installed_says_how_to_get_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "validation.timing.exudyn_trade", None)
+    monkeypatch.setitem(sys.modules, "validation.trade.exudyn_ladder", None)
     with pytest.raises(fl.errors.MissingDependencyError, match=r"Exudyn cannot be imported .*'flexlink\[witness\]'"):
-        witness_trade._points("exudyn", "paper", 1.0, 1e-8)
+        witness_ladder._points("exudyn", "paper", 1.0, 1e-8)
 
 
 def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_asked_for(monkeypatch):
@@ -257,8 +260,8 @@ def test_what_is_not_installed_is_left_out_and_the_others_run_where_they_are_ask
             raise fl.errors.MissingDependencyError("Drake cannot be imported")
         return {"RK44": [Point(1e-3, 1e-5, 1.0)]}
 
-    monkeypatch.setattr(witness_trade, "points", points)
-    monkeypatch.setattr(speed_trade.native_trade, "by_step", lambda *_: [])
+    monkeypatch.setattr(witness_ladder, "points", points)
+    monkeypatch.setattr(speed_trade.native_ladder, "by_step", lambda *_: [])
     settings = {"errors": [1e-4], "methods": [], "budget": 1.0, "witnesses": ["drake", "exudyn"]}
     asked = decode(settings | {"scenes": ["p2p5"], "witness_scenes": ["p2p5"]}, speed_trade.Settings)
     assert speed_trade._others("p2p5", asked)["Exudyn"] == points("exudyn")
@@ -279,8 +282,8 @@ def test_a_ladder_ends_where_both_errors_are_small_or_before_its_budget():
 
 def tolerances(monkeypatch, point):
     """Tolerances of a ladder whose runs are these points, over the first."""
-    monkeypatch.setattr(native_trade, "_point", lambda _name, _scene, setting, _longest: point(setting))
-    found = [each.setting for each in native_trade.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
+    monkeypatch.setattr(native_ladder, "_point", lambda _name, _scene, setting, _longest: point(setting))
+    found = [each.setting for each in native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8)]
     return [each / found[0] for each in found]
 
 
@@ -289,16 +292,16 @@ def test_a_ladder_of_tolerances_that_always_fails_ends(monkeypatch):
 
 
 def test_a_ladder_of_tolerances_ends_at_both_errors_at_the_budget_and_before_what_is_too_dear(monkeypatch):
-    first = native_trade.COARSEST * tip_travel(trade.reference("kick11").tip)
+    first = native_ladder.COARSEST * tip_travel(trade.reference("kick11").tip)
     both = tolerances(monkeypatch, lambda tol: Point(tol, 1e-9, 0.1, 3e-8 * tol / first, int(1e6 / tol)))
     assert both == pytest.approx([1.0, 10**-0.25, 10**-0.5])
     assert tolerances(monkeypatch, lambda tol: Point(tol, 1e-3, 1.0, 1e-3, 1)) == [1.0]
 
     def dear(setting):
-        raise native_trade.TooDearError("too dear")
+        raise native_ladder.TooDearError("too dear")
 
-    monkeypatch.setattr(native_trade, "_point", lambda *_: dear(0.0))
-    assert native_trade.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
+    monkeypatch.setattr(native_ladder, "_point", lambda *_: dear(0.0))
+    assert native_ladder.by_tolerance("kick11", "Radau5", 1.0, 1e-8) == []
 
 
 def test_where_stability_sets_the_steps_a_decade_of_tolerances_is_left_out(monkeypatch):

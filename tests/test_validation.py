@@ -19,11 +19,11 @@ from validation import case as cases
 from validation import facts, runner, sources
 from validation.__main__ import main
 from validation.case import Measured, load_case, load_cases
-from validation.facts import head, said
-from validation.kinds import KINDS
+from validation.facts import column_head, in_words
+from validation.kinds import KINDS, SETTINGS
 from validation.runner import judged
+from validation.speed import machine
 from validation.store import Conditions, Environment, Finished, Planned, Row, Series, Store
-from validation.timing import machine
 
 ROOT = Path(__file__).parent.parent
 
@@ -61,7 +61,7 @@ def study(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("case", load_cases(*cases.ALL), ids=lambda case: case.name)
 def test_every_case_is_well_formed_and_every_limit_has_a_reason(case):
-    decode(case.settings, KINDS[case.kind].Settings, "settings")
+    decode(case.settings, SETTINGS[case.kind], "settings")
     assert all(path.is_file() for path in case.scene_files)
     assert all(q.metric and (q.tolerance is None or len(q.reason) > 10) for q in case.quantity.values())
     assert any(q.tolerance is not None for q in case.quantity.values())
@@ -76,11 +76,8 @@ def test_a_pattern_of_scenes_means_all_of_models_that_it_matches() -> None:
 @pytest.mark.slow
 def test_generated_files_are_judged_in_every_engine_and_read_back() -> None:
     (case,) = load_cases("generated_files")
-    kind = KINDS[case.kind]
-    settings = decode(
-        {**case.settings, "engines": {"urdf": "pinocchio", "mjcf": "mujoco"}, "samples": 2}, kind.Settings
-    )
-    rows = list(kind.run(replace(case, scenes=("t3_spatial",)), settings))
+    settings = {**case.settings, "engines": {"urdf": "pinocchio", "mjcf": "mujoco"}, "samples": 2}
+    rows = list(KINDS[case.kind].run(replace(case, scenes=("t3_spatial",)), **settings))
     assert {(row.engine, row.quantity) for row in rows} == {
         (engine, quantity) for engine in ("pinocchio", "mujoco") for quantity in case.quantity
     }
@@ -162,7 +159,9 @@ def test_a_failure_that_is_stored_still_fails_the_rerun(study):
 def test_a_rerun_skips_what_is_stored_and_force_measures_again(study, monkeypatch):
     runs = []
     honest = KINDS["order_conditions"].run
-    monkeypatch.setattr(KINDS["order_conditions"], "run", lambda *a: (runs.append(1), honest(*a))[1])
+    monkeypatch.setattr(
+        KINDS["order_conditions"], "run", lambda *a, **settings: (runs.append(1), honest(*a, **settings))[1]
+    )
     study()
     study()
     assert len(runs) == 1
@@ -173,7 +172,7 @@ def test_a_rerun_skips_what_is_stored_and_force_measures_again(study, monkeypatc
 def test_a_study_that_is_measured_again_is_not_whole_until_it_is(study, monkeypatch):
     assert study()[1].finished()
 
-    def dies(case, settings):
+    def dies(case, **settings):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(KINDS["order_conditions"], "run", dies)
@@ -208,8 +207,8 @@ def test_a_killed_run_loses_only_the_case_in_hand(study, monkeypatch):
     study.case_file.with_name("a_first.toml").write_text(CASE, encoding="utf-8")
     honest = KINDS["order_conditions"].run
 
-    def dies(case, settings):
-        yield from honest(case, settings)
+    def dies(case, **settings):
+        yield from honest(case, **settings)
         if case.name == "small":
             raise KeyboardInterrupt
 
@@ -449,9 +448,9 @@ def test_a_study_with_a_torn_store_is_one_line_and_exit_code_2(study, capsys):
 
 def test_what_was_varied_is_typed_and_said_in_words():
     facts = {"method": "RK4", "step": 1e-4, "hinges": 10, "n": 4, "steps": 10_000}
-    assert said(facts) == "RK4, h = 0.0001 s, 10 hinges, n = 4, 10,000 steps"
-    assert (head("step"), head("nobody foresaw")) == ("step [s]", "nobody foresaw")
-    assert said({"nobody foresaw": 3}) == "nobody foresaw 3"
+    assert in_words(facts) == "RK4, h = 0.0001 s, 10 hinges, n = 4, 10,000 steps"
+    assert (column_head("step"), column_head("nobody foresaw")) == ("step [s]", "nobody foresaw")
+    assert in_words({"nobody foresaw": 3}) == "nobody foresaw 3"
 
 
 def test_every_word_for_what_is_varied_can_be_said():
@@ -472,8 +471,8 @@ def timed(study, monkeypatch):
     kind = KINDS["order_conditions"]
     honest = kind.run
 
-    def run(case, settings):
-        yield from honest(case, settings)
+    def run(case, **settings):
+        yield from honest(case, **settings)
         yield Measured("time", 2.0, timed=True)
 
     monkeypatch.setattr(kind, "run", run)
@@ -483,8 +482,8 @@ def timed(study, monkeypatch):
     def measure(conditions, *options):
         time = f"\n[quantity.time]\nmetric = 'm'\nunit = 's'\ntolerance = {study.limit}\nreason = 'a reason'\n"
         study.case_file.write_text(CASE + time, encoding="utf-8")
-        watch = type("Watch", (), {"conditions": lambda self: conditions})
-        monkeypatch.setattr(runner, "Watch", watch)
+        watch = type("LoadMonitor", (), {"conditions": lambda self: conditions})
+        monkeypatch.setattr(runner, "LoadMonitor", watch)
         return study(*options)
 
     return measure
@@ -537,21 +536,22 @@ def test_a_machine_is_busy_by_what_others_take_of_it_or_by_an_uneven_loop(condit
 
 
 def test_the_watch_counts_what_others_run_and_not_the_work_that_is_timed(monkeypatch):
-    clocks = iter([machine.Clock(10.0, 100.0, 50.0), machine.Clock(20.0, 125.0, 60.0)])  # 25 core seconds, 10 our own
+    readings = machine.ClockReading(10.0, 100.0, 50.0), machine.ClockReading(20.0, 125.0, 60.0)
+    clocks = iter(readings)  # 25 core seconds, 10 our own
     monkeypatch.setattr(machine, "_read", lambda: next(clocks))
     monkeypatch.setattr(machine, "_laps", lambda: [1.0, 1.0, 1.0, 3.0])
-    found = machine.Watch().conditions()
+    found = machine.LoadMonitor().conditions()
     assert (found.load, found.spread) == (1.5, 0.5)
 
 
 def test_a_single_hiccup_does_not_make_a_machine_busy(monkeypatch):
     monkeypatch.setattr(machine, "_laps", lambda: [1.0] * 99 + [100.0])
-    assert machine.Watch().conditions().spread == 0.0
+    assert machine.LoadMonitor().conditions().spread == 0.0
 
 
 @pytest.mark.slow
 def test_a_watch_on_this_machine_finds_something_sensible():
-    watch = machine.Watch()
+    watch = machine.LoadMonitor()
     assert watch.conditions().load is None  # too short a time for what the system counts
     time.sleep(0.3)
     found = watch.conditions()
@@ -560,14 +560,15 @@ def test_a_watch_on_this_machine_finds_something_sensible():
 
 
 def test_where_nobody_counts_the_load_only_the_loop_decides(monkeypatch):
-    monkeypatch.setattr(machine, "STAT", Path("/nowhere/stat"))
-    assert machine.Watch().conditions().load is None
+    monkeypatch.setattr(machine, "PROC_STAT", Path("/nowhere/stat"))
+    assert machine.LoadMonitor().conditions().load is None
 
 
 def test_all_kinds_are_found_by_being_there():
     files = {path.stem for path in (ROOT / "validation" / "kinds").glob("*.py")} - {"__init__"}
     assert set(KINDS) == files
-    assert all(hasattr(kind, "Settings") and hasattr(kind, "run") for kind in KINDS.values())
+    assert all(hasattr(kind, "run") for kind in KINDS.values())
+    assert set(SETTINGS) == files
 
 
 def test_a_study_without_its_checkout_says_that_it_needs_one(study, capsys, monkeypatch, tmp_path):

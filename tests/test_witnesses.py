@@ -17,12 +17,12 @@ from flexlink import Chain, engines, load_scene
 from flexlink.common.errors import DataFileError
 from flexlink.describe.spec import decode
 from flexlink.errors import ArgumentError, MissingDependencyError
-from validation.benchmarks import beam_references
-from validation.benchmarks.beam_references import beam_reference, beam_scene, plane_of
-from validation.benchmarks.formulas import pulse
-from validation.benchmarks.reference_values import reference_array
 from validation.case import CASES, Measured, load_case
-from validation.kinds import exact_beams, witnesses
+from validation.kinds import SETTINGS, exact_beams, measurements, witnesses
+from validation.physics import beam_references
+from validation.physics.beam_references import beam_reference, beam_scene, plane_of
+from validation.physics.formulas import pulse
+from validation.reference_values import reference_array
 
 CASE = load_case(CASES / "trajectory_witnesses.toml")
 BEAMS = load_case(CASES / "exudyn_beams.toml")
@@ -33,8 +33,7 @@ with_exudyn = pytest.mark.skipif(importlib.util.find_spec("exudyn") is None, rea
 def judged(name: str, methods: list[str]) -> dict[str, float]:
     """Worst value over tolerance of every quantity that has one, in a short run of the case."""
     worst: dict[str, float] = {}
-    settings = decode(SHORT | {"methods": {name: methods}}, witnesses.Settings)
-    for found in witnesses.run(CASE, settings):
+    for found in witnesses.run(CASE, {name: methods}, **SHORT):
         tolerance = CASE.quantity[found.quantity].tolerance
         if tolerance is not None:
             value = found.value / tolerance if tolerance else np.inf * found.value if found.value else 0.0
@@ -79,7 +78,7 @@ def test_witnesses_that_are_not_installed_are_left_out_and_told(monkeypatch: pyt
         raise MissingDependencyError(f"engine {name!r} cannot be imported")
 
     monkeypatch.setattr(engines, "load", missing)
-    (row,) = witnesses.run(CASE, decode(CASE.settings, witnesses.Settings))
+    (row,) = witnesses.run(CASE, **CASE.settings)
     assert (row.quantity, row.value) == ("witnesses left out", 2)
     assert row.note == "not run: engine 'drake' cannot be imported; not run: engine 'exudyn' cannot be imported"
 
@@ -113,7 +112,7 @@ def test_an_arm_that_bends_in_space_is_no_plane_of_beams() -> None:
 def test_a_chain_apart_from_the_beams_by_more_than_both_state_is_denied(monkeypatch: pytest.MonkeyPatch) -> None:
     def ratio(offset: float) -> float:
         monkeypatch.setattr(exact_beams, "_tip", lambda scene, *_: beam_reference(scene.name)[0] + offset)
-        rows = exact_beams.run(BEAMS, decode(BEAMS.settings, exact_beams.Settings))
+        rows = measurements(exact_beams, BEAMS, decode(BEAMS.settings, SETTINGS["exact_beams"]))
         return max(row.value for row in rows if isinstance(row, Measured) and row.quantity == "tip apart / allowed")
 
     assert ratio(0.0) == 0
@@ -130,7 +129,7 @@ def test_exudyn_s_beam_meets_the_rod_that_galerkin_s_method_knows_to_12_digits()
 @pytest.mark.slow
 def test_a_coarse_run_of_the_beams_comes_near_the_stored_one() -> None:
     """Eight elements at 1 ms: the mesh leaves 2e-5 m, the step 1.5e-5 m, the stiffness 4e-5 m, as they were found."""
-    beams: ModuleType = importlib.import_module("validation.benchmarks.exudyn_beams")
+    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
     scene = beam_scene("torque_pulse")
     coarse = beams.Numerics(elements=8, step=1e-3, stiffness=1e5, residual=1e-12)
     tip = beams.tip("torque_pulse", plane_of(scene), scene.run, coarse)
@@ -145,8 +144,8 @@ def test_the_pulse_ends() -> None:
 @with_exudyn
 @pytest.mark.slow
 def test_the_program_of_the_beams_stores_what_it_computes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    beams: ModuleType = importlib.import_module("validation.benchmarks.exudyn_beams")
-    monkeypatch.setattr(beams, "FOLDER", tmp_path)
+    beams: ModuleType = importlib.import_module("validation.physics.exudyn_beams")
+    monkeypatch.setattr(beams, "REFERENCE_FOLDER", tmp_path)
     monkeypatch.setattr(beams, "FINEST", beams.Numerics(elements=4, step=1e-3, stiffness=1e4, residual=1e-12))
     coarser = {"elements": (2, 15), "step": (2e-3, 1), "stiffness": (1e3, 9), "residual": (1e-11, 9)}
     monkeypatch.setattr(beams, "COARSER", coarser)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import flexlink as fl
 from flexlink.describe.scene import scene_from
 from flexlink.describe.writing import toml_of
-from validation.benchmarks.random_arms import random_arm
+from validation.random_arms import random_arm
 
 SCENES = sorted([*MODELS, *(ROOT / "validation" / "scenes").glob("*.toml")])
 

@@ -1,4 +1,4 @@
-"""python -m validation: run the study, store it, write the report, say the two verdicts. Needs a checkout."""
+"""python -m validation: run the study, store the results, write the report, print both verdicts. Needs a checkout."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ EXAMPLES = """examples:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the study; 0 if everything is right, however fast, 1 if a check fails, 2 if it could not be run."""
+    """Run the study; 0 if every check of correctness passes, 1 if one fails, 2 if the study could not run."""
     options = _parser().parse_args(arguments)
     console = Console()
     try:

@@ -1,7 +1,8 @@
-"""A case of the study: scenes, a kind of measurement, its settings, and for each quantity the limit and its reason."""
+"""A case of the study: scenes, a kind of measurement, its settings, and the limit of each quantity with its reason."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from flexlink.chain.arguments import require_one_of
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
@@ -19,7 +21,7 @@ from validation.store import Bound
 HERE = Path(__file__).parent
 CASES = HERE / "cases"
 MODELS = HERE.parent / "models"
-BENCHMARKS = HERE / "scenes"
+STUDY_SCENES = HERE / "scenes"
 
 
 CLAIM = "claim"  # the quantity that judges it, and the fact that its rows carry
@@ -29,7 +31,7 @@ ALL = ("*",)
 
 
 class Quantity(Spec, frozen=True):
-    """What is measured and judged: passed if the value is `bound` the tolerance; no tolerance, no verdict.
+    """A measured quantity: it passes if its value is `bound` the tolerance; without a tolerance there is no verdict.
 
     `reason` says why the tolerance is what it is; of a quantity without one, what it is shown for, if that needs words.
     `given_up` says why a tolerance that was once set is not kept.
@@ -76,7 +78,7 @@ class Case(Spec, frozen=True):
         return self.name.removeprefix(f"{self.whole}-") if self.whole else ""
 
     def divided(self) -> list[Case]:
-        """Its parts, each with the quantities that are of all of them, or "PART, …"; itself if it has none."""
+        """Its parts, each with the common quantities and its own, "PART, …"; the case itself if it has none."""
         if not self.parts:
             return [self]
         values = [str(value) for value in self.settings[self.parts]]
@@ -90,7 +92,7 @@ class Case(Spec, frozen=True):
         )  # fmt: skip
 
     def demands(self, quantity: str) -> bool:
-        """Whether it must measure this: of a part what is named after it, for the rest may be other parts' matter."""
+        """Whether the case must measure this quantity; a part must measure only quantities that carry its name."""
         return not self.part or quantity.startswith(f"{self.part}, ")
 
     def is_meant_by(self, pattern: str) -> bool:
@@ -104,6 +106,11 @@ class Case(Spec, frozen=True):
         """The scenes, in order."""
         return [load_scene(path) for path in self.scene_files]
 
+    def varied_scene(self, name: str, change: Mapping[str, Any]) -> Scene:
+        """The scene of that name, which a key of the settings' table `scene` is, varied."""
+        scenes = {scene.name: scene for scene in self.load_scenes()}
+        return require_one_of(f"{self.path}: settings.scene", name, scenes).varied(change)
+
     @property
     def path(self) -> Path:
         """The case's file."""
@@ -112,25 +119,25 @@ class Case(Spec, frozen=True):
     @property
     def scene_files(self) -> list[Path]:
         """The scenes' files; a name with `*` means all of models/ that it matches."""
-        benchmarks = {path.stem: path for path in BENCHMARKS.glob("*.toml")}
+        own = {path.stem: path for path in STUDY_SCENES.glob("*.toml")}
         files: list[Path] = []
         for name in self.scenes:
             many = sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [MODELS / f"{name}.toml"]
-            files += [benchmarks[name]] if name in benchmarks else many
+            files += [own[name]] if name in own else many
         return files
 
 
-NOTHING: Facts = MappingProxyType({})
+NOTHING_VARIED: Facts = MappingProxyType({})
 
 
 class Measured(NamedTuple):
-    """What a kind yields for every number: a row without verdict."""
+    """One measured number, before it is judged."""
 
     quantity: str
     value: float
     scene: str = ""
     engine: str = "native"
-    varied: Facts = NOTHING  # what was varied: names of `validation.facts`
+    varied: Facts = NOTHING_VARIED  # what was varied: names of `validation.facts`
     scale: float = 1.0  # the case's tolerance is in units of this, where the limit follows from the physics of the run
     note: str = ""  # computed words on this value
     timed: bool = False  # a matter of speed, not of correctness

@@ -1,4 +1,4 @@
-"""python -m validation.cell CASE NUMBER: one cell of a map once more, the number as in the map's CSV."""
+"""python -m validation.cell CASE NUMBER: repeat one cell of a map; its number is in the map's CSV."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from validation.runner import kind_of
 
 
 def main() -> int:
-    """Say what the cell is and what becomes of it; 2 if there is none."""
+    """Print the cell and its result; 2 if there is none."""
     parser = argparse.ArgumentParser(prog="python -m validation.cell", description=__doc__)
     parser.add_argument("case", help="a case that maps extremes, such as extremes_digits")
     parser.add_argument("number", type=int, help="of the cell, from 0")
@@ -19,9 +19,9 @@ def main() -> int:
     try:
         case = load_case(CASES / f"{options.case}.toml")
         kind, settings = kind_of(case)
-        if not hasattr(kind, "told"):
+        if not hasattr(kind, "cell_in_words"):
             raise ArgumentError(f"case = {options.case!r}: kind {case.kind!r} has no cells")
-        print(*kind.told(case, settings, options.number), sep="\n")
+        print(*kind.cell_in_words(case, settings, options.number), sep="\n")
     except FlexlinkError as error:
         print(f"validation: {error}", file=sys.stderr)
         return 2

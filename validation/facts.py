@@ -1,4 +1,4 @@
-"""What a measurement may vary: for each name the head of its column, and how a sentence says a value."""
+"""What a measurement may vary: for each name the head of its column, and the words of a value."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 Fact = str | int | float
 Facts = Mapping[str, Fact]
-"""Name → value, in the order in which they are said."""
+"""Name → value, in the order in which words have them."""
 
 WORDS: dict[str, tuple[str, str]] = {
     "situation": ("situation", "{}"),
@@ -53,11 +53,11 @@ WORDS: dict[str, tuple[str, str]] = {
 }
 
 
-def head(name: str) -> str:
+def column_head(name: str) -> str:
     """Head of a column, unit included."""
     return WORDS[name][0] if name in WORDS else name
 
 
-def said(facts: Facts) -> str:
+def in_words(facts: Facts) -> str:
     """All facts in one line, "RK4, h = 0.0001 s"."""
     return ", ".join(WORDS.get(name, ("", f"{name} {{}}"))[1].format(value) for name, value in facts.items())

@@ -20,10 +20,10 @@ from flexlink.common.processes import exit_when_closed
 from flexlink.common.versions import processor, system, versions
 from flexlink.describe.spec import decode
 from validation.case import ALL, CLAIM, Case, Measured, load_cases
-from validation.kinds import KINDS, LONG, TIMED, Kind
+from validation.kinds import KINDS, LONG, SETTINGS, TIMED, Kind, measurements
 from validation.sources import ROOT, digests, sources
+from validation.speed.machine import LoadMonitor
 from validation.store import Environment, Finished, Planned, Row, Series, Store
-from validation.timing.machine import Watch
 
 WORTH_A_POOL = 4  # cases; starting a process takes as long as a short one
 PACKAGES = (
@@ -83,7 +83,7 @@ def run_cases(
     failed: dict[str, FlexlinkError] = {}
     for case, results in _in_order_of_completion(wanted, keys, report):
         store.forget(case.name)
-        watch = Watch() if case.kind in TIMED else None
+        watch = LoadMonitor() if case.kind in TIMED else None
         try:
             _keep(case, results, store, report)
         except OutputError:  # so would be the next one
@@ -107,7 +107,7 @@ def _keep(case: Case, results: Iterable[Row | Series], store: Store, report: Rep
 
 
 def _is_done(case: Case, key: str, store: Store, again_if_busy: bool) -> bool:
-    """Stored for the same sources and versions; where it is asked for, its limits of time on a machine for itself."""
+    """Whether the case is stored for the same sources and versions; on request also, if timed, on an idle machine."""
     done = store.finished().get(case.name)
     if done is None or done.key != key:
         return False
@@ -155,7 +155,7 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _end_with_parent() -> None:
-    """A worker ends when the study does, even one that was killed and can tell nobody."""
+    """Let a worker end when the study ends, even if the study was killed."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         exit_when_closed(parent.sentinel)
@@ -173,7 +173,7 @@ def _all_results(case: Case, key: str) -> list[Row | Series]:
 def _rehearse(case: Case) -> None:
     kind, settings = kind_of(case)
     if rehearsal := getattr(kind, "rehearsal", None):
-        deque(kind.run(case, rehearsal(settings)), maxlen=0)
+        deque(measurements(kind, case, rehearsal(settings)), maxlen=0)
 
 
 def measure(case: Case, key: str) -> Iterator[Row | Series]:
@@ -187,7 +187,7 @@ def measure(case: Case, key: str) -> Iterator[Row | Series]:
     kind, settings = kind_of(case)
     missing = {quantity for quantity in case.quantity if case.demands(quantity)}
     start = time.perf_counter()
-    for result in kind.run(case, settings):
+    for result in measurements(kind, case, settings):
         if isinstance(result, Series):
             yield result
         elif result.quantity in case.quantity:  # a case takes of what its kind measures
@@ -204,7 +204,7 @@ def kind_of(case: Case) -> tuple[Kind, Any]:
     if kind is None:
         raise DataFileError(f"{case.path}: kind = {case.kind!r}: unknown; allowed are {', '.join(KINDS)}")
     try:
-        return kind, decode(case.settings, kind.Settings, "settings")
+        return kind, decode(case.settings, SETTINGS[case.kind], "settings")
     except SceneError as error:
         raise DataFileError(f"{case.path}: {error}") from None
 
@@ -235,7 +235,7 @@ def _key(case: Case, shared: bytes) -> str:
 
 
 def _hash_of_sources() -> bytes:
-    """What results may depend on, and versions of what that stands on; cases and scenes come per case."""
+    """Hash of all sources and package versions that results may depend on; cases and scenes are hashed per case."""
     digest = hashlib.sha256(repr([platform.python_version(), versions(PACKAGES)]).encode())
     for path in sources():
         digest.update(path.relative_to(ROOT).as_posix().encode() + path.read_bytes())

@@ -1,4 +1,4 @@
-"""Which files the study's numbers come from, and which of them are no longer what they were when it was measured."""
+"""Source files that the results depend on, and which of them have changed since the measurement."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-FOLDERS = ("flexlink", "validation")
-SHOWING = {"pages", "pictures", "scene_report"}
+SOURCE_FOLDERS = ("flexlink", "validation")
+DISPLAY_ROOMS = {"pages", "pictures", "scene_report"}
 """Rooms of the library that show what others have computed: how a page looks is no reason to measure again. The
 command line is a reason: cases run it, and time it."""
-NOTED = {"numbers.py"}
+DISPLAY_FILES_IN_NOTES = {"numbers.py"}
 """What the study takes of these rooms all the same, for its notes."""
 
 
 def sources() -> Iterator[Path]:
     """Files of the library and of the study that every result may depend on."""
-    for folder in (ROOT / name for name in FOLDERS):
+    for folder in (ROOT / name for name in SOURCE_FOLDERS):
         for path in sorted([*folder.rglob("*.py"), *folder.rglob("data/*/*.toml"), *_study_data(folder)]):
-            if SHOWING.isdisjoint(path.relative_to(ROOT).parts) or path.name in NOTED:
+            if DISPLAY_ROOMS.isdisjoint(path.relative_to(ROOT).parts) or path.name in DISPLAY_FILES_IN_NOTES:
                 yield path
 
 

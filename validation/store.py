@@ -29,14 +29,14 @@ from numpy.typing import NDArray
 
 from flexlink.common.errors import FlexlinkError, OutputError
 from flexlink.common.output import write_text, write_whole
-from validation.facts import Facts, said
+from validation.facts import Facts, in_words
 
 Scale = Literal["linear", "log"]
 Bound = Literal["at most", "at least"]
 T = TypeVar("T")
 
-ANEW = "remove the folder to start anew"
-UNREADABLE = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
+START_ANEW = "remove the folder to start anew"
+ERRORS_OF_READING = (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, msgspec.MsgspecError)
 
 BUSY_LOAD = 0.1  # of the machine's cores: from here on others take what the timed process would have had
 BUSY_SPREAD = 0.3  # of a calibration loop, mean lap over fastest less 1: 0.03 to 0.2 on idle virtual machines
@@ -69,7 +69,7 @@ class Row:
     @property
     def where(self) -> str:
         """Scene, engine and what was varied, in words."""
-        return ", ".join(part for part in (self.scene, self.engine, said(self.varied)) if part)
+        return ", ".join(part for part in (self.scene, self.engine, in_words(self.varied)) if part)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class Series:
 
 @dataclasses.dataclass(frozen=True)
 class Conditions:
-    """What else a machine did while a case was timed."""
+    """Load of the machine while a case was timed."""
 
     load: float | None  # cores that other processes kept busy, mean over the case; None where it cannot be known
     spread: float  # of a calibration loop before and after: mean lap over the fastest, less 1
@@ -107,13 +107,13 @@ class Conditions:
 
     @property
     def busy(self) -> bool:
-        """Whether the times say more about the other processes than about the code."""
+        """Whether other processes make the measured times unreliable."""
         return (self.load or 0.0) > BUSY_LOAD * self.cores or self.spread > BUSY_SPREAD
 
 
 @dataclasses.dataclass(frozen=True)
 class Environment:
-    """On what a study was run; what is not known is empty."""
+    """Software and hardware of a study; unknown entries are empty."""
 
     date: datetime.datetime | None = None  # of its start
     commit: str = ""  # with "+" if the sources were changed since
@@ -169,13 +169,15 @@ class Store:
         file = self.path / "rows.jsonl"
         if not file.exists():
             return []
-        lines = _whole(file, Path.read_bytes).split(b"\n")[:-1]  # a whole line ends in a newline
+        lines = _read(file, Path.read_bytes).split(b"\n")[:-1]  # a whole line ends in a newline
         rows = []
         for number, line in enumerate(lines, start=1):
             try:
                 rows.append(msgspec.json.decode(line, type=Row))
             except (ValueError, msgspec.MsgspecError) as error:
-                raise FlexlinkError(f"{file}, line {number}: not a row of this version ({error}); {ANEW}") from None
+                raise FlexlinkError(
+                    f"{file}, line {number}: not a row of this version ({error}); {START_ANEW}"
+                ) from None
         return rows
 
     def series(self, case: str) -> dict[str, Series]:
@@ -187,14 +189,14 @@ class Store:
             A file is torn, or not a series of this version.
         """
         files = sorted((self.path / "series").glob(f"{case}.*.npz"))
-        return {series.name: series for series in (_whole(file, _series) for file in files)}
+        return {series.name: series for series in (_read(file, _series) for file in files)}
 
     def environment(self) -> Environment:
-        """On what the last run was made."""
+        """Software and hardware of the last run."""
         return self._decoded("environment.json", Environment)
 
     def plan(self) -> dict[str, Planned]:
-        """Case → what its results must belong to; all cases of the study as the last run knew them."""
+        """All cases of the study at the last run, with the keys that their results must have."""
         return self._decoded("plan.json", dict[str, Planned])
 
     def finished(self) -> dict[str, Finished]:
@@ -214,7 +216,7 @@ class Store:
             It is torn, or not of this version.
         """
         file = self.path / name
-        return _whole(file, lambda path: msgspec.json.decode(path.read_bytes(), type=kind)) if file.exists() else kind()
+        return _read(file, lambda path: msgspec.json.decode(path.read_bytes(), type=kind)) if file.exists() else kind()
 
     def prepare(self, known: Collection[str]) -> None:
         """Make the folder, and forget cases that are not `known` any more.
@@ -232,15 +234,15 @@ class Store:
             self.forget(case)
 
     def note_environment(self, environment: Environment) -> None:
-        """Store on what the rows to come are measured."""
+        """Store the software and hardware of the rows to come."""
         self._write("environment.json", environment)
 
     def note_plan(self, plan: Mapping[str, Planned]) -> None:
-        """Store which cases make the study whole, and which keys their results must have."""
+        """Store the cases of the complete study, and the keys that their results must have."""
         self._write("plan.json", plan)
 
     def reopen(self, cases: Collection[str]) -> None:
-        """Cases count as not done, until they are measured again; their results stay."""
+        """Mark cases as not finished; their results stay until they are measured again."""
         self._write("finished.json", {name: done for name, done in self.finished().items() if name not in cases})
 
     def forget(self, case: str) -> None:
@@ -281,7 +283,7 @@ class Store:
         write_whole(self.path / "series" / f"{case}.{series.name}.npz", write)
 
     def finish(self, case: str, finished: Finished) -> None:
-        """Note that every row and series of `case` is stored."""
+        """Mark `case` as finished: all its rows and series are stored."""
         self._write("finished.json", self.finished() | {case: finished})
 
     def fail(self, case: str, why: str) -> None:
@@ -301,13 +303,13 @@ def _line(row: Row) -> str:
     return msgspec.json.encode(row).decode() + "\n"
 
 
-def _whole(file: Path, read: Callable[[Path], T]) -> T:
-    """What `read` makes of a file; one that is torn or of another version is an error of the project, in one line."""
+def _read(file: Path, read: Callable[[Path], T]) -> T:
+    """Read a file; FlexlinkError, in one line, if it is damaged or of another version."""
     try:
         return read(file)
-    except (*UNREADABLE, OSError) as error:
+    except (*ERRORS_OF_READING, OSError) as error:
         why = (str(error).splitlines() or [type(error).__name__])[0]
-        raise FlexlinkError(f"{file}: cannot be read ({why}); {ANEW}") from None
+        raise FlexlinkError(f"{file}: cannot be read ({why}); {START_ANEW}") from None
 
 
 def _series(file: Path) -> Series:

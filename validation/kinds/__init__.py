@@ -1,17 +1,23 @@
-"""Kinds of measurement: one file each, with its `Settings` and a generator `run(case, settings)`.
+"""Kinds of measurement: one file each, with a generator `run`.
 
-A kind is found by being here, under the name of its file. One that measures time says `TIMED = True`: nothing else
-runs meanwhile, and the study notes what the machine did besides. If its kernels take long to compile, it has
-`rehearsal(settings)`, the settings of a short run that compiles them all: the study makes it while other cases run. One
-whose cases take long says `LONG = True`: they start first, so that no core idles while the last one runs.
+A kind is found by being here, under the name of its file. A case's table `settings` are the parameters of `run` after
+`case`; a kind whose helpers need them together has them in a class `Settings`, which its `run(case, settings)` takes.
+One that measures time says `TIMED = True`: nothing else runs meanwhile, and the study notes what the machine did
+besides. If its kernels take long to compile, it has `rehearsal(settings)`, the settings of a short run that compiles
+them all: the study makes it while other cases run. One whose cases take long says `LONG = True`: they start first, so
+that no core idles while the last one runs.
 """
 
 from __future__ import annotations
 
 import importlib
+import inspect
 import pkgutil
-from collections.abc import Iterator
+import typing
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
+
+import msgspec
 
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
@@ -21,17 +27,35 @@ from validation.store import Series
 class Kind(Protocol):
     """What a file in this folder provides."""
 
-    @property
-    def Settings(self) -> type[Spec]:
-        """The case's table `settings`, decoded strictly."""
+    run: Callable[..., Iterator[Measured | Series] | Iterator[Measured]]
+    """Numbers and series in the order in which they are known."""
 
-    def run(self, case: Case, settings: Any, /) -> Iterator[Measured | Series] | Iterator[Measured]:
-        """Numbers and series in the order in which they are known."""
+
+def measurements(kind: Kind, case: Case, settings: Any) -> Iterator[Measured | Series]:
+    """What a kind measures of a case with decoded settings."""
+    if hasattr(kind, "Settings"):
+        yield from kind.run(case, settings)
+    else:
+        yield from kind.run(case, **msgspec.structs.asdict(settings))
+
+
+def _settings(kind: Kind) -> type[Spec]:
+    """What a case's table `settings` is decoded into, strictly."""
+    if hasattr(kind, "Settings"):
+        return typing.cast(type[Spec], kind.Settings)
+    types = typing.get_type_hints(kind.run, include_extras=True)
+    _, *parameters = inspect.signature(kind.run).parameters.values()
+    fields = [
+        (each.name, types[each.name]) if each.default is each.empty else (each.name, types[each.name], each.default)
+        for each in parameters
+    ]
+    return typing.cast(type[Spec], msgspec.defstruct("Settings", fields, bases=(Spec,), frozen=True))
 
 
 KINDS: dict[str, Kind] = {
     name: importlib.import_module(f"{__name__}.{name}")
     for name in sorted(info.name for info in pkgutil.iter_modules(__path__))
 }
+SETTINGS = {name: _settings(kind) for name, kind in KINDS.items()}
 TIMED = {name for name, kind in KINDS.items() if getattr(kind, "TIMED", False)}
 LONG = {name for name, kind in KINDS.items() if getattr(kind, "LONG", False)}

@@ -1,4 +1,4 @@
-"""q̈ against 50-digit arithmetic beside the engines, on the same states: speed must not cost digits."""
+"""q̈ of flexlink and of the engines against 50-digit arithmetic at the same states."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import spatial_chain
-from validation.timing.families import Family
-
-Array = NDArray[np.float64]
+from validation.speed.families import Family
+from validation.types import Array
 
 
 class Arms(Family, frozen=True):
@@ -65,34 +62,30 @@ def _near_lock(chain: Chain, state: State, distance: float) -> State:
     return state._replace(q=q)
 
 
-class Settings(Spec, frozen=True):
-    """Families of chains by name, the engines, number of states and seed."""
+def run(
+    case: Case, chain: dict[str, Arms], engines: tuple[str, ...], samples: int, seed: int = 0
+) -> Iterator[Measured]:
+    """Errors of every engine, and ours over theirs: of the worst state, and of the geometric mean of all.
 
-    chain: dict[str, Arms]
-    engines: tuple[str, ...]
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Errors of every engine, and ours over theirs: of the worst state, and of the geometric mean of all."""
-    for name, family in settings.chain.items():
+    `chain` are families by name.
+    """
+    for name, family in chain.items():
         for segments in family.segments:
             arms = [
-                (chain, states, spatial_chain.accelerations(chain, *(state[:3] for state in states)))
-                for chain in family.chains(case, segments)
-                for states in (family.states(chain, settings.samples, settings.seed),)
+                (arm, states, spatial_chain.accelerations(arm, *(state[:3] for state in states)))
+                for arm in family.chains(case, segments)
+                for states in (family.states(arm, samples, seed),)
             ]
-            every = ("native", *settings.engines)
-            found = {each: [_accelerations(each, chain, states) for chain, states, _ in arms] for each in every}
+            every = ("native", *engines)
+            found = {each: [_accelerations(each, arm, states) for arm, states, _ in arms] for each in every}
             errors = {
                 each: np.concatenate([_errors(got, truth) for got, (_, _, truth) in zip(lists, arms, strict=True)])
                 for each, lists in found.items()
             }
             ours = errors["native"]
             residuals = [
-                acceleration_error(chain, s.q, s.qd, s.tau, solutions=(one, exact))
-                for (chain, states, truth), got in zip(arms, found["native"], strict=True)
+                acceleration_error(arm, s.q, s.qd, s.tau, solutions=(one, exact))
+                for (arm, states, truth), got in zip(arms, found["native"], strict=True)
                 for s, one, exact in zip(states, got, truth, strict=True)
             ]
             facts: Facts = {"chain": name, "n": arms[0][0].n, "states": len(ours)}

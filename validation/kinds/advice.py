@@ -1,4 +1,4 @@
-"""Advice on random scenes that nothing was tuned on, and on robots: is it true, is it cheap, what does it cost?"""
+"""Advice on random scenes and robots that it was not tuned on: stated against true error, and cost."""
 
 from __future__ import annotations
 
@@ -15,16 +15,13 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
-from validation.benchmarks.advice_scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
-from validation.benchmarks.advice_truth import Truth, cheapest, naive_cost, truth
+from validation.advice.scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
+from validation.advice.truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
 
-TENTH = 0.1
+TRUTH_KNOWN_TO = 0.1
 """Part of a tolerance to which the truth must be known to judge."""
-
-THIRD = 1 / 3
-"""Part of a tolerance that an error has when it may be stated as all of it: three times too large is allowed."""
 
 
 class Settings(Spec, frozen=True):
@@ -49,7 +46,7 @@ class Settings(Spec, frozen=True):
 
 
 class Cell(NamedTuple):
-    """Advice on a scene for a tolerance, and the truth about it."""
+    """Advice on a scene for a tolerance, with the reference."""
 
     scene: str
     tolerance: float  # part of the motion
@@ -61,7 +58,7 @@ class Cell(NamedTuple):
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """A row a cell, then what all of them say together."""
+    """Rows of every cell, then statistics over all cells."""
     cells: list[Cell] = []
     optimum: list[float] = []
     refused: list[str] = []
@@ -116,7 +113,7 @@ def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
 
 def _is_known(cell: Cell) -> bool:
     """Whether the truth is known well enough to judge: to a tenth of what is allowed."""
-    return cell.true.error <= TENTH * cell.advice.tolerance
+    return cell.true.error <= TRUTH_KNOWN_TO * cell.advice.tolerance
 
 
 def _is_wrong(cell: Cell) -> bool:
@@ -165,9 +162,10 @@ def _summary(cells: list[Cell], optimum: list[float]) -> Iterator[Measured]:
         if ratios:
             yield Measured(f"naive over advised cost at {tolerance:g}, median", float(np.median(ratios)))
     short = [cell for cell in cells if not cell.advice.met]
-    horizons = [(cell.advice.horizon, _true_horizon(cell, 1.0), _true_horizon(cell, THIRD)) for cell in short]
+    third = 1 / 3  # of a tolerance, of an error that may be stated as all of it: three times too large is allowed
+    horizons = [(cell.advice.horizon, _true_horizon(cell, 1.0), _true_horizon(cell, third)) for cell in short]
     yield from _spread("horizon over true horizon", [said / true for said, true, _ in horizons if true])
-    thirds = [said / third for said, _, third in horizons if third]
+    thirds = [said / earlier for said, _, earlier in horizons if earlier]
     if thirds:
         yield Measured("horizon over a third's, smallest", min(thirds), note=f"{len(thirds)} cells")
     yield from _spread("cost over the grid's cheapest", optimum)
@@ -177,7 +175,7 @@ def _true_horizon(cell: Cell, part: float) -> float | None:
     """Time up to which the model handed over is within a part of the tolerance [s]; None if the truth ends before."""
     run, allowed = simulate(cell.advice.scene), part * cell.advice.tolerance
     beyond = np.flatnonzero(np.linalg.norm(run.tip - cell.true.tip, axis=1) > allowed)
-    if not beyond.size or cell.true.errors[beyond[0]] > TENTH * allowed:
+    if not beyond.size or cell.true.errors[beyond[0]] > TRUTH_KNOWN_TO * allowed:
         return None
     return float(run.t[max(1, beyond[0] - 1)])
 

@@ -6,23 +6,20 @@ from collections.abc import Callable, Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 import flexlink as fl
 from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
-from validation.benchmarks.parity import follower_stiffness, load_stiffness, springs, squares
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import reference_array
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.parity import follower_stiffness, load_stiffness, springs, squares
+from validation.physics.published import published
+from validation.physics.variant import Rule, Variant, existing
+from validation.reference_values import reference_array
 from validation.store import Series
-
-Array = NDArray[np.float64]
-BISECTIONS = 40  # of the flutter load: to rounding
+from validation.types import Array
 
 
 class Load(Spec, frozen=True):
@@ -50,21 +47,18 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, then every load on the best chain, native and in MuJoCo."""
     exact = {load.name: float(reference_array("critical_loads", load.key)) for load in settings.load}
     points = []
-    for at in grid(settings.rules):
-        scenes = [existing(case, load.variant, at) for load in settings.load]
+    for at, scenes in existing(case, settings.rules, [load.variant for load in settings.load]):
         errors = {
             load.name: _critical(fl.lump(scene), load) / exact[load.name] - 1
             for scene, load in zip(scenes, settings.load, strict=True)
-            if scene is not None
         }
-        if len(errors) == len(settings.load):
-            points.append(Point(at, errors))
+        points.append(Point(at, errors))
     yield from report(settings, points, case.about)
     pairs = []
     for load in settings.load:
         chain = fl.lump(load.variant.build(case, settings.best))
         ours = _critical(chain, load)
-        pairs.append(Pair(load.name, exact[load.name], ours))
+        pairs.append((load.name, exact[load.name], ours))
         note = f"{ours:.8g}, published or exact {exact[load.name]:.8g}."
         facts: Facts = {"load": load.name, **settings.best.facts}
         yield Measured("critical load", abs(ours / exact[load.name] - 1), varied=facts, note=note)
@@ -86,7 +80,7 @@ def _critical(chain: fl.Chain, load: Load) -> float:
 def bisect(stable: Callable[[float], bool], bracket: tuple[float, float]) -> float:
     """Largest stable load."""
     low, high = bracket
-    for _ in range(BISECTIONS):
+    for _ in range(40):  # to rounding
         middle = (low + high) / 2
         low, high = (middle, high) if stable(middle) else (low, middle)
     return low

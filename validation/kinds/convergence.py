@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
@@ -21,8 +20,6 @@ from validation.oracles import exact_runge_kutta
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.store import Series, table
 
-Array = NDArray[np.float64]
-
 
 class Reference(Spec, frozen=True):
     """The run whose end counts as exact."""
@@ -31,37 +28,37 @@ class Reference(Spec, frozen=True):
     steps: int
 
 
-class Settings(Spec, frozen=True):
-    """Segments of every flexible link, duration [s], arithmetic, reference, and for each method numbers of steps."""
+def run(
+    case: Case,
+    segments: int,
+    duration: Positive,
+    arithmetic: Literal["float64", "extended"],
+    reference: Reference,
+    steps: dict[str, tuple[int, ...]],
+) -> Iterator[Measured | Series]:
+    """Fitted slope, its distance from the order, and how far it stays below it.
 
-    segments: int
-    duration: Positive
-    arithmetic: Literal["float64", "extended"]
-    reference: Reference
-    steps: dict[str, tuple[int, ...]]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Fitted slope, its distance from the order, and how far it stays below it."""
+    Flexible links have so many segments; a run lasts `duration` [s]; `steps` are numbers of steps by method.
+    """
     for full in case.load_scenes():
-        scene = full.varied({"link.*.segments": settings.segments})
-        end = _extended if settings.arithmetic == "extended" else _float64
-        exact = end(scene, settings.reference.method, settings.duration, settings.reference.steps)
+        scene = full.varied({"link.*.segments": segments})
+        end = _extended if arithmetic == "extended" else _float64
+        exact = end(scene, reference.method, duration, reference.steps)
         curves: list[tuple[str, float, float]] = []
-        for method, counts in settings.steps.items():
-            h = settings.duration / np.array(counts)
-            errors = [_distance(end(scene, method, settings.duration, count), exact) for count in counts]
+        for method, counts in steps.items():
+            h = duration / np.array(counts)
+            errors = [_distance(end(scene, method, duration, count), exact) for count in counts]
             slope = float(np.polyfit(np.log(h), np.log(errors), 1)[0])
             order = methods.method(method).order
             facts: Facts = {
-                "method": method, "arithmetic": settings.arithmetic, "step": float(h.max()), "to step": float(h.min()),
+                "method": method, "arithmetic": arithmetic, "step": float(h.max()), "to step": float(h.min()),
             }  # fmt: skip
             yield Measured("slope", slope, scene.name, varied=facts)
             yield Measured("|slope − order|", abs(slope - order), scene.name, varied=facts)
             yield Measured("order − slope", order - slope, scene.name, varied=facts)
             curves += [(method, float(step), error) for step, error in zip(h, errors, strict=True)]
         columns = table(("method", "step [s]", "error [rad]"), curves)
-        title = f"{scene.name}, {settings.segments} segments: error after {settings.duration:g} s"
+        title = f"{scene.name}, {segments} segments: error after {duration:g} s"
         labels = "step [s]", "step [s]", "max |Δq| [rad]"
         yield Series("convergence", title, columns, *labels, "log", "log", group="method", scene=scene.name)
 

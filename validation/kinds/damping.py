@@ -19,10 +19,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import largest_frequency
 from flexlink.engines.mujoco import MujocoEngine
-from validation.benchmarks.parity import springs
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.parity import springs
+from validation.physics.variant import Rule, Variant
 from validation.store import Series
 
 

@@ -15,7 +15,6 @@ from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
@@ -25,13 +24,13 @@ from flexlink.describe.spec import Spec
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State
 from flexlink.dynamics.rounding import EPS
-from validation.benchmarks.cells import Cell, Map, recipe
 from validation.case import Case, Measured
-from validation.facts import said
+from validation.extremes.cells import Cell, Map, recipe
+from validation.facts import in_words
 from validation.oracles.common_origin import of_state
 from validation.store import Series, table
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Numbers = dict[str, Array]
 
 LONG = True
@@ -41,7 +40,7 @@ MEASURES = {"M": "M", "M, scaled": "M", "T_GC": "T_GC", "q̈": "q̈"}
 """What is measured, and of which quantity."""
 
 
-SINGULAR = 1e16
+SINGULAR_CONDITION = 1e16
 """cond(M) from where M, rounded, may be singular: 1/eps is 4.5e15."""
 
 
@@ -84,13 +83,13 @@ class Settings(Map, frozen=True):
     engines: tuple[str, ...]
 
 
-class Found(NamedTuple):
+class CellErrors(NamedTuple):
     """A cell: joints, cond(M), errors by engine and measure (of what is refused none), and what was refused."""
 
     n: int
     condition: float
     errors: dict[tuple[str, str], float]
-    said: str
+    refusals: str
 
     def ratio(self, measure: str) -> float:
         """Flexlink's error over that of the better engine; nan where there is no such pair."""
@@ -102,37 +101,37 @@ class Found(NamedTuple):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The worst ratio of each measure in all and by axis, how many cells there are, and the cells themselves."""
     found = [(cell, look(settings, cell)) for cell in settings.cells()]
-    regular = [each for each in found if each[1].condition <= SINGULAR]
+    regular = [each for each in found if each[1].condition <= SINGULAR_CONDITION]
     for measure in MEASURES:
         yield _worst(measure, regular, {})
         for axis in settings.axis:
             yield _worst(measure, [each for each in regular if axis in each[0].values], {"axis": axis})
-        beyond = _worst(measure, [each for each in found if each[1].condition > SINGULAR], {})
+        beyond = _worst(measure, [each for each in found if each[1].condition > SINGULAR_CONDITION], {})
         yield beyond._replace(quantity=f"{measure}, cond(M) > 10¹⁶")
     yield Measured("cells", len(found))
     yield Measured("judged", sum(bool(each.errors) for _, each in found))
     yield _series(case, settings, found)
 
 
-def told(case: Case, settings: Settings, number: int) -> Iterator[str]:
-    """What one cell is, and what becomes of it, in lines."""
+def cell_in_words(case: Case, settings: Settings, number: int) -> Iterator[str]:
+    """Describe one cell and its result, line by line."""
     cell = list(settings.cells())[number]
     found = look(settings, cell)
-    yield f"{cell.scene}, {said(cell.values)}: {found.n} joints, cond(M) = {found.condition:.2g}"
+    yield f"{cell.scene}, {in_words(cell.values)}: {found.n} joints, cond(M) = {found.condition:.2g}"
     for (engine, measure), error in found.errors.items():
         yield f"{engine:<10} {measure:<10} error {error:.2g} of the largest element"
-    yield found.said
+    yield found.refusals
 
 
-def look(settings: Settings, cell: Cell) -> Found:
-    """A cell in all engines."""
+def look(settings: Settings, cell: Cell) -> CellErrors:
+    """Errors of one cell in all engines."""
     try:
         scene, state = settings.situation(cell)
         chain = lump(scene)
         states = States(**state).draw(chain)
         exact = [of_state(chain, s.q, s.qd, s.tau) for s in states]
     except FlexlinkError as refused:
-        return Found(0, np.nan, {}, str(refused))
+        return CellErrors(0, np.nan, {}, str(refused))
     errors, words = dict[tuple[str, str], float](), list[str]()
     for name in (NATIVE, *settings.engines):
         for measure, error in _measured(name, chain, list(zip(states, exact, strict=True))):
@@ -140,7 +139,7 @@ def look(settings: Settings, cell: Cell) -> Found:
                 words.append(f"{name}: {error}")
             else:
                 errors[name, measure] = error
-    return Found(chain.n, max(float(np.linalg.cond(truth["M"])) for truth in exact), errors, "; ".join(words))
+    return CellErrors(chain.n, max(float(np.linalg.cond(truth["M"])) for truth in exact), errors, "; ".join(words))
 
 
 def _measured(name: str, chain: Chain, states: list[tuple[State, Numbers]]) -> Iterator[tuple[str, float | str]]:
@@ -168,19 +167,19 @@ def _error(measure: str, value: Array, exact: Array) -> float:
     return float(np.where(error == 0, 0.0, error / scale).max()) if (error < scale).all() else 1.0
 
 
-def _worst(measure: str, found: list[tuple[Cell, Found]], facts: dict[str, str]) -> Measured:
+def _worst(measure: str, found: list[tuple[Cell, CellErrors]], facts: dict[str, str]) -> Measured:
     ratios = [(each.ratio(measure), cell) for cell, each in found if not np.isnan(each.ratio(measure))]
     worst, cell = max(ratios, key=lambda each: each[0], default=(np.nan, None))
-    note = f"{cell.scene}, {said(cell.values)}" if cell else ""
+    note = f"{cell.scene}, {in_words(cell.values)}" if cell else ""
     return Measured(measure, worst, varied=facts, note=note)
 
 
-def _series(case: Case, settings: Settings, found: list[tuple[Cell, Found]]) -> Series:
+def _series(case: Case, settings: Settings, found: list[tuple[Cell, CellErrors]]) -> Series:
     names = [(engine, measure) for measure in MEASURES for engine in (NATIVE, *settings.engines)]
     heads = ("cell", "recipe", "situation", "varied", "axes", "n", "cond(M)", *map(" ".join, names), "said")
     rows = [
-        (number, recipe(case, number), cell.scene, said(cell.values), " and ".join(cell.values), each.n, each.condition,
-         *(each.errors.get(name, np.nan) for name in names), each.said)
+        (number, recipe(case, number), cell.scene, in_words(cell.values), " and ".join(cell.values), each.n,
+         each.condition, *(each.errors.get(name, np.nan) for name in names), each.refusals)
         for number, (cell, each) in enumerate(found)
     ]  # fmt: skip
     return Series("digits", "Digits at extremes", table(heads, rows), "cond(M)", "cond(M)", "error", "log", "log")

@@ -10,13 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
-from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import gravity_torque, mass_matrix
 from flexlink.dynamics.vibration.stability_function import stability_function
@@ -25,28 +23,21 @@ from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
-
-
-class Settings(Spec, frozen=True):
-    """Method: steps [s]."""
-
-    steps: dict[str, tuple[float, ...]]
+from validation.types import Array
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Measured and predicted drift of every method and step."""
+def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | Series]:
+    """Measured and predicted drift of every method and step; `steps` [s] by method."""
     for scene in case.load_scenes():
         ω, E = released_modes(scene)
         points = []
-        for method, step in ((m, h) for m, steps in settings.steps.items() for h in steps):
+        for method, step in ((m, h) for m, sizes in steps.items() for h in sizes):
             energy = simulate(scene, method=method, step=step).energy
             drift = float(np.abs(energy.total - np.asarray(energy.total)[0]).max())
             exchanged = float(np.abs(np.diff(energy.gravity)).sum())
-            steps = round(scene.run.duration / step)
-            loss = modal_loss(method, ω * step, E, steps)
-            rounding = steps * EPS * float(np.max(energy.kinetic))
+            count = round(scene.run.duration / step)
+            loss = modal_loss(method, ω * step, E, count)
+            rounding = count * EPS * float(np.max(energy.kinetic))
             facts: Facts = {"method": method, "step": step}
             note = f"Predicted {loss:.2g} J, rounding at most {rounding:.2g} J."
             yield Measured("drift", drift, scene.name, varied=facts, scale=loss + rounding, note=note)

@@ -1,4 +1,4 @@
-"""Where a run's error comes from: type of the links, lumping, steps, rounding; and which of them is worth mending."""
+"""Sources of a run's error: type of the links, lumping, time steps, rounding."""
 
 from __future__ import annotations
 
@@ -7,17 +7,15 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import require_one_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from validation.benchmarks.error_parts import Fine, Setup, Split, Splitter, Type
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
+from validation.trade.error_parts import Fine, Setup, Split, Splitter, Type
 
 LONG = True
 
-NEGLIGIBLE = 1e-6  # of the error: no part that anybody would mend
 PARTS = ("model", "space", "time", "rounding")
 
 
@@ -39,22 +37,15 @@ class Errors(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name."""
-
-    scene: dict[str, Errors]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Errors and their parts, how well they are known, and a series a scene."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
-    for name, errors in settings.scene.items():
-        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(errors.change)
-        splitter = Splitter(scene, errors.true, errors.fine, errors.in_time)
+def run(case: Case, scene: dict[str, Errors]) -> Iterator[Measured | Series]:
+    """Errors of the scenes by name and their parts, how well they are known, and a series a scene."""
+    for name, errors in scene.items():
+        base = case.varied_scene(name, errors.change)
+        splitter = Splitter(base, errors.true, errors.fine, errors.in_time)
         splits = {label: splitter.split(setup) for label, setup in errors.run.items()}
         for label, split in splits.items():
-            yield from _rows(scene, label, split)
-        yield _series(scene, splits)
+            yield from _rows(base, label, split)
+        yield _series(base, splits)
 
 
 def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
@@ -66,7 +57,8 @@ def _rows(scene: Scene, label: str, split: Split) -> Iterator[Measured]:
     for name, part in split.parts.items():
         yield Measured("part", part.size, scene.name, varied={**facts, "part": name})
         if part.size:
-            judged = max(part.size, NEGLIGIBLE * split.total)
+            negligible = 1e-6 * split.total  # no part that anybody would mend
+            judged = max(part.size, negligible)
             yield Measured("own error / part", part.own / judged, scene.name, varied={**facts, "part": name})
     yield Measured("part", split.rounding, scene.name, varied={**facts, "part": "rounding"})
 

@@ -11,50 +11,45 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.beam_references import beam_reference, beam_scene, file_name, plane_of
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.variant import Rule
+from flexlink.describe.spec import Positive
 from validation.case import Case, Measured
+from validation.physics.beam_references import beam_reference, beam_scene, file_name, plane_of
+from validation.physics.variant import Rule
+from validation.reference_values import look_up, reference_array
+from validation.runs import apart
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 
 
-class Settings(Spec, frozen=True):
-    """Two cuts of the chain, the steps' part of the largest stable one, and other references by scene."""
+def run(
+    case: Case, coarse: Rule, fine: Rule, of_stable: Positive = 0.5, others: dict[str, str] | None = None
+) -> Iterator[Measured | Series]:
+    """Distances of tips, absolute and in units of the allowed error.
 
-    coarse: Rule
-    fine: Rule
-    of_stable: Positive = 0.5
-    others: dict[str, str] = msgspec.field(default_factory=dict)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Distances of tips, alone and in units of what is allowed."""
+    `coarse` and `fine` cut the chain, `of_stable` is the steps' part of the largest stable one, and `others` are other
+    references by scene.
+    """
     for name in case.scenes:
         scene, (exact, own) = beam_scene(name), beam_reference(name)
-        coarse, fine = (_tip(scene, cut, settings.of_stable) for cut in (settings.coarse, settings.fine))
-        apart, between = _apart(fine, exact), _apart(coarse, fine)
-        yield Measured("tip apart", apart, name, varied=settings.fine.facts)
-        yield Measured("tip apart / allowed", apart / (own + between), name, varied=settings.fine.facts)
-        yield Measured("coarser chain apart", between, name, varied=settings.coarse.facts)
+        tip, coarser = (_tip(scene, cut, of_stable) for cut in (fine, coarse))
+        distance, between = apart(tip, exact), apart(coarser, tip)
+        yield Measured("tip apart", distance, name, varied=fine.facts)
+        yield Measured("tip apart / allowed", distance / (own + between), name, varied=fine.facts)
+        yield Measured("coarser chain apart", between, name, varied=coarse.facts)
         yield Measured("reference, its own error", own, name, "exudyn")
-        if name in settings.others:
-            other = reference_array(settings.others[name], "values")
+        if others and name in others:
+            other = reference_array(others[name], "values")
             plane = exact @ plane_of(scene).axes
-            yield Measured("references apart / own error", _apart(plane[:, :2], other) / own, name, "exudyn")
+            yield Measured("references apart / own error", apart(plane[:, :2], other) / own, name, "exudyn")
         if "shear_and_stretch_m" in look_up(file_name(name)):
             yield Measured("shear and stretch", float(look_up(file_name(name), "shear_and_stretch_m")), name, "exudyn")
-        yield _series(scene, exact, fine)
+        yield _series(scene, exact, tip)
 
 
 def _tip(scene: Scene, cut: Rule, of_stable: float) -> Array:
@@ -69,8 +64,3 @@ def _series(scene: Scene, exact: Array, fine: Array) -> Series:
     columns = {"time [s]": scene.run.times, "flexlink": np.linalg.norm(fine - exact, axis=1)}
     title = f"{scene.name}: distance of the chain's tip from that of Exudyn's beams"
     return Series("beams", title, columns, "time [s]", "time [s]", "distance [m]", scene=scene.name)
-
-
-def _apart(one: Array, other: Array) -> float:
-    """Largest distance of two tips at any sample [m]."""
-    return float(np.linalg.norm(one - other, axis=1).max())

@@ -10,34 +10,26 @@ from numpy.typing import NDArray
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
-from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.spatial_chain import derivatives
+from validation.random_arms import random_arm
 
-NAMES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
-CLOSE = 1e-12
-BEND = 6
-"""Hinges are bent by up to 180° / BEND."""
-
-
-class Settings(Spec, frozen=True):
-    """Number of arms, the fewest and most joints of those that count, and the first seed."""
-
-    arms: int
-    joints: tuple[int, int]
-    seed: int = 0
+DERIVATIVES = "∂q̈/∂q", "∂q̈/∂q̇", "∂q̈/∂T_EX"
+CLOSE_TO = 1e-12
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Of each derivative the share of arms within `CLOSE`, the largest error, and that by what rounding explains."""
-    errors, seeds, conditions, joints = [], [], [], []
-    for seed, chain in _arms(settings):
-        rng = np.random.default_rng(seed)
+def run(case: Case, arms: int, joints: tuple[int, int], seed: int = 0) -> Iterator[Measured]:
+    """Of each derivative the share of arms within `CLOSE_TO`, the largest error, and that by what rounding explains.
+
+    Arms count whose number of joints is in the range `joints`, from the first `seed` on.
+    """
+    errors, seeds, conditions, sizes = [], [], [], []
+    for number, chain in _arms(arms, joints, seed):
+        rng = np.random.default_rng(number)
         q, qd = rng.uniform(-np.pi, np.pi, chain.n), rng.uniform(-10.0, 10.0, chain.n)
-        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / BEND)
+        q = np.where(np.isin(np.arange(chain.n), chain.active), q, q / 6)  # hinges are bent by up to 30°
         tau, wrench = rng.normal(size=chain.n), rng.normal(size=6)
         found = fl.forward_dynamics_derivatives(chain, q, qd, tau, tip_wrench=wrench)
         exact = derivatives(chain, q, qd, tau, wrench)
@@ -45,21 +37,21 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             [_error(ours, theirs) for ours, theirs in zip((found.dq, found.dqd, found.dtau), exact, strict=True)]
         )
         conditions.append(np.linalg.cond(fl.mass_matrix(chain, q)))
-        joints.append(chain.n)
-        seeds.append(seed)
-    facts: Facts = {"arms": settings.arms}
-    for name, column in zip(NAMES, np.transpose(errors), strict=True):
+        sizes.append(chain.n)
+        seeds.append(number)
+    facts: Facts = {"arms": arms}
+    for name, column in zip(DERIVATIVES, np.transpose(errors), strict=True):
         k = int(np.argmax(column))
         note = f"Largest for arm {seeds[k]}, of which M has the condition {conditions[k]:.1e}."
         yield Measured(name, float(column[k]), "random arms", "native", facts, note=note)
-        explained = column / (ROUNDINGS * EPS * np.sqrt(joints) * conditions)
+        explained = column / (ROUNDINGS * EPS * np.sqrt(sizes) * conditions)
         yield Measured(f"{name}, by rounding", float(explained.max()), "random arms", "native", facts)
-        yield Measured(f"{name}, share", float(np.mean(column <= CLOSE)), "random arms", "native", facts)
+        yield Measured(f"{name}, share", float(np.mean(column <= CLOSE_TO)), "random arms", "native", facts)
 
 
-def _arms(settings: Settings) -> Iterator[tuple[int, Chain]]:
-    seed, (fewest, most) = settings.seed, settings.joints
-    for _ in range(settings.arms):
+def _arms(arms: int, joints: tuple[int, int], seed: int) -> Iterator[tuple[int, Chain]]:
+    fewest, most = joints
+    for _ in range(arms):
         while not fewest <= (chain := lump(random_arm(seed))).n <= most:
             seed += 1
         yield seed, chain

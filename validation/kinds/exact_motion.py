@@ -8,19 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.reference_values import look_up
-from validation.benchmarks.runs import told
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
+from validation.physics.variant import Rule, Variant
+from validation.reference_values import look_up
+from validation.runs import run_facts
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Trial(Spec, frozen=True):
@@ -31,25 +29,18 @@ class Trial(Spec, frozen=True):
     rk4_step: Positive
 
 
-class Settings(Spec, frozen=True):
-    """The runs, and the lumping of a flexible link among them."""
-
-    run: tuple[Trial, ...]
-    chain: Rule
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Tip error, its change with half the step, and the difference to MuJoCo."""
-    for trial in settings.run:
-        scene = trial.variant.build(case, settings.chain)
+def run(case: Case, run: tuple[Trial, ...], chain: Rule) -> Iterator[Measured | Series]:
+    """Tip error, its change with half the step, and the difference to MuJoCo; `chain` lumps a flexible link."""
+    for trial in run:
+        scene = trial.variant.build(case, chain)
         name = trial.variant.name or scene.name
         times, exact = _exact(trial)
         ours, half = fl.simulate(scene), fl.simulate(scene, step=scene.run.step / 2)
         rows = np.searchsorted(ours.t, times - 1e-9)  # their samples among ours, whatever the last digit of k·step
         error = np.linalg.norm(ours.tip[rows, :2] - exact, axis=1)
-        yield Measured("tip error", float(error.max()), name, varied=told(scene.run))
+        yield Measured("tip error", float(error.max()), name, varied=run_facts(scene.run))
         change = float(np.abs(half.tip - ours.tip).max())
-        yield Measured("time integration error", change, name, varied=told(scene.run))
+        yield Measured("time integration error", change, name, varied=run_facts(scene.run))
         yield _parity(scene.varied({"run.method": "RK4", "run.step": trial.rk4_step}), name)
 
 
@@ -64,4 +55,4 @@ def _exact(trial: Trial) -> tuple[Array, Array]:
 def _parity(scene: Scene, name: str) -> Measured:
     ours = fl.simulate(scene)
     _, q, _ = engines.load("mujoco", ours.chain).integrate(scene)
-    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", told(scene.run))
+    return Measured("MuJoCo's motion", float(np.abs(q - ours.q).max()), name, "mujoco", run_facts(scene.run))

@@ -1,4 +1,4 @@
-"""Right at extremes, or said not to be: scene × varied keys × method × tolerance → outcome, none silently wrong.
+"""Runs at extreme parameters: scene × varied keys × method × tolerance → outcome; none wrong without a warning.
 
 Beside flexlink, the engines take the same steps in the same cells; what they do not say, they do not say.
 """
@@ -17,30 +17,24 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.beside import outcome_beside
-from validation.benchmarks.cells import Cell as Corner
-from validation.benchmarks.cells import Map, recipe
-from validation.benchmarks.outcomes import OUTCOMES, Found, Outcome, Truth, outcome_of, truth_of
 from validation.case import Case, Measured
-from validation.facts import Fact, Facts, said
+from validation.extremes.cells import Cell as Corner
+from validation.extremes.cells import Map, recipe
+from validation.extremes.other_engine import outcome_beside
+from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_of, truth_of
+from validation.facts import Fact, Facts, in_words
 from validation.store import Series, table
 
 LONG = True
 
 NATIVE = "native"
-SAMPLES = 20  # of a run of so many steps
 
-OF_A_TRUTH = 3.0
-"""Budgets that a reference may take: it is found once for many runs."""
-
-LABELS = (
+COLUMNS = (
     "cell", "recipe", "situation", "varied", "axes",
     "engine", "method", "steps", "outcome", "error / tolerance", "said",
 )  # fmt: skip
-LONGEST = 0.02
-"""Step [s] of a scene in which every step is stable."""
 
-JUDGED: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt", "silent wrong")
+JUDGED_OUTCOMES: tuple[Outcome, ...] = ("within", "near", "warned", "false doubt", "silent wrong")
 
 
 class HowTo(NamedTuple):
@@ -55,7 +49,7 @@ class HowTo(NamedTuple):
     @property
     def words(self) -> str:
         """Step or tolerance, in words."""
-        return said({self.key: self.value})
+        return in_words({self.key: self.value})
 
     def scene(self, scene: Scene) -> Scene:
         """A scene that is to be run so.
@@ -70,11 +64,13 @@ class HowTo(NamedTuple):
             return scene.varied(changes | {"run.relative_tolerance": self.value})
         step = self.value
         if self.key == "of_limit":
+            longest = 0.02  # s, where every step is stable
             chain = lump(scene)
-            step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), LONGEST)
+            step *= min(stable_step(chain, *initial_state(scene, chain), tip_wrench=scene.tip_wrench), longest)
         changes["run.step"] = step
         if self.number:
-            changes |= {"run.sample": step * (self.number // SAMPLES), "run.duration": step * self.number}
+            samples = 20
+            changes |= {"run.sample": step * (self.number // samples), "run.duration": step * self.number}
         return scene.varied(changes)
 
 
@@ -119,12 +115,12 @@ class Settings(Map, frozen=True):
 
 
 class Cell(NamedTuple):
-    """One run: where it stands, and what became of it."""
+    """One run of the map and its outcome."""
 
     scene: str
     axes: dict[str, float]
     how: HowTo
-    found: Found
+    found: RunOutcome
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -139,24 +135,24 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     yield _series(case, found)
 
 
-def told(_: Case, settings: Settings, number: int) -> Iterator[str]:
-    """What one cell is, and what becomes of it, in lines."""
+def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
+    """Describe one cell and its result, line by line."""
     corner, how = list(settings.runs())[number]
     found = _Judge(settings)(corner, how)
-    yield f"{corner.scene}, {said(corner.values)}, {how.engine}, {how.method}, {how.words}"
+    yield f"{corner.scene}, {in_words(corner.values)}, {how.engine}, {how.method}, {how.words}"
     yield f"{found.outcome}: error {found.error:.3g} tolerances"
     yield found.words
 
 
 class _Judge:
-    """What becomes of runs one after the other; those of one scene share its truth."""
+    """Judges runs one after the other; runs of one scene share the reference."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self._truths = settings, dict[tuple[float, float], Truth]()
         self._corner: Corner | None = None
         self._scene: Scene | FlexlinkError
 
-    def __call__(self, corner: Corner, how: HowTo) -> Found:
+    def __call__(self, corner: Corner, how: HowTo) -> RunOutcome:
         if corner is not self._corner:
             self._corner, self._truths = corner, {}
             try:
@@ -168,7 +164,7 @@ class _Judge:
                 raise self._scene
             scene = how.scene(self._scene)
         except FlexlinkError as error:
-            return Found("error", np.nan, str(error), 0.0)
+            return RunOutcome("error", np.nan, str(error), 0.0)
         if how.engine == NATIVE:
             return outcome_of(scene, self._truth(scene), self.settings.budget)
         return outcome_beside(scene, how.engine, how.method, self._truth(scene))
@@ -178,21 +174,22 @@ class _Judge:
 
         def truth() -> Truth:
             if run not in self._truths:
-                self._truths[run] = truth_of(scene, OF_A_TRUTH * self.settings.budget)
+                budget = 3.0 * self.settings.budget  # it is found once for many runs
+                self._truths[run] = truth_of(scene, budget)
             return self._truths[run]
 
         return truth
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:
-    """How often each outcome came; of engines beside flexlink they are told, not judged."""
+    """Number of runs by outcome; of other engines it is information only."""
     counts = collections.Counter(cell.found.outcome for cell in members)
     for outcome in OUTCOMES:
         note = _worst(members) if outcome == "silent wrong" else ""
         name = outcome if engine == NATIVE else f"{outcome}, beside"
         yield Measured(name, counts[outcome], engine=engine, varied=facts, note=note)
     if engine == NATIVE and not facts:
-        judged = sum(counts[each] for each in JUDGED)
+        judged = sum(counts[each] for each in JUDGED_OUTCOMES)
         yield Measured("cells", len(members))
         yield Measured("judged", judged)
         yield Measured("share of false doubts", counts["false doubt"] / max(judged, 1))
@@ -214,15 +211,15 @@ def _worst(members: list[Cell]) -> str:
     if not wrong:
         return ""
     cell = max(wrong, key=lambda cell: cell.found.error)
-    where = f"{cell.scene}, {said(cell.axes)}, {cell.how.method}, {cell.how.words}"
+    where = f"{cell.scene}, {in_words(cell.axes)}, {cell.how.method}, {cell.how.words}"
     return f"worst: {where}: {cell.found.error:.3g} tolerances"
 
 
 def _series(case: Case, found: list[Cell]) -> Series:
     rows = [
-        (number, recipe(case, number), cell.scene, said(cell.axes), " and ".join(cell.axes), *cell.how[:2],
+        (number, recipe(case, number), cell.scene, in_words(cell.axes), " and ".join(cell.axes), *cell.how[:2],
          cell.how.words, *cell.found[:3])
         for number, cell in enumerate(found)
     ]  # fmt: skip
-    columns, (x, *_, y, _) = table(LABELS, rows), LABELS
+    columns, (x, *_, y, _) = table(COLUMNS, rows), COLUMNS
     return Series("outcomes", "What became of every run", columns, x, x, y, "linear", "log", group="outcome")

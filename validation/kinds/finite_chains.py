@@ -1,4 +1,4 @@
-"""Chains of a few cells against their own exact values: theory and code describe the same thing, to rounding.
+"""Chains of a few cells against their own exact values: theory and code agree to rounding.
 
 Nothing is approximated here, so that any wrong mass, arm or spring shows, however small.
 """
@@ -8,27 +8,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import linalg
 
 import flexlink as fl
 from flexlink import engines
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
-from validation.benchmarks.parity import chain_frequencies, load_stiffness, springs
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.variant import Rule, Variant
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import bending_chain, hencky
+from validation.physics.parity import chain_frequencies, load_stiffness, springs
+from validation.physics.variant import Rule, Variant
+from validation.reference_values import look_up, reference_array
+from validation.types import Array
 
-Array = NDArray[np.float64]
-
-TORSION = "torsion_bar"
-TWO_LINKS = "unit_two_links"
-NAMES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal_2k"}  # of the rules in hencky_closed_forms
-PUSH = np.array([-1.0, 0, 0, 0, 0, 0])  # N on the tip, along the chain
-ELASTICA = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
+CLOSED_FORMS = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal_2k"}  # rule → name in hencky_closed_forms
+PUSH_ALONG_CHAIN = np.array([-1.0, 0, 0, 0, 0, 0])  # N on the tip, along the chain
+ELASTICA_RULES = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal2k"}
 
 
 class Settings(Spec, frozen=True):
@@ -67,7 +64,7 @@ def _both(chain: fl.Chain) -> Iterator[tuple[str, Array]]:
 
 
 def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
-    for rule, name in NAMES.items():
+    for rule, name in CLOSED_FORMS.items():
         for n in settings.cells:
             facts: Facts = {"rule": rule, "cells": n}
             exact = reference_array("hencky_closed_forms", "dimensionless_omega_rod_chain", f"CF,{name},n={n}")
@@ -75,7 +72,7 @@ def _frequencies(case: Case, settings: Settings) -> Iterator[Measured]:
             for engine, found in _both(chain):
                 yield Measured("bending frequencies", _relative(found[: len(exact)], exact), "", engine, facts)
             if rule != "hencky":  # its root disc would need half an inertia
-                bar = _chain(case, rule, n, TORSION)
+                bar = _chain(case, rule, n, "torsion_bar")
                 bending = [k for k, c in enumerate(bar.coordinates) if c.axis != 1]
                 found = fl.natural_frequencies(bar, locked=bending)
                 yield Measured("twisting frequencies", _relative(found, hencky.twist(rule, n)), varied=facts)
@@ -91,7 +88,7 @@ def _arm(case: Case) -> Iterator[Measured]:
     exact = reference_array("two_link_locked_lumped", "exact_omega")
     for rule in ("paper", "midpoint"):
         for n, errors in look_up("two_link_locked_lumped", "rel_error_first3", rule).items():
-            chain = _chain(case, rule, int(n), TWO_LINKS)
+            chain = _chain(case, rule, int(n), "unit_two_links")
             found = fl.natural_frequencies(chain, locked=[int(k) for k in chain.active])[:3]
             yield Measured(
                 "two-link arm", _relative(found, exact * (1 + np.array(errors))), varied={"rule": rule, "cells": int(n)}
@@ -99,20 +96,20 @@ def _arm(case: Case) -> Iterator[Measured]:
 
 
 def _buckling(case: Case, settings: Settings) -> Iterator[Measured]:
-    for rule in NAMES:
+    for rule in CLOSED_FORMS:
         for n in settings.cells:
             chain, exact = _chain(case, rule, n), hencky.buckling(rule, n)
             facts: Facts = {"rule": rule, "cells": n}
-            loads = fl.buckling_loads(chain, tip_wrench=PUSH)
+            loads = fl.buckling_loads(chain, tip_wrench=PUSH_ALONG_CHAIN)
             yield Measured("buckling loads", _relative(loads, exact), varied=facts)
             engine = engines.load("mujoco", chain)
-            geometric = load_stiffness(engine, np.zeros(chain.n), PUSH)
+            geometric = load_stiffness(engine, np.zeros(chain.n), PUSH_ALONG_CHAIN)
             loads = np.sort(1 / linalg.eigvals(-geometric, springs(engine)).real)
             yield Measured("buckling loads", _relative(loads, exact), "", "mujoco", facts)
 
 
 def _elastica(case: Case, settings: Settings) -> Iterator[Measured]:
-    for rule, name in ELASTICA.items():
+    for rule, name in ELASTICA_RULES.items():
         for load in settings.elastica_loads:
             for n in settings.elastica_cells:
                 exact = look_up("discrete_elastica", f"alpha={load},rule={name}", str(n))

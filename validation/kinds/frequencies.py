@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.chain import Chain
@@ -20,16 +19,15 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration.modal import natural_frequencies
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
-from validation.benchmarks.parity import load_stiffness, springs, symmetric_squares
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import reference_array
-from validation.benchmarks.sweep import Point, Sweep, by_rule, order, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, report
+from validation.physics.parity import load_stiffness, springs, symmetric_squares
+from validation.physics.published import published
+from validation.physics.variant import Rule, Variant, existing
+from validation.reference_values import reference_array
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
@@ -53,14 +51,10 @@ class Settings(Sweep, frozen=True, kw_only=True):
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep over rules and hinges, then every variant with the best chain, native and in MuJoCo."""
     points = []
-    for at in grid(settings.rules):
-        scenes = [existing(case, variant, at) for variant in settings.variant]
-        if None in scenes:
-            continue
+    for at, scenes in existing(case, settings.rules, settings.variant):
         errors = [
             _frequencies(scene, variant, settings) / _exact(variant, settings) - 1
             for scene, variant in zip(scenes, settings.variant, strict=True)
-            if scene is not None
         ]
         worst = np.abs(errors).max(axis=0)
         points.append(Point(at, {f"mode {k + 1}": float(e) for k, e in enumerate(worst)}))
@@ -75,8 +69,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         scene = variant.build(case, settings.best)
         ours, exact = _frequencies(scene, variant, settings), _exact(variant, settings)
         for k in range(settings.modes):
-            pair = Pair(", ".join(part for part in (variant.name, f"mode {k + 1}") if part), exact[k], ours[k])
-            pairs.append(pair)
+            pairs.append((", ".join(part for part in (variant.name, f"mode {k + 1}") if part), exact[k], ours[k]))
             note = f"{ours[k]:.8g} {settings.unit}, published or exact {exact[k]:.8g}."
             error = abs(ours[k] / exact[k] - 1)
             yield Measured(f"error of mode {k + 1}", error, varied=_facts(variant, settings), note=note)

@@ -8,7 +8,6 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.engines import Engine, load
@@ -17,22 +16,17 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 
 
-class Settings(Spec, frozen=True):
-    """The engine of every format, number of random states and their seed."""
+def run(case: Case, engines: dict[str, str], samples: int, seed: int = 0) -> Iterator[Measured]:
+    """Worst of each quantity, scene by scene and engine by engine, and how many numbers come back different.
 
-    engines: dict[str, str]  # format: engine
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Worst of each quantity, scene by scene and engine by engine, and how many numbers come back different."""
-    facts: Facts = {"states": settings.samples}
+    `engines` are by format.
+    """
+    facts: Facts = {"states": samples}
     for scene in case.load_scenes():
         chain = lump(scene.varied({"motion": ()}))
-        states = random_states(chain, settings.samples, seed=settings.seed)
+        states = random_states(chain, samples, seed=seed)
         native = load("native", chain)
-        for format, name in settings.engines.items():
+        for format, name in engines.items():
             yield Measured("read back", _differences(chain, format), scene.name, name, {"form": format})
             engine = load(name, chain)
             errors = np.array([list(_errors(chain, native, engine, state).values()) for state in states])

@@ -18,47 +18,37 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import MASS_ALGORITHMS
 from validation.case import Case, Measured
+from validation.types import Array
 
-Array = NDArray[np.float64]
-
-TURN = {
+TRIGONOMETRIC_STENCIL = {
     j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)
     for j in (1, 2)
     for sign in (1, -1)
 }
 """Angle: weight, for the derivative of a trigonometric polynomial of degree 2."""
-UNIT = {1.0: 0.5, -1.0: -0.5}
+QUADRATIC_STENCIL = {1.0: 0.5, -1.0: -0.5}
 """Step: weight, for the derivative of a quadratic."""
 
 LONG = True
 
 
-class Settings(Spec, frozen=True):
-    """Number of states and seed."""
-
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, samples: int, seed: int = 0) -> Iterator[Measured]:
     """Largest violation of each identity over the states of each scene."""
     for scene in case.load_scenes():
         chain = fl.lump(scene)
-        states = random_states(chain, settings.samples, seed=settings.seed)
+        states = random_states(chain, samples, seed=seed)
         for quantity, (violation, worst) in IDENTITIES.items():
             found = worst([violation(chain, state) for state in states])
-            yield Measured(quantity, found, scene.name, varied={"states": settings.samples})
+            yield Measured(quantity, found, scene.name, varied={"states": samples})
 
 
 def _asymmetry(chain: Chain, s: State) -> float:
@@ -94,16 +84,16 @@ def _power(chain: Chain, s: State) -> float:
     qdd = fl.forward_dynamics(chain, s.q, s.qd, s.tau)
     supplied = s.qd * (s.tau - fl.friction_torque(chain, s.qd))
     rate, size = (
-        _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TURN)
-        + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, UNIT)
-        + _rates(lambda qd: fl.energy(chain, s.q, qd).kinetic, s.qd, qdd, UNIT)
+        _rates(lambda q: _rigid_energy(chain, q, s.qd), s.q, s.qd, TRIGONOMETRIC_STENCIL)
+        + _rates(lambda q: fl.energy(chain, q, s.qd).elastic, s.q, s.qd, QUADRATIC_STENCIL)
+        + _rates(lambda qd: fl.energy(chain, s.q, qd).kinetic, s.qd, qdd, QUADRATIC_STENCIL)
     )
     return _relative(supplied - rate, np.abs(supplied) + size)
 
 
 def _skew(chain: Chain, s: State) -> float:
     """q̇ᵀ Ṁ q̇ = 2 q̇ᵀ C q̇, with C q̇ = T_GC − T_G and ½ q̇ᵀ Ṁ q̇ = Σ q̇_k ∂T/∂q_k at fixed q̇."""
-    slope, size = _rates(lambda q: fl.energy(chain, q, s.qd).kinetic, s.q, s.qd, TURN)
+    slope, size = _rates(lambda q: fl.energy(chain, q, s.qd).kinetic, s.q, s.qd, TRIGONOMETRIC_STENCIL)
     coriolis = s.qd * (fl.bias_torque(chain, s.q, s.qd) - fl.gravity_torque(chain, s.q))
     return _relative(slope - coriolis, size + np.abs(coriolis))
 

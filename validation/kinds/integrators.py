@@ -11,7 +11,7 @@ import numpy as np
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
@@ -21,20 +21,6 @@ from validation.facts import Facts
 from validation.store import Series, table
 
 TIMED = True
-
-
-class Settings(Spec, frozen=True):
-    """What to run.
-
-    duration, sample [s]; reference: two steps [s] of RK10, the finer one counts as exact; steps [s] by method;
-    methods whose limit of stability is measured.
-    """
-
-    duration: Positive
-    sample: Positive
-    reference: tuple[Positive, Positive]
-    steps: dict[str, tuple[float, ...]]
-    stability: tuple[str, ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,23 +41,34 @@ LABELS = (
 )  # fmt: skip
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Every run as a point, then stability; the report weighs the methods against each other."""
+def run(
+    case: Case,
+    duration: Positive,
+    sample: Positive,
+    reference: tuple[Positive, Positive],
+    steps: dict[str, tuple[float, ...]],
+    stability: tuple[str, ...] = (),
+) -> Iterator[Measured | Series]:
+    """Error, drift and cost of every run, then limits of stability; the report compares the methods.
+
+    `reference` are two steps of RK10 [s], of which the finer one counts as exact, `steps` those of the methods [s];
+    of the methods in `stability` the limit is measured.
+    """
     for full in case.load_scenes():
-        scene = full.varied({"run.duration": settings.duration, "run.sample": settings.sample})
-        coarse, exact = (simulate(scene, method="RK10", step=h) for h in settings.reference)
-        facts: Facts = {"method": "RK10", "step": settings.reference[0], "to step": settings.reference[1]}
+        scene = full.varied({"run.duration": duration, "run.sample": sample})
+        coarse, exact = (simulate(scene, method="RK10", step=h) for h in reference)
+        facts: Facts = {"method": "RK10", "step": reference[0], "to step": reference[1]}
         yield Measured("reference", _distance(coarse, exact), scene.name, varied=facts)
         points = []
-        for method, steps in settings.steps.items():
-            cost = _seconds_per_step(scene, method, min(steps))
+        for method, sizes in steps.items():
+            cost = _seconds_per_step(scene, method, min(sizes))
             yield Measured("cost per step", 1e6 * cost, scene.name, varied={"method": method}, timed=True)
-            for p in (_measure(scene, method, h, cost, exact) for h in steps):
+            for p in (_measure(scene, method, h, cost, exact) for h in sizes):
                 yield Measured("error", p.error, scene.name, varied={"method": method, "step": p.step})
                 yield Measured("energy drift", p.drift, scene.name, varied={"method": method, "step": p.step})
                 points.append(p)
         yield _series(scene, points)
-        for method in settings.stability:
+        for method in stability:
             yield _stability(scene, method, exact)
 
 

@@ -1,4 +1,4 @@
-"""Native and other engines against 50-digit arithmetic on planar chains: the judge where engines differ."""
+"""flexlink and other engines against 50-digit arithmetic on planar chains, which decides where engines differ."""
 
 from __future__ import annotations
 
@@ -7,37 +7,30 @@ from typing import Any
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
-from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State, random_states
+from flexlink.engines import Engine, load
 from validation.case import Case, Measured
-from validation.kinds import pointwise
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-
-Array = NDArray[np.float64]
-
-
-class Settings(pointwise.Settings, frozen=True):
-    """Engines, number of states and seed."""
+from validation.types import Array
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:
     """Largest error of M, T_GC and q̈ of every engine over the states of each scene."""
     for scene in case.load_scenes():
         chain = lump(scene)
         oracle = PlanarChain(chain)
-        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, settings.samples, seed=settings.seed)]
+        states = [s._replace(wrench=np.zeros(6)) for s in random_states(chain, samples, seed=seed)]
         with mp.workdps(DIGITS):
             exact = [_exact(oracle, s) for s in states]
-        for name in settings.engines:
-            engine = engines.load(name, chain)
+        for name in engines:
+            engine = load(name, chain)
             for quantity in exact[0]:
                 errors = [_error(engine, chain, quantity, s, truth) for s, truth in zip(states, exact, strict=True)]
-                yield Measured(quantity, float(max(errors)), scene.name, name, {"states": settings.samples})
+                yield Measured(quantity, float(max(errors)), scene.name, name, {"states": samples})
 
 
 def _exact(oracle: PlanarChain, state: State) -> dict[str, Array]:
@@ -53,7 +46,7 @@ def _array(values: Any) -> Array:
     return np.array(values, dtype=np.float64)  # rounds once
 
 
-def _error(engine: engines.Engine, chain: Chain, quantity: str, state: State, exact: dict[str, Array]) -> float:
-    """In units of what rounding explains."""
+def _error(engine: Engine, chain: Chain, quantity: str, state: State, exact: dict[str, Array]) -> float:
+    """Largest error in units of the rounding bound."""
     term = QUANTITIES[quantity]
     return float(term.error(chain, state, term.evaluate(engine, state), exact[quantity]).max())

@@ -1,4 +1,4 @@
-"""Long runs of an arm that keeps its energy and its angular momentum: what millions of steps do to both, and to time.
+"""Drift of energy, angular momentum and time over millions of steps of an arm that conserves both.
 
 Without gravity and friction E stays, and the momentum (M q̇)₁ of the first joint, which nothing turns about. Their drift
 grows with every step by what the method does to them, and by rounding, at most eps of their size: no faster than in
@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import EPS
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.motion.simulate import simulate
@@ -21,41 +20,33 @@ from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 
 SAMPLES = 200
-PART = SAMPLES // 100
+SAMPLES_OF_A_HUNDREDTH = SAMPLES // 100
 
 
-class Settings(Spec, frozen=True):
-    """Number of steps, and each method's step [s]."""
-
-    number: int
-    steps: dict[str, Positive]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Drifts of every method, each as a part of what is kept, over what its first hundredth lets expect."""
+def run(case: Case, number: int, steps: dict[str, Positive]) -> Iterator[Measured | Series]:
+    """Drifts of every method with its step [s], as parts of what is kept, over what the first hundredth lets expect."""
     for scene in case.load_scenes():
         rows = list[tuple[str, float, float, float]]()
-        for method, step in settings.steps.items():
-            facts: Facts = {"method": method, "step": step, "steps": settings.number}
-            found = simulate(_long(scene, method, step, settings.number))
-            late = float(np.abs(found.t - np.arange(len(found.t)) * (settings.number // SAMPLES) * step).max() / step)
+        for method, step in steps.items():
+            facts: Facts = {"method": method, "step": step, "steps": number}
+            found = simulate(_long(scene, method, step, number))
+            late = float(np.abs(found.t - np.arange(len(found.t)) * (number // SAMPLES) * step).max() / step)
             yield Measured("time", late, scene.name, varied=facts)
             drifts = {"energy": _drift(np.asarray(found.energy.total)), "momentum": _drift(_momentum(found))}
             for what, drift in drifts.items():
-                expected = 100 * drift[: PART + 1].max() + settings.number * EPS
-                note = f"First hundredth of the run: {drift[: PART + 1].max():.2g}."
+                expected = 100 * drift[: SAMPLES_OF_A_HUNDREDTH + 1].max() + number * EPS
+                note = f"First hundredth of the run: {drift[: SAMPLES_OF_A_HUNDREDTH + 1].max():.2g}."
                 yield Measured(f"{what} drift", float(drift.max()), scene.name, varied=facts, note=note)
                 yield Measured(f"{what} drift / expected", float(drift.max() / expected), scene.name, varied=facts)
-            steps = np.arange(len(found.t)) * (settings.number // SAMPLES)
-            rows += zip([method] * len(steps), steps[1:], drifts["energy"][1:], drifts["momentum"][1:], strict=False)
+            counts = np.arange(len(found.t)) * (number // SAMPLES)
+            rows += zip([method] * len(counts), counts[1:], drifts["energy"][1:], drifts["momentum"][1:], strict=False)
         columns = table(("method", "steps", "energy", "momentum"), rows)
-        title = f"{scene.name}: drift in {settings.number:,} steps"
+        title = f"{scene.name}: drift in {number:,} steps"
         yield Series("long run", title, columns, "steps", "steps [1]", "drift [1]", "log", "log", group="method",
                      scene=scene.name)  # fmt: skip
 

@@ -13,7 +13,6 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
@@ -24,17 +23,16 @@ from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.results.trajectory import Trajectory
-from validation.benchmarks.formulas import INPUTS
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.reference_values import look_up, reference_array
-from validation.benchmarks.runs import told
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.physics.formulas import INPUTS
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.published import published
+from validation.physics.variant import Rule, Variant, existing
+from validation.reference_values import look_up, reference_array
+from validation.runs import run_facts
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 
@@ -61,11 +59,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """The sweep, the best chain with its time integration error, and MuJoCo."""
     exact = reference_array(settings.reference, "values")[:, list(settings.columns)]
     run = functools.cache(lambda at: fl.simulate(_scene(case, settings, at)))
-    tried = [at for at in grid(settings.rules) if existing(case, Variant(), at) is not None]
-    points = [Point(at, _errors(settings, run(at), exact)) for at in tried]
+    points = [Point(at, _errors(settings, run(at), exact)) for at, _ in existing(case, settings.rules)]
     yield from report(settings, points, case.about, {"tip": "m"})
     scene, ours = _scene(case, settings, settings.best), run(settings.best)
-    facts: Facts = {**settings.best.facts, **told(scene.run)}
+    facts: Facts = {**settings.best.facts, **run_facts(scene.run)}
     for measure, error in _errors(settings, ours, exact).items():
         yield Measured(f"{measure} error", error, scene.name, varied=facts)
     half = fl.simulate(scene, step=scene.run.step / 2)
@@ -105,7 +102,7 @@ def _motion(case: Case, settings: Settings, ours: Trajectory, beside: Trajectory
     label = "tip across the arm [m]" if settings.lag else "tip y [m]"
     yield Series("motion", case.title, {"time [s]": ours.t} | seen, "time [s]", "time [s]", label)
     worst = np.abs(seen["reference"]).argmax()
-    pair = Pair(f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst])
+    pair = f"{label} at {ours.t[worst]:g} s", seen["reference"][worst], seen[str(settings.best)][worst]
     yield published([pair], f"{case.title} ({settings.best})")
 
 
@@ -122,7 +119,7 @@ def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajector
 
 def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:
     ours = fl.simulate(scene)
-    facts: Facts = {**at.facts, **told(scene.run)}
+    facts: Facts = {**at.facts, **run_facts(scene.run)}
     if scene.motion:
         free = fl.lump(scene.varied({"motion": []}))
         value = max(_acceleration_errors(scene, ours, free))

@@ -4,36 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import msgspec
 import numpy as np
 from mpmath import mp
 
-from flexlink.describe.schemes import methods
 from flexlink.describe.schemes.methods import Method
-from flexlink.describe.spec import Spec
+from flexlink.describe.schemes.methods import method as method_of
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles.collocation import collocation
-from validation.oracles.rooted_trees import DIGITS, Coefficients, coefficients, embedded, residuals
+from validation.oracles.rooted_trees import DIGITS, Coefficients, coefficients, residuals
+from validation.oracles.rooted_trees import embedded as embedded_coefficients
 
 
-class Settings(Spec, frozen=True):
-    """Names of the methods, and the orders of those that rows of error weights compare a method with."""
+def run(case: Case, methods: tuple[str, ...], embedded: dict[str, tuple[int, ...]] | None = None) -> Iterator[Measured]:
+    """Residuals of the conditions; of a family also how well float64 holds the coefficients of the oracle.
 
-    methods: tuple[str, ...]
-    embedded: dict[str, tuple[int, ...]] = msgspec.field(default_factory=dict)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Residuals of the conditions; of a family also how well float64 holds the coefficients of the oracle."""
-    for name in settings.methods:
-        method = methods.method(name)
+    `embedded` are the orders of those methods that rows of error weights compare a method with.
+    """
+    for name in methods:
+        method = method_of(name)
         yield from _conditions(name, method.order, coefficients(method))
         if method.family is not None:
             yield Measured("rounding", _rounding(method), varied={"method": name})
-    for name, orders in settings.embedded.items():
+    for name, orders in (embedded or {}).items():
         for row, order in enumerate(orders):
-            yield from _conditions(f"{name}, embedded {order}", order, embedded(methods.method(name), row))
+            yield from _conditions(f"{name}, embedded {order}", order, embedded_coefficients(method_of(name), row))
 
 
 def _conditions(name: str, order: int, exact: Coefficients) -> Iterator[Measured]:

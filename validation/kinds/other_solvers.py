@@ -1,4 +1,4 @@
-"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and SUNDIALS' CVODE where it is.
+"""Whole motions by solvers that share no code with flexlink's integrators: SciPy's, and CVODE where installed.
 
 The witness runs twice; how far its two tips are apart bounds the error of the coarser run, and so, amply, that of the
 finer, which is compared. A run of ours may be off by ten times its tolerance, the project's limit for the error at the
@@ -12,21 +12,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.first_order import FirstOrder, Solved
-from validation.benchmarks.trade import trade_scene
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
+from validation.trade.first_order import FirstOrder, Solved
+from validation.trade.scenes import trade_scene
 
-Array = NDArray[np.float64]
-
-MULTIPLE = 10.0  # of its tolerance that an error may be at the end, at worst
-ABSOLUTE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
+ALLOWED_TOLERANCES = 10.0  # of its tolerance that an error may be at the end, at worst
+ABSOLUTE_OF_RELATIVE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
 
 LONG = True
 
@@ -39,20 +35,16 @@ class Witness(Spec, frozen=True):
     needed: bool = True  # a witness that is not is left out, and told, where it is not installed
 
 
-class Settings(Spec, frozen=True):
-    """Witnesses of every scene of the trade by its name; our methods with their tolerances [m]."""
+def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Positive]) -> Iterator[Measured]:
+    """Distances of tips in units of the allowed error, and the error estimate of each solver.
 
-    scene: dict[str, tuple[Witness, ...]]
-    methods: dict[str, Positive]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Distances of tips in units of what is allowed, and what a witness knows of itself."""
+    `scene` are the witnesses of scenes of the trade by name, `methods` our methods with their tolerances [m].
+    """
     left_out = ""
-    for name, witnesses in settings.scene.items():
-        scene = trade_scene(name)
-        ours = {method: simulate(scene, method=method, tolerance=ε).tip for method, ε in settings.methods.items()}
-        form = FirstOrder(scene)
+    for name, witnesses in scene.items():
+        trade = trade_scene(name)
+        ours = {method: simulate(trade, method=method, tolerance=ε).tip for method, ε in methods.items()}
+        form = FirstOrder(trade)
         for witness in witnesses:
             try:
                 coarse, fine = (_solved(form, witness, relative).tip for relative in witness.relative)
@@ -61,21 +53,16 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
                     raise
                 left_out = str(error)
                 continue
-            own = _apart(coarse, fine)
+            own = apart(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
-                allowed = MULTIPLE * settings.methods[method] + own
-                facts: Facts = {"method": method, "tolerance": settings.methods[method]}
-                yield Measured("tip apart / allowed", _apart(tip, fine) / allowed, name, witness.solver, facts)
+                allowed = ALLOWED_TOLERANCES * methods[method] + own
+                facts: Facts = {"method": method, "tolerance": methods[method]}
+                yield Measured("tip apart / allowed", apart(tip, fine) / allowed, name, witness.solver, facts)
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
 
 
 def _solved(form: FirstOrder, witness: Witness, relative: float) -> Solved:
     if witness.solver == "CVODE":
-        return form.by_cvode(relative, ABSOLUTE * relative)
-    return form.by_scipy(witness.solver, relative, ABSOLUTE * relative)
-
-
-def _apart(a: Array, b: Array) -> float:
-    """Largest distance of two tips at any sample [m]."""
-    return float(np.linalg.norm(a - b, axis=1).max())
+        return form.by_cvode(relative, ABSOLUTE_OF_RELATIVE * relative)
+    return form.by_scipy(witness.solver, relative, ABSOLUTE_OF_RELATIVE * relative)

@@ -7,19 +7,16 @@ from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from validation.case import Case, Measured
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 TYPES = {"T1": "z", "T2": "yz", "T3": "xyz"}
-SMALL = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above
-LOCK = np.pi / 2  # of the middle angle of a group of three axes
+NEGLIGIBLE_TORQUE = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above
 
 
 class Settings(Spec, frozen=True):
@@ -103,9 +100,9 @@ def _springs(case: Case, settings: Settings) -> Iterator[Measured]:
 
 def _of_springs(without: float, apart: float) -> str:
     """By what is left of an inverse dynamics without springs, and how far one with them is from k (θ − θ₀)."""
-    if apart > SMALL:
+    if apart > NEGLIGIBLE_TORQUE:
         return "does not hold"
-    if without > SMALL:
+    if without > NEGLIGIBLE_TORQUE:
         return "holds"
     return (
         "holds if the inverse dynamics carries the elastic forces, as the paper says of M and T_IN: what is left is "
@@ -122,7 +119,7 @@ def _definite(case: Case, settings: Settings) -> Iterator[Measured]:
         least = min(_definiteness(chain, q) for q in postures)
         yield Measured("least eigenvalue", least, scene.name, varied={"chain": name, "states": len(postures)})
     locked = postures[0].copy()
-    locked[chain.index(len(scene.arm.links), 1, 2)] = LOCK
+    locked[chain.index(len(scene.arm.links), 1, 2)] = np.pi / 2
     left = abs(_definiteness(chain, locked))
     explained = rounding.of_mass_matrix(chain, locked) / np.linalg.norm(fl.mass_matrix(chain, locked), 2)
     singular = left <= explained

@@ -8,26 +8,14 @@ from typing import Literal
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from validation.case import Case, Measured
+from validation.types import Array
 
-Array = NDArray[np.float64]
 Convention = Literal["standard", "modified"]
-HUB = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
-
-
-class Settings(Spec, frozen=True):
-    """Arms of up to so many links, how many of each, and the largest |a| and |d| [m]."""
-
-    links: int
-    arms: int
-    length: float
-    seed: int = 0
 
 
 def standard(a: float, α: float, d: float, θ: float) -> Array:
@@ -48,29 +36,33 @@ CONVENTIONS: Mapping[Convention, Callable[[float, float, float, float], Array]] 
 }
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Largest difference of the tip's frame from the product of the matrices, by convention, and the claim."""
+def run(case: Case, links: int, arms: int, length: float, seed: int = 0) -> Iterator[Measured]:
+    """Largest difference of the tip's frame from the product of the matrices, by convention, and the claim.
+
+    Of up to so many links there are `arms` each; `length` is the largest |a| and |d| [m].
+    """
     (scene,) = case.load_scenes()
-    random = np.random.default_rng(settings.seed)
+    random = np.random.default_rng(seed)
     worst = 0.0
     for convention, matrix in CONVENTIONS.items():
         furthest = 0.0
-        for links in range(1, settings.links + 1):
-            for _ in range(settings.arms):
-                table = random.uniform(-1.0, 1.0, (links, 4)) * (settings.length, 180.0, settings.length, 180.0)
-                q = random.uniform(-math.pi, math.pi, links)
+        for count in range(1, links + 1):
+            for _ in range(arms):
+                table = random.uniform(-1.0, 1.0, (count, 4)) * (length, 180.0, length, 180.0)
+                q = random.uniform(-math.pi, math.pi, count)
                 difference = np.abs(_tip(scene, convention, table, q) - _product(matrix, table, q)).max()
-                furthest = max(furthest, float(difference / (ROUNDINGS * EPS * links)))
-        yield Measured("apart", furthest, varied={"form": convention, "arms": settings.links * settings.arms})
+                furthest = max(furthest, float(difference / (ROUNDINGS * EPS * count)))
+        yield Measured("apart", furthest, varied={"form": convention, "arms": links * arms})
         worst = max(worst, furthest)
     yield Measured("claim", worst, note="holds" if worst <= 1.0 else "does not hold")
 
 
 def _tip(scene: Scene, convention: Convention, table: Array, q: Array) -> Array:
     """The frame of the tip, (4, 4), by the library."""
+    hub = fl.RigidBody(mass=1.0, inertia=(0.1, 0.1, 0.1))  # some body, which the frames do not depend on
     links = tuple(
         fl.Link(
-            name=f"l{k}", hub=HUB, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
+            name=f"l{k}", hub=hub, dh=fl.DenavitHartenberg(convention=convention, a=a, alpha_deg=α, d=d, theta_deg=θ)
         )
         for k, (a, α, d, θ) in enumerate(table.tolist())
     )

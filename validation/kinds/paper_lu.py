@@ -7,21 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 import flexlink as fl
-from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.families import timed_states
+from validation.speed.families import timed_states
 
 
-class Settings(Spec, frozen=True):
-    """How many random states of each scene."""
-
-    samples: int
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, samples: int) -> Iterator[Measured]:
     """What each way leaves of M q̈ + T_IN − T_EX, how far LU is from the library's own, and the verdict."""
     residuals: dict[str, list[float]] = {}
     apart = []
@@ -29,7 +22,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
         chain = fl.lump(scene)
         found: dict[str, float] = {}
         furthest = 0.0
-        for q, qd, tau, _ in zip(*timed_states(chain, settings.samples), strict=True):
+        for q, qd, tau, _ in zip(*timed_states(chain, samples), strict=True):
             M = fl.mass_matrix(chain, q)
             right = tau - fl.bias_torque(chain, q, qd) - fl.elastic_torque(chain, q) - fl.friction_torque(chain, qd)
             ways = {

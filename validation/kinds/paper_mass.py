@@ -7,39 +7,32 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.speed import compiled_loops, growth
+from validation.speed.families import timed_states
+from validation.speed.growth import Races
+from validation.speed.stopwatch import Work, race
 from validation.store import Series, table
-from validation.timing import loops
-from validation.timing.families import Family, timed_states
-from validation.timing.stopwatch import Work, race
 
 TIMED = True
 
+Settings = Races
+rehearsal = growth.rehearsal
+
 Loop = Callable[[Any, rounding.Array, int], Any]
 METHODS: Mapping[str, Loop] = {
-    "1, columns": loops.mass_columns_loop,
-    "2, lower triangle": loops.mass_lower_loop,
-    "3, upper triangle": loops.mass_upper_loop,
-    "composite, inertial axes": loops.mass_loop,
+    "1, columns": compiled_loops.mass_columns_loop,
+    "2, lower triangle": compiled_loops.mass_lower_loop,
+    "3, upper triangle": compiled_loops.mass_upper_loop,
+    "composite, inertial axes": compiled_loops.mass_loop,
 }
-TIE = 0.9  # of a time: what is nearer, a machine may turn round
 FIRST, SECOND, THIRD, LATER = METHODS
-
-
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each method runs: short turns, which others seldom cut."""
-
-    chain: dict[str, Family]
-    turns: int = 40
-    turn: float = 0.0003
 
 
 class Time(NamedTuple):
@@ -50,17 +43,11 @@ class Time(NamedTuple):
     times: Mapping[str, float]
 
     def times_less(self, one: str, other: str) -> float:
-        """How many times less `one` takes than `other`."""
+        """Time of `other` over time of `one`."""
         return self.times[other] / self.times[one]
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
     """Times against n, how far apart the methods are, and what becomes of the claim at the longest chains."""
     found = []
     for name, family in settings.chain.items():
@@ -107,9 +94,10 @@ def _exponents(found: Sequence[Time]) -> Iterator[Measured]:
 
 
 def _verdict(found: Sequence[Time], longest: Time) -> str:
-    """Whether each method takes less than the one before, everywhere; and what came later."""
+    """Whether each method takes less time than the one before on every chain; and the time of composite bodies."""
+    tie = 0.9  # of a time: what is nearer, a machine may turn round
     pairs = ((SECOND, FIRST), (THIRD, SECOND))
-    dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < TIE]
+    dear = [f"{m} on {t.chain} of n = {t.n}" for t in found for m, before in pairs if t.times_less(m, before) < tie]
     less = number(longest.times_less(LATER, THIRD), 2)
     later = f"at n = {longest.n} composite bodies in inertial axes take {less} times less than method 3"
     if dear:

@@ -1,4 +1,4 @@
-"""Is RK4 enough over all the cases? Evaluations that an error of the tip takes by each method, on many kinds of arm."""
+"""Is RK4 enough in all cases? Evaluations per method for a given error of the tip, on many arms."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
 from flexlink.results.tip_motion import tip_travel
-from validation.benchmarks.error_parts import Fine, Path, Setup, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.work_precision import Point, cost
+from validation.runs import apart
+from validation.trade.error_parts import Fine, Path, Setup, Type
+from validation.trade.work_precision import Point, cost
 
-SECOND, FOURTH, TENTH = "RK2", "RK4", "RK10"
+OF_ORDER_2, OF_ORDER_4, OF_ORDER_10 = "RK2", "RK4", "RK10"
 OF_STABLE = 0.9  # of the largest stable step at the start, which postures passed later may shorten
 
 
@@ -53,8 +54,8 @@ class Need(NamedTuple):
     error: float
     evaluations: Mapping[str, float]
 
-    def gain(self, rival: str, method: str = FOURTH) -> float:
-        """How many times fewer the rival takes than the method."""
+    def gain(self, rival: str, method: str = OF_ORDER_4) -> float:
+        """Evaluations of the method over those of the rival."""
         return self.evaluations[method] / self.evaluations[rival]
 
 
@@ -64,20 +65,20 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
     needs: list[Need] = []
     arms, worst = 0, 0.0
     for situation, name, segments in itertools.product(settings.situation, settings.types, settings.segments):
-        cut = Setup(flex=settings.types[name], hinges=segments - 1, method=FOURTH)
+        cut = Setup(flex=settings.types[name], hinges=segments - 1, method=OF_ORDER_4)
         ladders, own = _ladders(base.varied(settings.situation[situation]), cut, settings)
         facts: Facts = {"situation": situation, "chain": name, "cells": segments}
-        yield Measured("error at the largest step", ladders[FOURTH][0].error, base.name, varied=facts)
+        yield Measured("error at the largest step", ladders[OF_ORDER_4][0].error, base.name, varied=facts)
         yield Measured("own error / smallest aim", own / min(settings.errors), base.name, varied=facts)
         needs += [Need(situation, error, _costs(ladders, error)) for error in settings.errors]
-        arms, worst = arms + 1, max(worst, ladders[FOURTH][0].error)
-    for rival, error in itertools.product((SECOND, TENTH), settings.errors):
+        arms, worst = arms + 1, max(worst, ladders[OF_ORDER_4][0].error)
+    for rival, error in itertools.product((OF_ORDER_2, OF_ORDER_10), settings.errors):
         gain = max(need.gain(rival) for need in needs if need.error == error)
         yield Measured("RK4 / rival", gain, base.name, varied={"method": rival, "error": error})
     yield Measured("claim", worst, base.name, varied={"arms": arms}, note=_of_tenth(needs, arms))
-    for method in (FOURTH, TENTH):
-        gain = max(need.gain(SECOND, method) for need in needs)
-        facts = {"claim": f"{method} is more efficient than {SECOND}", "arms": arms}
+    for method in (OF_ORDER_4, OF_ORDER_10):
+        gain = max(need.gain(OF_ORDER_2, method) for need in needs)
+        facts = {"claim": f"{method} is more efficient than {OF_ORDER_2}", "arms": arms}
         yield Measured("claim on RK2", gain, base.name, varied=facts, note=_of_second(needs, method))
 
 
@@ -112,11 +113,11 @@ def _costs(ladders: Mapping[str, list[Point]], error: float) -> dict[str, float]
 
 def _of_tenth(needs: Sequence[Need], arms: int) -> str:
     """Down to which error RK10 is on no arm cheaper than RK4."""
-    if any(math.isinf(need.evaluations[FOURTH]) for need in needs):
+    if any(math.isinf(need.evaluations[OF_ORDER_4]) for need in needs):
         return "does not hold: there is an arm that RK4 does not get through with any of the steps tried"
     held = ""
     for error in dict.fromkeys(need.error for need in needs):
-        gains = [need.gain(TENTH) for need in needs if need.error == error]
+        gains = [need.gain(OF_ORDER_10) for need in needs if need.error == error]
         cheaper = [gain for gain in gains if gain > 1.0]
         if cheaper:
             most = number(max(cheaper), 2)
@@ -130,7 +131,7 @@ def _of_second(needs: Sequence[Need], method: str) -> str:
     """In which situations RK2 takes fewer evaluations than the method, at how many of the errors asked of the arms."""
     said, kept = [], []
     for situation in dict.fromkeys(need.situation for need in needs):
-        gains = [need.gain(SECOND, method) for need in needs if need.situation == situation]
+        gains = [need.gain(OF_ORDER_2, method) for need in needs if need.situation == situation]
         lost = [gain for gain in gains if gain > 1.0]
         if lost:
             most = number(max(lost), 2)

@@ -1,45 +1,32 @@
-"""What the removal of redundant operations gains: the same recursion with and without products by 0 and 1."""
+"""Gain by removing redundant operations: the same recursion with and without products by 0 and 1."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing import loops
-from validation.timing import uniform_newton_euler as uniform
-from validation.timing.families import Family, States, timed_states
-from validation.timing.stopwatch import Work, race
+from validation.speed import compiled_loops, growth, uniform_newton_euler
+from validation.speed.families import States, timed_states
+from validation.speed.growth import Races
+from validation.speed.stopwatch import Work, race
 
 TIMED = True
+
+Settings = Races
+rehearsal = growth.rehearsal
 
 ALL, REMOVED = "all operations", "redundant ones removed"
 BIAS, MASS = "T_GC", "M by method 1"
 
 
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each loop runs."""
-
-    chain: dict[str, Family]
-    turns: int = 40
-    turn: float = 0.0003
-
-
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, settings: Races) -> Iterator[Measured]:
     """Times of both forms of T_GC and of M, how far apart their numbers are, and the smallest gain of each."""
     gains: dict[str, list[float]] = {BIAS: [], MASS: []}
     for name, family in settings.chain.items():
@@ -61,12 +48,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _works(chain: Chain, states: States) -> dict[tuple[str, str], Work]:
-    q, qd, rest, rows = states.q, states.qd, np.zeros_like(states.q), uniform.rows_of(chain)
+    q, qd, rest, rows = states.q, states.qd, np.zeros_like(states.q), uniform_newton_euler.rows_of(chain)
     return {
-        (BIAS, ALL): lambda calls: uniform.bias_loop(rows, q, qd, calls),
-        (BIAS, REMOVED): lambda calls: loops.rne_loop(chain.arrays, q, qd, rest, calls),
-        (MASS, ALL): lambda calls: uniform.mass_loop(rows, q, calls),
-        (MASS, REMOVED): lambda calls: loops.mass_columns_loop(chain.arrays, q, calls),
+        (BIAS, ALL): lambda calls: uniform_newton_euler.bias_loop(rows, q, qd, calls),
+        (BIAS, REMOVED): lambda calls: compiled_loops.rne_loop(chain.arrays, q, qd, rest, calls),
+        (MASS, ALL): lambda calls: uniform_newton_euler.mass_loop(rows, q, calls),
+        (MASS, REMOVED): lambda calls: compiled_loops.mass_columns_loop(chain.arrays, q, calls),
     }
 
 

@@ -1,34 +1,22 @@
-"""Must round-off be weighed against the step? Errors of the steps and of rounding, down to where they meet."""
+"""Does round-off limit the step? Errors of the steps and of rounding, down to the step where they are equal."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
-import msgspec
-
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import EPS
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Setup, apart, rounding
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
 from validation.store import Series, table
-
-CLEAR = 10.0  # times rounding: what is measured of the step is hardly rounding, and that of the exact path
-
-
-class Settings(Spec, frozen=True):
-    """Hinges a link by the paper's rule, steps [s] by method, what counts as exact, what is changed in the scene."""
-
-    hinges: int
-    steps: dict[str, tuple[Positive, ...]]
-    exact: Fine
-    change: dict[str, Any] = msgspec.field(default_factory=dict)
+from validation.trade.error_parts import Fine, Setup, rounding
 
 
 class Errors(NamedTuple):
@@ -39,11 +27,17 @@ class Errors(NamedTuple):
     rounding: float
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Both errors at every step, and the step at which they meet, as a part of the largest stable one."""
+def run(
+    case: Case, hinges: int, steps: dict[str, tuple[Positive, ...]], exact: Fine, change: dict[str, Any] | None = None
+) -> Iterator[Measured | Series]:
+    """Both errors at every step [s], and the step at which they meet, as a part of the largest stable one.
+
+    The links have so many hinges by the paper's rule; `exact` says what counts as exact in time.
+    """
     (full,) = case.load_scenes()
-    scene = full.varied(settings.change)
-    found = {method: list(_errors(scene, method, steps, settings)) for method, steps in settings.steps.items()}
+    scene = full.varied(change or {})
+    setups = {m: [Setup(flex="z", hinges=hinges, method=m, step=h) for h in sizes] for m, sizes in steps.items()}
+    found = {method: list(_errors(scene, each, exact)) for method, each in setups.items()}
     parts: dict[str, float] = {}
     for method, errors in found.items():
         for e in errors:
@@ -65,16 +59,11 @@ def _verdict(parts: Mapping[str, float]) -> str:
     return f"holds up to these parts of the largest stable step: {limits}; above, the error of the step is larger"
 
 
-def _errors(scene: Scene, method: str, steps: Sequence[float], settings: Settings) -> Iterator[Errors]:
-    truth = settings.exact.in_time(scene, _setup(method, steps[0], settings))
-    for step in steps:
-        setup = _setup(method, step, settings)
-        tip = setup.tip(scene)
+def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Errors]:
+    truth = exact.in_time(scene, setups[0])
+    for setup in setups:
+        tip, step = setup.tip(scene), setup.step or 0.0
         yield Errors(step, apart(tip, truth.tip), rounding(scene, setup, tip))
-
-
-def _setup(method: str, step: float, settings: Settings) -> Setup:
-    return Setup(flex="z", hinges=settings.hinges, method=method, step=step)
 
 
 def _stable(scene: Scene, method: str) -> float:
@@ -85,7 +74,8 @@ def _stable(scene: Scene, method: str) -> float:
 def _meeting(errors: Sequence[Errors], order: int) -> float:
     """The step at which both are equal: from the finest whose error stands out of rounding, on with the order."""
     floor = max(e.rounding for e in errors)
-    clear = min((e for e in errors if e.steps >= CLEAR * floor), key=lambda e: e.step, default=errors[0])
+    least = 10.0 * floor  # of an error that is hardly rounding
+    clear = min((e for e in errors if e.steps >= least), key=lambda e: e.step, default=errors[0])
     return float(clear.step * (floor / clear.steps) ** (1.0 / order))
 
 

@@ -10,21 +10,17 @@ from typing import Any, NamedTuple
 import msgspec
 
 import flexlink as fl
-from flexlink.chain.arguments import require_one_of
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Setup, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.families import of_steps
+from validation.runs import apart
+from validation.speed.families import of_steps
+from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
-
-OF_STABLE = 0.9  # of the largest stable step at the start: as fast as RK4 goes
-SMALL = 0.01  # of it, of the steps that are timed: no posture that is passed has a shorter one
-STEPS, REPEATS = (500, 3500), 5
 
 
 class Arm(Spec, frozen=True):
@@ -37,14 +33,8 @@ class Arm(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name."""
-
-    scene: dict[str, Arm]
-
-
 class Price(NamedTuple):
-    """What so many segments a link give and take."""
+    """Error and cost of a number of segments per link."""
 
     scene: str
     segments: int
@@ -52,22 +42,21 @@ class Price(NamedTuple):
     cost: float  # s of CPU a second of motion
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Error and cost of every chain, and what becomes of the claim."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
+def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
+    """Error and cost of every chain of the scenes by name, and what becomes of the claim."""
     found: list[Price] = []
-    for name, arm in settings.scene.items():
-        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(arm.change)
-        limit = arm.fine.limit(scene, arm.flex)
+    for name, arm in scene.items():
+        base = case.varied_scene(name, arm.change)
+        limit = arm.fine.limit(base, arm.flex)
         for segments in arm.segments:
             setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")
-            path = arm.in_time.in_time(scene, setup)
-            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(scene))))
+            path = arm.in_time.in_time(base, setup)
+            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(base))))
             facts: Facts = {"cells": segments}
             yield Measured("error", found[-1].error, name, varied=facts)
             yield Measured("own error / error", (path.own + limit.own) / found[-1].error, name, varied=facts)
             yield Measured("cost", 1e3 * found[-1].cost, name, varied=facts, timed=True)
-    gains = {name: _gain([price for price in found if price.scene == name]) for name in settings.scene}
+    gains = {name: _gain([price for price in found if price.scene == name]) for name in scene}
     yield Measured("claim", max(cost for _, cost in gains.values()), note=_verdict(found, gains), timed=True)
 
 
@@ -75,8 +64,10 @@ def _cost(scene: Scene) -> float:
     """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
     chain = fl.lump(scene)
     stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
-    few, many = (min(_seconds(of_steps(scene, n, SMALL * stable)) for _ in range(REPEATS)) for n in STEPS)
-    return (many - few) / (STEPS[1] - STEPS[0]) / (OF_STABLE * stable)
+    timed = 0.01 * stable  # no posture that is passed has a shorter stable step
+    numbers = 500, 3500
+    few, many = (min(_seconds(of_steps(scene, n, timed)) for _ in range(5)) for n in numbers)
+    return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # as fast as RK4 goes
 
 
 def _seconds(scene: Scene) -> float:

@@ -7,16 +7,15 @@ from typing import Any
 
 import msgspec
 
-from flexlink.chain.arguments import require_one_of
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
-from validation.benchmarks.error_parts import Fine, Path, Type, apart
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
+from validation.trade.error_parts import Fine, Path, Type
 
 TYPES: Mapping[str, Type] = {"rigid": "rigid", "T1": "z", "T2": "yz", "T3": "xyz"}
-STEP = 2.0  # times more precise, at least, is another level of precision
-KNOWN = 0.1  # of an error: the references' own are no more, by the case's limit
+LEAST_GAIN = 2.0  # times more precise, at least, is another level of precision
 
 
 class Motion(Spec, frozen=True):
@@ -27,19 +26,15 @@ class Motion(Spec, frozen=True):
     change: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name, of links that bend and twist."""
+def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
+    """The tip's distance from that with T3, by type, and whether every type is a step of precision everywhere.
 
-    scene: dict[str, Motion]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """The tip's distance from that with T3, by type, and whether every type is a step of precision everywhere."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
+    The scenes by name are of links that bend and twist.
+    """
     found: dict[str, float] = {}
-    for name, motion in settings.scene.items():
-        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(motion.change)
-        limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(scene, flex) for t, flex in TYPES.items()}
+    for name, motion in scene.items():
+        base = case.varied_scene(name, motion.change)
+        limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(base, flex) for t, flex in TYPES.items()}
         errors = {t: apart(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
         for t, error in errors.items():
             facts: Facts = {"type": t}
@@ -58,14 +53,15 @@ def _own(limits: Mapping[str, Path], name: str) -> float:
 
 def _verdict(gains: Mapping[str, float]) -> str:
     """By how many times each type is better than the one before, by type and scene; references are known to a tenth."""
-    worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - KNOWN})
+    known = 0.1  # of an error, at most what the references' own are, by the case's limit
+    worse = _named({name: gain for name, gain in gains.items() if gain < 1.0 - known})
     if worse:
         return f"does not hold: worse than the type before: {worse}"
-    idle = _named({name: gain for name, gain in gains.items() if gain < STEP})
+    idle = _named({name: gain for name, gain in gains.items() if gain < LEAST_GAIN})
     if idle:
         return (
             "holds as the paper limits it, by manipulator and task: the type before is less than "
-            f"{number(STEP)} times worse in {idle}"
+            f"{number(LEAST_GAIN)} times worse in {idle}"
         )
     return "holds"
 

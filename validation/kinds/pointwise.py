@@ -1,29 +1,20 @@
-"""Every term of the equation of motion against other engines: at random, balanced and stretched out."""
+"""Every term of the equation of motion against other engines, at random, balanced and stretched states."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.comparison import compare
 from validation.case import Case, Measured
 from validation.facts import Facts
 
 
-class Settings(Spec, frozen=True):
-    """Engines, number of states and seed, as in `flexlink.diagnosis.comparison.compare`."""
-
-    engines: tuple[str, ...]
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:
     """Largest error of each quantity, engine and scene; where it is too large, what differs."""
     for scene in case.load_scenes():
-        comparison = compare(scene, engines=settings.engines, samples=settings.samples, seed=settings.seed)
+        comparison = compare(scene, engines=engines, samples=samples, seed=seed)
         why = {diagnosis.engine: str(diagnosis) for diagnosis in comparison.diagnoses}
         for row in comparison.rows:
             note = f"Largest at joint {row.joint!r}." if row.passed else why[row.engine]
-            facts: Facts = {"states": settings.samples}
+            facts: Facts = {"states": samples}
             yield Measured(row.quantity, row.error, scene.name, row.engine, facts, note=note)

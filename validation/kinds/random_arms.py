@@ -1,4 +1,4 @@
-"""Random serial arms, which use every key of a link, in other engines: term by term, none left out."""
+"""Random serial arms that use every key of a link, in other engines, term by term."""
 
 from __future__ import annotations
 
@@ -9,46 +9,36 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
-from flexlink.describe.spec import Spec
 from flexlink.diagnosis.quantities import QUANTITIES, compare_engines
 from flexlink.diagnosis.states import State, mixed_states
 from flexlink.engines import Engine, load
-from validation.benchmarks.random_arms import random_arm
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.random_arms import random_arm
 
 SHARES = {"M": "M", "T_GC": "T_GC with tip wrench"}
 """Quantities that are told as a share, too: of the largest element of another over an arm's states. The torque of an
 arm in balance is nothing but rounding; with a load at its tip it is not."""
 
 
-class Settings(Spec, frozen=True):
-    """Engines, number of arms, of states of each, and the first arm's seed."""
-
-    engines: tuple[str, ...]
-    arms: int
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
+def run(case: Case, engines: tuple[str, ...], arms: int, samples: int, seed: int = 0) -> Iterator[Measured]:
     """The largest error of each quantity over all arms, and how many arms an engine has not taken."""
     worst: dict[tuple[str, str], tuple[float, int]] = {}
-    refused: dict[str, list[str]] = {name: [] for name in settings.engines}
-    for seed in range(settings.seed, settings.seed + settings.arms):
-        chain = lump(random_arm(seed))
-        native, states = load("native", chain), mixed_states(chain, settings.samples, seed=seed)
-        for name in settings.engines:
+    refused: dict[str, list[str]] = {name: [] for name in engines}
+    for number in range(seed, seed + arms):
+        chain = lump(random_arm(number))
+        native, states = load("native", chain), mixed_states(chain, samples, seed=number)
+        for name in engines:
             try:
                 engine = load(name, chain)
             except FlexlinkError as reason:
-                refused[name].append(f"arm {seed}: {reason}")
+                refused[name].append(f"arm {number}: {reason}")
                 continue
             for quantity, error in _errors(chain, native, engine, states):
-                worst[name, quantity] = max(worst.get((name, quantity), (-1.0, seed)), (error, seed))
-    facts: Facts = {"arms": settings.arms, "states": settings.samples}
-    for (name, quantity), (error, seed) in worst.items():
-        yield Measured(quantity, error, "random arms", name, facts, note=f"Largest for arm {seed}." if error else "")
+                worst[name, quantity] = max(worst.get((name, quantity), (-1.0, number)), (error, number))
+    facts: Facts = {"arms": arms, "states": samples}
+    for (name, quantity), (error, number) in worst.items():
+        yield Measured(quantity, error, "random arms", name, facts, note=f"Largest for arm {number}." if error else "")
     for name, reasons in refused.items():
         yield Measured("arms refused", len(reasons), "random arms", name, facts, note="; ".join(reasons[:3]))
 

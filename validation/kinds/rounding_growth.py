@@ -10,50 +10,44 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexlink import engines
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.dynamics.accelerations import SOLVERS
+from flexlink.engines import load
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.runs import motion_series, points_of
 from validation.case import Case, Measured
 from validation.facts import Fact
+from validation.runs import motion_series, points_of
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 LONG = True
 
 
-class Settings(Spec, frozen=True):
-    """Engines, duration and step of the runs [s], and the difference [rad] at which two motions count as parted."""
+def run(
+    case: Case, engines: tuple[str, ...], duration: Positive, step: Positive, parted: Positive = 1e-3
+) -> Iterator[Measured | Series]:
+    """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon.
 
-    engines: tuple[str, ...]
-    duration: Positive
-    step: Positive
-    parted: Positive = 1e-3
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """Growth rate, horizon, and the largest ratio of an engine's difference to the yardstick within the horizon."""
+    Runs have a duration and step [s]; two motions count as parted at a difference of `parted` [rad].
+    """
     for short in case.load_scenes():
         yield from motion_series(short, simulate(short))
-        scene = short.varied({"run.duration": settings.duration, "run.step": settings.step})
+        scene = short.varied({"run.duration": duration, "run.step": step})
         ours = simulate(scene)
         own = np.max([_running_max(other, ours.q) for other in _own_differences(scene)], axis=0)
-        parted = own >= settings.parted
-        end = int(np.argmax(parted)) if parted.any() else len(own)
+        apart = own >= parted
+        end = int(np.argmax(apart)) if apart.any() else len(own)
         within = slice(1, end)
         rate = float(np.polyfit(ours.t[within], np.log(own[within]), 1)[0])
-        ulps = 0.5 * math.sqrt(1 / (rate * settings.step))  # half an ulp in each step of one e-folding time
+        ulps = 0.5 * math.sqrt(1 / (rate * step))  # half an ulp in each step of one e-folding time
         facts: dict[str, Fact] = {"method": scene.run.method, "step": scene.run.step}
         yield Measured("growth rate", rate, scene.name, varied=facts)
         yield Measured("horizon", float(ours.t[end - 1]), scene.name, varied=facts)
         curves = {"time [s]": ours.t, "native, one ulp or another solver": own}
-        for name in settings.engines:
-            t, q, qd = engines.load(name, ours.chain).integrate(scene)
+        for name in engines:
+            t, q, qd = load(name, ours.chain).integrate(scene)
             begun = (part[: short.run.samples] for part in (t, q, qd))
             yield from motion_series(short, points_of(short, ours.chain, *begun), name)
             curves[name] = _running_max(q, ours.q)

@@ -1,4 +1,4 @@
-"""Speed of a whole simulation: warmed up, alone on the machine, the fastest of repeats."""
+"""Speed of a whole simulation after warm-up: the fastest of several runs."""
 
 from __future__ import annotations
 
@@ -7,32 +7,21 @@ from collections.abc import Iterator
 from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
-from validation.benchmarks.runs import told
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.stopwatch import Work, race
+from validation.runs import run_facts
+from validation.speed.stopwatch import Work, race
 
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """Repeats of a run, our ways of solving for q̈, and engines timed beside ours."""
-
-    repeats: int
-    solvers: tuple[str, ...]
-    engines: tuple[str, ...] = ()
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Simulated seconds per second, and time of a step."""
+def run(case: Case, repeats: int, solvers: tuple[str, ...], engines: tuple[str, ...] = ()) -> Iterator[Measured]:
+    """Simulated seconds per second, and time of a step; `solvers` are our ways of solving for q̈."""
     for scene in case.load_scenes():
-        works = {
-            ("native", solver): _runs("native", scene.varied({"run.solver": solver})) for solver in settings.solvers
-        }
-        works |= {(name, ""): _runs(name, scene) for name in settings.engines}
-        for (name, solver), lap in race(works, settings.repeats, 0.0).items():
-            facts: Facts = told(scene.run) | ({"solver": solver} if solver else {})
+        works = {("native", solver): _runs("native", scene.varied({"run.solver": solver})) for solver in solvers}
+        works |= {(name, ""): _runs(name, scene) for name in engines}
+        for (name, solver), lap in race(works, repeats, 0.0).items():
+            facts: Facts = run_facts(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
             yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, facts, timed=True)
             step = 1e6 * lap.seconds * scene.run.step / scene.run.duration

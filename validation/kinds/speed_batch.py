@@ -1,4 +1,4 @@
-"""Many members at once: the loop of `simulate_many` beside MuJoCo's rollout and `mj_step`, one thread each."""
+"""Many runs at once on one thread: the loop of `simulate_many`, MuJoCo's rollout and `mj_step`."""
 
 from __future__ import annotations
 
@@ -9,29 +9,26 @@ from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from flexlink.kernels.tools.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
-from validation.timing import steps
-from validation.timing.families import Family, of_steps, timed_states
-from validation.timing.stopwatch import clock, race
+from validation.speed import steps
+from validation.speed.families import of_steps, timed_states
+from validation.speed.growth import Races
+from validation.speed.stopwatch import clock, race
 
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """The chains, number of members (a multiple of 8), steps of the whole run, and how often and long [s] each runs."""
+class Settings(Races, frozen=True):
+    """The races; number of members (a multiple of 8), and steps of the whole run."""
 
-    chain: dict[str, Family]
     members: int
     steps: int
-    turns: int = 5
-    turn: float = 0.05
 
 
 def rehearsal(settings: Settings) -> Settings:
-    """So few members and steps that nothing but compilation takes time."""
+    """Few members and steps, so that only compilation takes time."""
     return replace(settings, members=LANES, steps=1, turns=1, turn=0.0)
 
 

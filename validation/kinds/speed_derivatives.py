@@ -1,4 +1,4 @@
-"""Time of exact derivatives by public call, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
+"""Time of a call of exact derivatives, ∂q̈/∂(q, q̇, T_EX) and ∂τ/∂(q, q̇, q̈), and of Pinocchio's from Python."""
 
 from __future__ import annotations
 
@@ -6,41 +6,29 @@ from collections.abc import Iterator
 from typing import Any
 
 import pinocchio as pin
-from msgspec.structs import replace
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing import pinocchio_models
-from validation.timing.contestants import Jobs, from_python
-from validation.timing.families import Family, States, timed_states
-from validation.timing.stopwatch import race
+from validation.speed import growth, pinocchio_models
+from validation.speed.evaluations import Jobs, from_python
+from validation.speed.families import States, timed_states
+from validation.speed.growth import Races
+from validation.speed.stopwatch import race
 
 FORWARD, INVERSE = "∂q̈", "∂τ"
 OURS = "public"
 
 TIMED = True
 
-
-class Settings(Spec, frozen=True):
-    """Families by name, and how often and how long [s] each contestant runs."""
-
-    chain: dict[str, Family]
-    turns: int = 12
-    turn: float = 0.0015
+Settings = Races
+rehearsal = growth.rehearsal
 
 
-def rehearsal(settings: Settings) -> Settings:
-    """The shortest chain of every family, once."""
-    shortest = {name: replace(family, segments=family.segments[:1]) for name, family in settings.chain.items()}
-    return replace(settings, chain=shortest, turns=1, turn=0.0)
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Ratios of Pinocchio's times, of its fastest joints, to ours, and ours."""
+def run(case: Case, settings: Races) -> Iterator[Measured]:
+    """Our times, and the ratios of Pinocchio's times, with its fastest joints, to ours."""
     for name, family in settings.chain.items():
         for segments in family.segments:
             chain = lump(family.scene(case, segments))
@@ -56,7 +44,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def parties(chain: Chain, states: States) -> dict[str, Jobs]:
-    """Who takes part, by job: we, and Pinocchio with each kind of joints that fits."""
+    """The contestants by job: flexlink, and Pinocchio with each kind of joints that fits."""
     q, qd, tau, qdd = (list(part) for part in states)
     found = {
         OURS: {

@@ -1,4 +1,4 @@
-"""A control loop in Python: a joint PD in NumPy samples an arm, and `Simulator.step` or MuJoCo's `mj_step` goes on.
+"""A control loop in Python: a joint PD law in NumPy, then `Simulator.step` or MuJoCo's `mj_step`.
 
 The law is part of the time; it and the joints are the same for all.
 """
@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import mujoco
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
@@ -23,15 +23,13 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.timing.stopwatch import Work, race
+from validation.speed.stopwatch import Work, race
+from validation.types import Array
 
 TIMED = True
 
-Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], Array]
 """T_EX of the driven joints (d,) [N m] from t [s], q and q̇ (n,)."""
-
-SWING = 0.1  # rad, of the joints' target, once a second
 
 
 class Way(Spec, frozen=True):
@@ -41,37 +39,37 @@ class Way(Spec, frozen=True):
     step: Positive
 
 
-class Settings(Spec, frozen=True):
-    """Ways by name, rate of the loop [Hz], PD gains per driven joint, and how often and how long [s] each
-    contestant runs.
-    """
-
-    way: dict[str, Way]
-    rate: Positive
-    kp: tuple[Positive, ...]  # N m/rad
-    kd: tuple[Positive, ...]  # N m s/rad
-    turns: int = 10
-    turn: NonNegative = 0.02
-
-
-def rehearsal(settings: Settings) -> Settings:
-    """Every way, for one sample."""
+def rehearsal(settings: Any) -> Any:
+    """Every method, for one sample."""
     return replace(settings, turns=1, turn=0.0)
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Time of a sample, how often it goes into the time it stands for, and MuJoCo's over ours, with the same steps."""
-    between = 1.0 / settings.rate
+def run(
+    case: Case,
+    way: dict[str, Way],
+    rate: Positive,
+    kp: tuple[Positive, ...],
+    kd: tuple[Positive, ...],
+    turns: int = 10,
+    turn: NonNegative = 0.02,
+) -> Iterator[Measured]:
+    """Time of a sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
+
+    `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the gains of the driven joints; each
+    contestant runs `turns` times, `turn` [s] or longer.
+    """
+    between = 1.0 / rate
     for scene in case.load_scenes():
-        for name, way in settings.way.items():
-            own = scene.varied({"run.method": way.method, "run.step": way.step})
+        for name, each in way.items():
+            method, step = each.method, each.step
+            own = scene.varied({"run.method": method, "run.step": step})
             chain = lump(own)
-            law = _pd(own, chain, settings)
+            law = _pd(own, chain, np.array(kp), np.array(kd))
             works = {"native": _native(own, law, between)}
-            if way.method == "RK4":
+            if method == "RK4":
                 works["mujoco"] = _mujoco(own, chain, law, between)
-            laps = race(works, settings.turns, settings.turn)
-            facts: Facts = {"method": way.method, "step": way.step, "n": chain.n}
+            laps = race(works, turns, turn)
+            facts: Facts = {"method": method, "step": step, "n": chain.n}
             for party, lap in laps.items():
                 yield Measured("time of a sample", 1e6 * lap.seconds, scene.name, party, facts, timed=True)
             ours = laps.pop("native").seconds
@@ -80,12 +78,12 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
                 yield Measured(f"{party} / native", lap.seconds / ours, scene.name, party, facts, timed=True)
 
 
-def _pd(scene: Scene, chain: Chain, settings: Settings) -> Law:
-    """Towards angles that swing about the start, with the torque that holds the arm there."""
+def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:
+    """PD law towards angles that oscillate about the start, with the torque that holds the arm there."""
     driven, (start, _) = chain.active, initial_state(scene, chain)
     target, hold = start[driven], gravity_torque(chain, start)[driven]
-    kp, kd = np.array(settings.kp), np.array(settings.kd)
-    return lambda t, q, qd: hold + kp * (target + SWING * math.sin(2 * math.pi * t) - q[driven]) - kd * qd[driven]
+    swing = 0.1  # rad, once a second
+    return lambda t, q, qd: hold + kp * (target + swing * math.sin(2 * math.pi * t) - q[driven]) - kd * qd[driven]
 
 
 def _native(scene: Scene, law: Law, between: float) -> Work:

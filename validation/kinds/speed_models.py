@@ -1,4 +1,4 @@
-"""What a model costs: type of the links, rule, hinges, method and steps, against the tip's whole error from the arm.
+"""Cost of a model against its total error at the tip: type of the links, rule, hinges, method and steps.
 
 The error is from the arm itself, a chain of infinitely many hinges exact in time, as a part of how far its tip moves;
 the time is that of the steps alone, as in `speed_trade`.
@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.chain.arguments import require_one_of
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
@@ -21,16 +20,16 @@ from flexlink.describe.spec import Positive, Spec
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
 from flexlink.results.tip_motion import tip_travel
-from validation.benchmarks.error_parts import Fine, Setup, Type, apart
 from validation.case import Case, Measured
+from validation.runs import apart
 from validation.store import Series, table
-from validation.timing.native_trade import OF_STABLE, timed_run
+from validation.trade.error_parts import Fine, Setup, Type
+from validation.trade.native_ladder import OF_STABLE, timed_run
 
 TIMED = True
 
 COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
 TYPES = {"rigid": "rigid", "z": "T1", "yz": "T2", "xyz": "T3"}
-REPEATS = 3
 
 
 class Grid(Spec, frozen=True):
@@ -72,14 +71,6 @@ class Grid(Spec, frozen=True):
                 yield replace(cut, method=method, step=_largest_step(cut.scene(scene), method))
 
 
-class Settings(Spec, frozen=True):
-    """Scenes by name; errors, as parts of the motion; the longest run [s of CPU]."""
-
-    scene: dict[str, Grid]
-    errors: tuple[Positive, ...]
-    budget: Positive
-
-
 class Run(NamedTuple):
     """A run: how it is made, its error as a part of the motion, CPU seconds."""
 
@@ -88,7 +79,7 @@ class Run(NamedTuple):
     seconds: float
 
     @property
-    def said(self) -> str:
+    def in_words(self) -> str:
         """The choice in words."""
         flex, rule, hinges, method, setting, *_ = self.row
         cut = flex if flex == "rigid" else f"{flex}, {hinges} hinges by {rule}"
@@ -101,27 +92,31 @@ class Run(NamedTuple):
         return TYPES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
-    """How well the truth is known; for each error the cheapest run; and all runs to draw."""
-    scenes = {scene.name: scene for scene in case.load_scenes()}
-    for name, grid in settings.scene.items():
-        scene = require_one_of(f"{case.path}: settings.scene", name, scenes).varied(grid.change)
-        truth = grid.fine.limit(scene, grid.true)
+def run(
+    case: Case, scene: dict[str, Grid], errors: tuple[Positive, ...], budget: Positive
+) -> Iterator[Measured | Series]:
+    """How well the truth is known; for each error the cheapest run; and all runs to draw.
+
+    `errors` are parts of the motion; `budget` is the longest run [s of CPU].
+    """
+    for name, grid in scene.items():
+        base = case.varied_scene(name, grid.change)
+        truth = grid.fine.limit(base, grid.true)
         motion = tip_travel(truth.tip)
-        yield Measured("own error / smallest error", truth.own / (motion * min(settings.errors)), scene.name)
-        setups = grid.setups(scene, motion)
-        made = [run for setup in setups if (run := _made(scene, setup, truth.tip, motion, settings.budget))]
-        for error in settings.errors:
+        yield Measured("own error / smallest error", truth.own / (motion * min(errors)), base.name)
+        setups = grid.setups(base, motion)
+        made = [run for setup in setups if (run := _made(base, setup, truth.tip, motion, budget))]
+        for error in errors:
             met = [run for run in made if run.error <= error]
             if met:
                 best = min(met, key=lambda run: run.seconds)
                 yield Measured(
-                    "CPU time", 1e3 * best.seconds, scene.name, varied={"error": error}, note=best.said, timed=True
+                    "CPU time", 1e3 * best.seconds, base.name, varied={"error": error}, note=best.in_words, timed=True
                 )
         columns = table(COLUMNS, [run.row for run in made])
-        title = f"{scene.name}: which model, and what it costs"
+        title = f"{base.name}: which model, and what it costs"
         x, y = COLUMNS[-2:]
-        yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=scene.name)
+        yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
 
 
 def _largest_step(scene: Scene, method: str) -> float:
@@ -136,7 +131,7 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
     asked = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
     cut = setup.scene(scene).varied({key: value for key, value in asked.items() if value is not None})
     try:
-        runs = [timed_run(cut, longest) for _ in range(REPEATS)]
+        runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
     return Run(setup, apart(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))

@@ -1,4 +1,4 @@
-"""What a user waits for and what memory a run takes: cold and warm start, import, growth with duration.
+"""Cold and warm start, import time, and growth of memory with the length of a run.
 
 Every measurement is a process of its own; the cold start has an empty cache folder of its own.
 """
@@ -11,13 +11,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
-from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
+from validation.sources import ROOT
 
-ROOT = Path(__file__).parent.parent.parent
-GROWTH = """
+PEAK_SCRIPT = """
 import resource, sys, flexlink
 scene = flexlink.load_scene(sys.argv[1])
 def peak(steps):
@@ -32,15 +30,11 @@ print((long - short) * (1 if sys.platform == 'darwin' else 1024))
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """Repeats of what is warm, and the steps of a short and a long run with the same 101 samples."""
+def run(case: Case, repeats: int, steps: tuple[int, int]) -> Iterator[Measured]:
+    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher.
 
-    repeats: int
-    steps: tuple[int, int]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Seconds of the command, cold and warm, and of the import; bytes by which a longer run's peak is higher."""
+    `steps` are those of a short and a long run with the same 101 samples.
+    """
     for scene, path in zip(case.load_scenes(), case.scene_files, strict=True):
         with tempfile.TemporaryDirectory() as folder:
             environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"} | {"XDG_CACHE_HOME": folder}
@@ -48,13 +42,13 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             seconds, said = _timed(command, environment)
             yield Measured("cold start", seconds, scene.name, timed=True)
             yield Measured("cold start says that it compiles", float("compil" in said.lower()), scene.name)
-            warm = min(_timed(command, environment)[0] for _ in range(settings.repeats))
+            warm = min(_timed(command, environment)[0] for _ in range(repeats))
             yield Measured("warm start", warm, scene.name, timed=True)
             importing = [sys.executable, "-c", "import flexlink"]
-            again = (_timed(importing, environment)[0] for _ in range(settings.repeats))
+            again = (_timed(importing, environment)[0] for _ in range(repeats))
             yield Measured("import", min(again), timed=True)
-        short, long = settings.steps
-        growth = _timed([sys.executable, "-c", GROWTH, str(path), str(short), str(long)], dict(os.environ))[1]
+        short, long = steps
+        growth = _timed([sys.executable, "-c", PEAK_SCRIPT, str(path), str(short), str(long)], dict(os.environ))[1]
         note = f"Against {short:,} steps; 101 samples both."
         yield Measured(
             "growth of memory", float(growth.split()[-1]) / 1e6, scene.name, varied={"steps": long}, note=note
@@ -62,7 +56,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
 
 
 def _timed(command: list[str], environment: dict[str, str]) -> tuple[float, str]:
-    """Seconds from the start of the process to its end, and what it said."""
+    """Seconds from the start of a process to its end, and its output."""
     start = time.perf_counter()
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=True)
     return time.perf_counter() - start, done.stderr + done.stdout

@@ -9,52 +9,49 @@ import time
 from collections.abc import Iterator
 
 from flexlink.chain.lumping import lump
-from flexlink.describe.spec import Spec
 from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.kinds.speed_calls import Time, exponents, series
+from validation.speed import steps
+from validation.speed.families import Family, of_steps
+from validation.speed.growth import Races, Time, growth
+from validation.speed.stopwatch import race
 from validation.store import Series
-from validation.timing import steps
-from validation.timing.families import Family, of_steps
-from validation.timing.stopwatch import race
 
 TIMED = True
 
 
-class Settings(Spec, frozen=True):
-    """Families by name, segments of the longest chains and their steps, and how often and how long [s] each runs."""
+class Settings(Races, frozen=True):
+    """The races; segments of the longest chains, and their steps."""
 
-    chain: dict[str, Family]
     longest: dict[str, int]
     longest_steps: int
-    turns: int = 6
-    turn: float = 0.006
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Times of a step, ratios, exponents, a series to draw, and the longest chains."""
-    entries: list[tuple[str, Time]] = []
+    found: list[Time] = []
     for name, family in settings.chain.items():
-        times: list[Time] = []
         for segments in family.segments:
-            found = _race(case, family, segments, settings)
-            yield from _rows(name, found)
-            times += found
-        yield from exponents(name, "RK4 step", times)
-        entries += [(name, each) for each in times]
-    yield series("RK4 step", entries)
+            ours, *others = _race(case, name, family, segments, settings)
+            for each in others:
+                facts: Facts = {"chain": name, "n": each.n}
+                quantity = f"{name}, n = {each.n}: {each.engine} / native"
+                yield Measured(quantity, each.seconds / ours.seconds, "", each.engine, facts, timed=True)
+            found += [ours, *others]
+    yield from growth(found)
     for name, segments in settings.longest.items():
         scene = of_steps(settings.chain[name].released(case, segments), settings.longest_steps)
         start = time.perf_counter()
         end = simulate(scene)  # an error if it leaves the finite numbers
         seconds = time.perf_counter() - start
-        facts: Facts = {"chain": name, "n": end.chain.n}
+        facts = {"chain": name, "n": end.chain.n}
         yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), varied=facts)
         yield Measured("run of the longest chain", seconds, varied=facts, timed=True)
 
 
-def _race(case: Case, family: Family, segments: int, settings: Settings) -> list[Time]:
+def _race(case: Case, name: str, family: Family, segments: int, settings: Settings) -> list[Time]:
+    """Our time, and those of the others that take part."""
     scene = family.released(case, segments)
     works = {"native": steps.native(scene)}
     if segments <= family.mujoco:
@@ -62,13 +59,4 @@ def _race(case: Case, family: Family, segments: int, settings: Settings) -> list
     if segments <= family.pinocchio:
         works["pinocchio"] = steps.by_pinocchio(scene)
     laps = race(works, settings.turns, settings.turn)
-    return [Time(name, lump(scene).n, lap.seconds) for name, lap in laps.items()]
-
-
-def _rows(family: str, times: list[Time]) -> Iterator[Measured]:
-    ours = times[0]
-    for each in times:
-        if each is not ours:
-            ratio = each.seconds / ours.seconds
-            facts: Facts = {"chain": family, "n": each.n}
-            yield Measured(f"{family}, n = {each.n}: {each.engine} / native", ratio, "", each.engine, facts, timed=True)
+    return [Time(name, "RK4 step", engine, lump(scene).n, lap.seconds) for engine, lap in laps.items()]

@@ -1,8 +1,8 @@
-"""Work against precision: what an error costs with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
+"""Work-precision study: time for a given error with flexlink, MuJoCo, Pinocchio, SciPy, CVODE, Drake and Exudyn.
 
 CPU time of the thread, runs only, after set-up and compilation. Others are given the line between their runs, their own
 order beyond them, and, where a run at the limit of stability would take too long, an error of nothing; flexlink has
-only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_trade`).
+only its runs that met the error. Pinocchio is charged with its evaluations alone (`pinocchio_ladder`).
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from typing import NamedTuple
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
-from validation.benchmarks.trade import scenes, trade_scene
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.store import Series, table
-from validation.timing import mujoco_trade, native_trade, pinocchio_trade, solver_trade, witness_trade
-from validation.timing.work_precision import Cost, Point, cost
+from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder, solver_ladder, witness_ladder
+from validation.trade.scenes import scenes, trade_scene
+from validation.trade.work_precision import Cost, Point, cost
 
 TIMED = True
 
 Ladders = dict[str, list[Point]]
-LABELS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
-MARKS = {
+COLUMNS = "method", "setting", "error", "CPU time [s]", "deflection error", "evaluations"
+NOTES = {
     "measured": "",
     "order": "Beyond its smallest measured error, by its order.",
     "limit": "At its limit of stability, from a part of the run; its error is taken to be small enough.",
 }
-SMALLEST = 1e-8  # error at which a ladder ends
+LAST_ERROR = 1e-8  # error at which a ladder ends
 RK4, MUJOCO, PINOCCHIO, SOLVERS = "RK4", "MuJoCo", "Pinocchio", "solvers"
-HIGHEST = 4.0  # order with which RK4 goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
-ORDERS: Mapping[str, Mapping[str, float]] = {
-    MUJOCO: mujoco_trade.ORDER,
-    PINOCCHIO: pinocchio_trade.ORDER,
+ORDER_OF_RK4 = 4.0  # with which it goes on, and SciPy's and CVODE's tolerances, of which only what was run counts
+ORDERS_OF_OTHERS: Mapping[str, Mapping[str, float]] = {
+    MUJOCO: mujoco_ladder.ORDER,
+    PINOCCHIO: pinocchio_ladder.ORDER,
     "Exudyn": {"GeneralizedAlpha": 2.0, "TrapezoidalIndex2": 2.0},
 }
 
@@ -68,9 +68,9 @@ class Aim(NamedTuple):
     what: str
     error: float
 
-    def seen(self, point: Point) -> Point:
+    def point(self, point: Point) -> Point:
         """The point with the error that counts."""
-        return point if self.what == "error" or point.untold else point._replace(error=point.bend)
+        return point if self.what == "error" or point.time_only else point._replace(error=point.bend)
 
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
@@ -85,27 +85,27 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 
 
 def _has_its_own(case: Case, name: str, quantity: str) -> bool:
-    """Whether a limit that holds for all scenes is given up for one, whose quantity says why."""
-    own = case.quantity.get(f"{name}, {quantity.removesuffix(FAST)}")
+    """Whether the limit for all scenes is replaced for this one by a quantity of its own."""
+    own = case.quantity.get(f"{name}, {quantity.removesuffix(HARD_SCENE)}")
     return own is not None and bool(own.given_up)
 
 
 def _ours(name: str, settings: Settings) -> Ladders:
-    found = {each: native_trade.by_tolerance(name, each, settings.budget, SMALLEST) for each in settings.methods}
-    return found | {each: native_trade.by_step(name, each, settings.budget, SMALLEST) for each in settings.stepped}
+    found = {each: native_ladder.by_tolerance(name, each, settings.budget, LAST_ERROR) for each in settings.methods}
+    return found | {each: native_ladder.by_step(name, each, settings.budget, LAST_ERROR) for each in settings.stepped}
 
 
 def _others(name: str, settings: Settings) -> dict[str, Ladders]:
     found: dict[str, Ladders] = {
-        RK4: {native_trade.LIMIT: native_trade.by_step(name, "RK4", settings.budget, SMALLEST)},
-        MUJOCO: {} if trade_scene(name).motion else mujoco_trade.points(name, settings.budget, SMALLEST),
+        RK4: {native_ladder.LIMIT: native_ladder.by_step(name, "RK4", settings.budget, LAST_ERROR)},
+        MUJOCO: {} if trade_scene(name).motion else mujoco_ladder.points(name, settings.budget, LAST_ERROR),
         SOLVERS: _solvers(name, settings) if name in settings.solver_scenes else {},
     }
     if settings.pinocchio:
-        found[PINOCCHIO] = pinocchio_trade.points(name, settings.pinocchio_tolerances, settings.pinocchio, SMALLEST)
+        found[PINOCCHIO] = pinocchio_ladder.points(name, settings.pinocchio_tolerances, settings.pinocchio, LAST_ERROR)
     for engine in settings.witnesses if name in settings.witness_scenes else ():
         with contextlib.suppress(MissingDependencyError):
-            found[witness_trade.NAMES[engine]] = witness_trade.points(engine, name, settings.budget, SMALLEST)
+            found[witness_ladder.NAMES[engine]] = witness_ladder.points(engine, name, settings.budget, LAST_ERROR)
     return found
 
 
@@ -113,7 +113,7 @@ def _solvers(name: str, settings: Settings) -> Ladders:
     found: Ladders = {}
     for solver in settings.solvers:
         try:
-            found[solver] = solver_trade.points(name, solver, settings.solver_tolerances)
+            found[solver] = solver_ladder.points(name, solver, settings.solver_tolerances)
         except MissingDependencyError:  # CVODE is optional: the best of SciPy's is there
             continue
     return found
@@ -122,7 +122,7 @@ def _solvers(name: str, settings: Settings) -> Ladders:
 def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Iterator[Measured]:
     ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
-        if own := native_trade.cheapest({method: ours[method]}, aim.error):
+        if own := native_ladder.cheapest({method: ours[method]}, aim.error):
             yield _time(name, "native", method, aim, Cost(own[1].seconds))
             yield _evaluations(name, "native", method, aim, own[1].evaluations)
     for group, ladders in others.items():
@@ -133,12 +133,12 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
             if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
                 yield _evaluations(name, group, each, aim, evaluations.seconds)
         if costs:
-            best = native_trade.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
+            best = native_ladder.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
             yield from _ratios(name, group, aim, costs, best)
 
 
 def _seen(aim: Aim, ladders: Ladders) -> Ladders:
-    return {name: [aim.seen(point) for point in points] for name, points in ladders.items()}
+    return {name: [aim.point(point) for point in points] for name, points in ladders.items()}
 
 
 def _ratios(
@@ -147,14 +147,14 @@ def _ratios(
     """The cheapest of a group over the cheapest run of flexlink; 0 where flexlink does not get there."""
     least = min(costs, key=lambda each: costs[each].seconds)
     ratio = costs[least].seconds / best[1].seconds if best else 0.0
-    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_told(best)}. {MARKS[costs[least].kind]}".strip()
+    note = f"{least}: {1e3 * costs[least].seconds:.4g} ms; {_run_in_words(best)}. {NOTES[costs[least].kind]}".strip()
     quantity = f"{group} / flexlink, {aim.what} {aim.error:g}"
-    named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{FAST}",) if _is_damped_or_spatial(name) else ())
+    named = (quantity, f"{name}, {quantity}") + ((f"{quantity}{HARD_SCENE}",) if _is_damped_or_spatial(name) else ())
     for each in named:
         yield Measured(each, ratio, name, group, {aim.what: aim.error}, note=note, timed=True)
 
 
-FAST = ", damped or spatial"
+HARD_SCENE = ", damped or spatial"
 
 
 def _is_damped_or_spatial(name: str) -> bool:
@@ -165,12 +165,12 @@ def _is_damped_or_spatial(name: str) -> bool:
 
 
 def _cost(group: str, name: str, points: Sequence[Point], error: float) -> Cost | None:
-    if len(points) == 1 and points[0].untold:
+    if len(points) == 1 and points[0].time_only:
         return Cost(points[0].seconds, "limit")
-    return cost(points, error, ORDERS.get(group, {}).get(name, HIGHEST))
+    return cost(points, error, ORDERS_OF_OTHERS.get(group, {}).get(name, ORDER_OF_RK4))
 
 
-def _told(best: tuple[str, Point] | None) -> str:
+def _run_in_words(best: tuple[str, Point] | None) -> str:
     if best is None:
         return "flexlink does not get there"
     return f"{best[0]}, setting {best[1].setting:.2g}: {1e3 * best[1].seconds:.4g} ms"
@@ -178,7 +178,7 @@ def _told(best: tuple[str, Point] | None) -> str:
 
 def _time(name: str, engine: str, method: str, aim: Aim, known: Cost) -> Measured:
     facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
-    return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=MARKS[known.kind], timed=True)
+    return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=NOTES[known.kind], timed=True)
 
 
 def _evaluations(name: str, engine: str, method: str, aim: Aim, number: float) -> Measured:
@@ -194,5 +194,5 @@ def _series(name: str, ladders: Ladders) -> Series:
         if point.error < math.inf
     ]
     title = f"{name}: {scenes()[name].about}"
-    columns, (_, _, x, y, *_) = table(LABELS, rows), LABELS
+    columns, (_, _, x, y, *_) = table(COLUMNS, rows), COLUMNS
     return Series("work", title, columns, x, x, y, "log", "log", group="method", scene=name)

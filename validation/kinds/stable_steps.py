@@ -1,4 +1,4 @@
-"""The stable step that is predicted against the one that is observed, of every explicit method on every scene.
+"""Predicted and observed largest stable step of every explicit method on every scene.
 
 Each arm rests where gravity and wrench bend it, its joints held by constant torques. Two runs of a few steps h, which
 start a little aside along all modes at once, either way, tell by how much a step multiplies each mode: with w its left
@@ -17,13 +17,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ConvergenceError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Spec
 from flexlink.dynamics.terms import bias_torque, elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.dynamics.vibration.stability import stable_step, stable_step_of
@@ -33,34 +31,20 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
 from validation.store import Series, table
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from validation.types import Array, Complex
 
 LONG = True
 
-STEPS = 3
+STEPS_OF_A_RUN = 3
 """Of a run: what grows by itself, tenfold in such a step where an arm stands, still leaves differences small."""
 
-ASIDE, OF_WIDTH = 1e-8, 1e-4
+ANGLE_ASIDE, RATE_ASIDE_OF_WIDTH = 1e-8, 1e-4
 """Largest difference at the start, of angles [rad], and of rates as a part of the width in which friction turns round:
 their squares cancel, also where a hinge is 10⁸ times as stiff as its neighbour; cubes, and what rounding is of them,
 are far below the growth that counts."""
 
-SLOW = 0.02
-"""|hλ| of a mode that hardly moves in a step: far from any method's limit."""
-
-OWN_GROWTH = 1e-2
-"""Re λ / |λ| of a mode that grows by itself; what rounding makes of an undamped one is less."""
-
-SIDES, HALVINGS = (0.8, 1.25), 9
+SEARCHED, HALVINGS = (0.8, 1.25), 9
 """Parts of the predicted step between which the observed one is sought, down to (1.25 − 0.8) / 2⁹ = 0.1 %."""
-
-
-class Settings(Spec, frozen=True):
-    """The explicit methods."""
-
-    methods: tuple[str, ...]
 
 
 class Rest(NamedTuple):
@@ -73,14 +57,14 @@ class Rest(NamedTuple):
     aside: Array  # (2 n,)
 
 
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+def run(case: Case, methods: tuple[str, ...]) -> Iterator[Measured | Series]:
     """Observed over predicted less 1 of every scene with a largest stable step, and how many there are."""
     rows = list[tuple[str, int, str, float, float, float]]()
     scenes = case.load_scenes()
     for scene in scenes:
         rest = at_rest(scene)
         chain = lump(rest.scene)
-        for name in settings.methods:
+        for name in methods:
             predicted = stable_step(chain, rest.q, tip_wrench=rest.scene.tip_wrench, method=name)
             if rest.λ.size and predicted < 0.999 * stable_step_of(rest.λ, name):
                 yield Measured("bounded by what grows by itself", predicted, scene.name, varied={"method": name})
@@ -116,19 +100,19 @@ def at_rest(scene: Scene) -> Rest:
     torque[[chain.coordinates[k].link - 1 for k in chain.active]] = hold[chain.active]
     scene = scene.varied({"drive": {"kind": "constant", "torque": torque}, "initial.passive": None})
     λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
-    counted = λ.real <= OWN_GROWTH * np.abs(λ)
+    counted = λ.real <= 1e-2 * np.abs(λ)  # others grow by themselves; rounding of an undamped mode is less
     one_of_two = right[:, counted & (λ.imag >= 0)]
     aside = (one_of_two * (1 + 1j) / np.abs(one_of_two).max(axis=0)).real.sum(axis=1)  # each in angle and in rate
     width = chain.hinges["coulomb_width"].min(where=chain.hinges["coulomb"] > 0, initial=np.inf)
     angles, rates = (np.abs(part).max() for part in np.split(aside, 2))
     with np.errstate(divide="ignore", invalid="ignore"):  # nothing holds or brakes the arm: no step is too large
-        aside *= min(ASIDE / angles, ASIDE * np.abs(λ).max() / rates, OF_WIDTH * width / rates)
+        aside *= min(ANGLE_ASIDE / angles, ANGLE_ASIDE * np.abs(λ).max() / rates, RATE_ASIDE_OF_WIDTH * width / rates)
     return Rest(scene, q, λ[counted], left.T.conj()[counted], aside)
 
 
 def observed(rest: Rest, name: str, predicted: float) -> float:
     """The largest stable step over the predicted one; a side where it lies beyond."""
-    low, high = SIDES
+    low, high = SEARCHED
     if growth(rest, name, low * predicted) > GROWTH:
         return low
     if growth(rest, name, high * predicted) <= GROWTH:
@@ -146,13 +130,14 @@ def growth(rest: Rest, name: str, h: float) -> float:
         ends = [_after_some_steps(rest.scene, name, h, start + sign * rest.aside) for sign in (-1, 1)]
     except DivergenceError:
         return np.inf
-    moving = rest.left[np.abs(h * rest.λ) > SLOW]
+    slow = 0.02  # |hλ| of a mode that hardly moves in a step: far from any method's limit
+    moving = rest.left[np.abs(h * rest.λ) > slow]
     grown = np.abs(moving @ (ends[1] - ends[0]) / 2) / np.abs(moving @ rest.aside)
-    return float((grown ** (1 / STEPS)).max(initial=0.0) - 1)
+    return float((grown ** (1 / STEPS_OF_A_RUN)).max(initial=0.0) - 1)
 
 
 def _after_some_steps(scene: Scene, name: str, h: float, state: Array) -> Array:
     q, qd = np.split(state, 2)
-    run = {"method": name, "step": h, "sample": STEPS * h, "duration": STEPS * h, "unstable": "allow"}
+    run = {"method": name, "step": h, "sample": STEPS_OF_A_RUN * h, "duration": STEPS_OF_A_RUN * h, "unstable": "allow"}
     last = simulate(scene.varied({"run": run, "initial.q": q, "initial.qd": qd}))
     return np.concatenate([last.q[-1], last.qd[-1]])

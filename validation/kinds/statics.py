@@ -6,21 +6,19 @@ from collections.abc import Iterator
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import require_one_of
 from flexlink.engines import Engine
-from validation.benchmarks.published import Pair, published
-from validation.benchmarks.sweep import Point, Sweep, report
-from validation.benchmarks.tip_loads import TIP_LOADS, TipLoad
-from validation.benchmarks.variant import Rule, Variant, existing, grid
 from validation.case import Case, Measured
-from validation.facts import Facts, said
+from validation.facts import Facts, in_words
+from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.published import published
+from validation.physics.tip_loads import TIP_LOADS, TipLoad
+from validation.physics.variant import Rule, Variant, existing
 from validation.store import Series
-
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):
@@ -41,12 +39,10 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     all_loads = require_one_of(f"{case.path}: settings.loads", settings.loads, TIP_LOADS)
     loads = [load for load in all_loads() if not settings.only or load.size in settings.only]
     points = []
-    for at in grid(settings.rules):
-        scene = existing(case, Variant(), at)
-        if scene is not None:
-            chain = fl.lump(scene)
-            worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
-            points.append(Point(at, {"tip": worst}))
+    for at, (scene,) in existing(case, settings.rules):
+        chain = fl.lump(scene)
+        worst = max(_error(settings, chain, load, _equilibrium(chain, load)) for load in loads)
+        points.append(Point(at, {"tip": worst}))
     yield from report(settings, points, case.about)
     chain = fl.lump(Variant().build(case, settings.best))
     engine = engines.load("mujoco", chain)
@@ -55,7 +51,7 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         facts: Facts = {**load.facts, **settings.best.facts}
         q = _equilibrium(chain, load)
         u = fl.tip_position(chain, q) - fl.tip_position(chain, np.zeros(chain.n))
-        pairs.append(Pair(said(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
+        pairs.append((in_words(load.facts), float(np.linalg.norm(load.displacement)), float(np.linalg.norm(u))))
         note = f"Displacement {_list(u)} m, published or exact {_list(load.displacement)} m. {load.note}".strip()
         yield Measured("tip error", _error(settings, chain, load, q), varied=facts, note=note)
         yield Measured("MuJoCo's residual", _residual(engine, chain, load, q), "", "mujoco", facts)

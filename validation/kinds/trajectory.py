@@ -1,4 +1,4 @@
-"""The whole motion against other engines with the same method and step."""
+"""Whole motions against other engines with the same method and step."""
 
 from __future__ import annotations
 
@@ -6,34 +6,27 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexlink import engines
-from flexlink.describe.spec import Spec
+from flexlink.engines import load
 from flexlink.motion.simulate import simulate
-from validation.benchmarks.runs import motion_series, points_of, told
 from validation.case import Case, Measured
+from validation.runs import motion_series, points_of, run_facts
 from validation.store import Series
 
 LONG = True
 
 
-class Settings(Spec, frozen=True):
-    """Engines to compare with."""
-
-    engines: tuple[str, ...]
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
+def run(case: Case, engines: tuple[str, ...]) -> Iterator[Measured | Series]:
     """Largest difference of joint angles, rates and tip over the run; the panels of figure 5."""
     for scene in case.load_scenes():
         ours = simulate(scene)
         yield from motion_series(scene, ours)
         differences = {"time [s]": ours.t}
-        for name in settings.engines:
-            t, q, qd = engines.load(name, ours.chain).integrate(scene)
+        for name in engines:
+            t, q, qd = load(name, ours.chain).integrate(scene)
             yield from motion_series(scene, points_of(scene, ours.chain, t, q, qd), name)
             differences[name] = np.abs(q - ours.q).max(axis=1)
-            yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, told(scene.run))
-            yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, told(scene.run))
+            yield Measured("max |Δq|", float(differences[name].max()), scene.name, name, run_facts(scene.run))
+            yield Measured("max |Δq̇|", float(np.abs(qd - ours.qd).max()), scene.name, name, run_facts(scene.run))
         title = f"{scene.name}: difference from flexlink, same method and step"
         yield Series(
             "difference", title, differences, "time [s]", "time [s]", "max |Δq| [rad]", y_scale="log", scene=scene.name

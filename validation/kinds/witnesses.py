@@ -1,7 +1,7 @@
-"""Engines that compute springs, dampers and Runge-Kutta steps themselves: term by term, and whole motions.
+"""Drake and Exudyn, which compute springs, dampers and Runge-Kutta steps themselves: terms, and whole motions.
 
 Motions have the same tableau and step, so that nothing but rounding is left. A witness that is not installed is left
-out, and told.
+out, and run_facts.
 """
 
 from __future__ import annotations
@@ -9,57 +9,55 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import Positive, Spec
+from flexlink.describe.spec import Positive
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
-from validation.benchmarks.runs import told
 from validation.case import Case, Measured
-
-Array = NDArray[np.float64]
+from validation.runs import run_facts
+from validation.types import Array
 
 LONG = True
-RELATIVE = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
+RELATIVE_QUANTITIES = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")
 
 
-class Settings(Spec, frozen=True):
-    """Witnesses with the methods that they share with us; the scenes that are run, and how long [s]; states, seed."""
+def run(
+    case: Case,
+    methods: dict[str, tuple[str, ...]],
+    motions: tuple[str, ...],
+    duration: Positive,
+    samples: int,
+    seed: int = 0,
+) -> Iterator[Measured]:
+    """Of each witness, scene and method the largest differences; at last how many witnesses are missing.
 
-    methods: dict[str, tuple[str, ...]]
-    motions: tuple[str, ...]
-    duration: Positive
-    samples: int
-    seed: int = 0
-
-
-def run(case: Case, settings: Settings) -> Iterator[Measured]:
-    """Of each witness, scene and method the largest differences; at last how many witnesses are missing."""
+    `methods` are those that a witness shares with us; `motions` are the scenes that are run, so long [s].
+    """
     scenes, missing = case.load_scenes(), []
-    for name, methods in settings.methods.items():
+    for name, shared in methods.items():
         try:
             engines.load(name, lump(scenes[0]))
         except MissingDependencyError as error:
             missing.append(f"not run: {error}")
             continue
         for scene in scenes:
-            yield from _terms(scene, name, settings)
-            if scene.name in settings.motions:
-                for method in methods:
-                    yield from _motion(scene.varied({"run.method": method, "run.duration": settings.duration}), name)
+            yield from _terms(scene, name, samples, seed)
+            if scene.name in motions:
+                for method in shared:
+                    yield from _motion(scene.varied({"run.method": method, "run.duration": duration}), name)
     yield Measured("witnesses left out", len(missing), note="; ".join(missing))
 
 
-def _terms(scene: Scene, name: str, settings: Settings) -> Iterator[Measured]:
+def _terms(scene: Scene, name: str, samples: int, seed: int) -> Iterator[Measured]:
     """|Δ| over the largest element at that state, of q̈ in units of what rounding explains; the worst of all states."""
-    chain, facts = lump(scene), {"states": settings.samples}
+    chain, facts = lump(scene), {"states": samples}
     ours, theirs = engines.load("native", chain), engines.load(name, chain)
-    states = random_states(chain, settings.samples, seed=settings.seed)
-    for quantity in RELATIVE:
+    states = random_states(chain, samples, seed=seed)
+    for quantity in RELATIVE_QUANTITIES:
         evaluate = QUANTITIES[quantity].evaluate
         worst = max(_relative(evaluate(theirs, state), evaluate(ours, state)) for state in states)
         yield Measured(quantity, worst, scene.name, name, facts)
@@ -74,7 +72,7 @@ def _relative(theirs: Array, ours: Array) -> float:
 
 
 def _motion(scene: Scene, name: str) -> Iterator[Measured]:
-    chain, facts = lump(scene), told(scene.run)
+    chain, facts = lump(scene), run_facts(scene.run)
     (_, q, qd), (_, q2, qd2) = (engines.load(each, chain).integrate(scene) for each in ("native", name))
     yield Measured("max |Δq|", float(np.abs(q2 - q).max()), scene.name, name, facts)
     yield Measured("max |Δq̇|", float(np.abs(qd2 - qd).max()), scene.name, name, facts)

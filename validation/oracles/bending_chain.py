@@ -10,15 +10,13 @@ import itertools
 
 import mpmath
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-DIGITS = 40
+from validation.types import Array
 
 
 def frequencies(nodes: Array, weights: Array) -> Array:
     """All natural angular frequencies, slowest first."""
-    with mpmath.workdps(DIGITS):
+    with mpmath.workdps(40):
         x, w = [mpmath.mpf(float(v)) for v in nodes], [mpmath.mpf(float(v)) for v in weights]
         S = mpmath.matrix(len(x))
         for i, j in itertools.product(range(len(x)), repeat=2):

@@ -17,13 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mpmath import mp, mpf
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from validation.oracles.spatial_chain import Matrix, Vector, add, cross, exactly, product, sub, times, turn
+from validation.types import Array
 
 DIGITS = 100
-Array = NDArray[np.float64]
 
 
 class _Hinge(NamedTuple):

@@ -6,9 +6,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from validation.types import Array
 
 
 def half_angles(rule: str, n: int) -> Array:

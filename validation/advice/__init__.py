@@ -1,0 +1,1 @@
+"""Random scenes for advice, and the references that judge it."""

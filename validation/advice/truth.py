@@ -1,0 +1,143 @@
+"""What advice is judged by: paths of the tip that it did not compute, what a careless model costs, the cheapest one.
+
+The truth has all axes of all beams, at Gauss points, by Radau IIA of nine steps with a tolerance of its own, levels
+extrapolated until two limits agree: nothing of the advice's screening, estimates or candidates is in it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
+from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner, Stepping
+from flexlink.describe.scene import Scene
+from flexlink.results.convergence import change_of_limit, extrapolated
+from flexlink.results.tip_motion import distances, largest_distance, largest_so_far, tip_travel
+from validation.types import Array
+
+LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
+METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)
+CHECKED, STRICTER = 6, 0.1
+"""Level of which the steps are checked, and the tolerance of those that check them, over its own."""
+
+NAIVE = 8
+"""Hinges about three axes, by RK4 at its stable step: what is taken without thinking."""
+
+GRID = {"midpoint": (1, 2, 3, 4, 6), "gauss": (2, 4, 6, 8, 12, 16), "legendre": (3, 4, 5, 6, 8)}
+FACTORS = (1.0, 0.5)
+TOLERANCES = (10.0, 3.0, 1.0, 0.3, 0.1)
+METHODS = ("Radau5", "DOP853")
+
+
+class Truth(NamedTuple):
+    """Path of the tip (samples, 3), how far it gets, and how well it is known up to each sample (samples,) [m]."""
+
+    tip: Array
+    motion: float
+    errors: Array
+
+    @property
+    def error(self) -> float:
+        """How well it is known up to the end [m]."""
+        return float(self.errors[-1])
+
+
+def truth(scene: Scene, within: float, budget: float) -> Truth:
+    """Limit of finer and finer models, until its last change is `within` a part of the motion, or it takes too long.
+
+    What the steps do, which all levels may share, is told by stricter ones at a coarse level; where it is not small,
+    as in sensitive motion, all is done again with them.
+    """
+    found: list[Truth] = []
+    for of_motion in OF_MOTION:
+        limit, of_steps = _limit(scene, within, budget, of_motion)
+        found.append(limit._replace(errors=limit.errors + of_steps))
+        if of_steps[-1] <= within * limit.motion:
+            break
+    return min(found, key=lambda true: int((true.errors > within * true.motion).sum()))
+
+
+def _limit(scene: Scene, within: float, budget: float, of_motion: float) -> tuple[Truth, Array]:
+    """The limit of the levels, and what their steps do up to each sample (samples,) [m]."""
+    runner, axes = ModelRunner(scene, budget), all_axes(scene)
+    levels: list[tuple[int, Array]] = []
+    motion, errors = 1.0, np.full(scene.run.samples, np.inf)
+    for hinges in LEVELS:
+        tip = _tip_of(runner, uniform(axes, hinges), of_motion * motion)
+        if tip is None:
+            break
+        levels.append((hinges, tip))
+        motion = tip_travel(tip)
+        if len(levels) > 2:
+            errors = largest_so_far(distances(change_of_limit(levels), np.zeros(3)))
+            if errors[-1] <= within * motion:
+                break
+    strict = _tip_of(runner, uniform(axes, CHECKED), of_motion * STRICTER * motion)
+    tip = extrapolated(levels).tip if len(levels) > 1 else np.full((scene.run.samples, 3), np.nan)
+    checked = [tip for hinges, tip in levels if hinges == CHECKED]
+    of_steps = (
+        largest_so_far(distances(strict, checked[0]))
+        if checked and strict is not None
+        else np.full_like(errors, np.inf)
+    )
+    return Truth(tip, motion, errors), of_steps
+
+
+def _tip_of(runner: ModelRunner, model: Model, tolerance: float) -> Array | None:
+    for method in (METHOD, "auto"):
+        outcome = runner.run(model, Stepping(method, tolerance=tolerance))
+        if outcome.completed:
+            return outcome.tip
+    return None
+
+
+def naive_cost(scene: Scene) -> float:
+    """CPU time of the careless model [s], by its evaluations, without running it."""
+    runner, model = ModelRunner(scene, np.inf), uniform(all_axes(scene), NAIVE)
+    stepping = runner.fixed_steps(STABLE_SHARE * runner.stable_step(model))
+    return np.inf if stepping is None else runner.fixed_steps_cost(model, stepping)
+
+
+def cheapest(scene: Scene, true: Truth, allowed: dict[float, float], axes: Axes) -> dict[float, float]:
+    """Cost of the cheapest model with these axes and methods [s] for each tolerance [m], up to `allowed` costs.
+
+    Every combination of a grid of rules and hinges of each link, or rigid, with every method; runs that get dearer than
+    what is known already are stopped.
+    """
+    best = dict(allowed)
+    for model in _grid(scene, axes):
+        for stepping in _steppings(scene, model, best):
+            runner = ModelRunner(scene, max(best.values()))
+            if stepping.step is not None and runner.fixed_steps_cost(model, stepping) >= runner.budget:
+                continue
+            outcome = runner.run(model, stepping)
+            if outcome.completed:
+                error = largest_distance(outcome.tip, true.tip)
+                best |= {
+                    tolerance: min(cost, outcome.seconds) for tolerance, cost in best.items() if error <= tolerance
+                }
+    return best
+
+
+def _grid(scene: Scene, axes: Axes) -> Iterator[Model]:
+    choices: list[list[Bend | None]] = [
+        [None] + [Bend(flex, rule, n) for rule, counts in GRID.items() for n in counts if flex != "rigid"]
+        for flex in axes
+    ]
+    models = [model for model in itertools.product(*choices) if can_move(scene, model)]
+    return iter(sorted(models, key=lambda model: sum(bend.hinges for bend in model if bend)))
+
+
+def _steppings(scene: Scene, model: Model, best: dict[float, float]) -> Iterator[Stepping]:
+    runner = ModelRunner(scene, np.inf)
+    stable = runner.stable_step(model)
+    for factor in FACTORS:
+        stepping = runner.fixed_steps(factor * STABLE_SHARE * stable)
+        if stepping is not None:
+            yield stepping
+    for method, tolerance, factor in itertools.product(METHODS, best, TOLERANCES):
+        yield Stepping(method, tolerance=factor * tolerance)

@@ -1,0 +1,148 @@
+"""Cells of a map: scenes, axes of one key each, and plans of which axes are combined with which."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from flexlink.describe.vary import to_document
+from flexlink.dynamics.vibration.extremes import fastest_frequency
+from flexlink.inputs.initial_state import initial_state
+from validation.case import Case
+from validation.trade.scenes import Varied, varied_scene
+
+OF_STATE = "state."
+"""Where paths begin that belong to the state in which a scene is looked at, not to the scene."""
+
+
+class Axis(Spec, frozen=True):
+    """One key, or a few that go together, and their values.
+
+    Attributes
+    ----------
+    values
+        Each times what stands at a path of `paths`, a number or a list, is the value there.
+    paths
+        As `Scene.varied` takes them; those that begin with "state." are the kind's.
+    given
+        Changes made before: what the key is a part of.
+    unit
+        "times": values are multiples of what the scene has there.  "fastest mode": values are damping ratios of the
+        fastest mode, and become loss times η = 2 ζ / ω.  "links": the last link stands so many times, without paths.
+    few
+        The values where the axis is combined with others; none: the first, the middle and the last.
+    """
+
+    values: tuple[float, ...]
+    paths: dict[str, Any] = msgspec.field(default_factory=dict)
+    given: dict[str, Any] = msgspec.field(default_factory=dict)
+    unit: Literal["one", "times", "fastest mode", "links"] = "one"
+    few: tuple[float, ...] = ()
+
+    def of_a_few(self) -> tuple[float, ...]:
+        """The values where the axis is combined with others."""
+        return self.few or tuple(dict.fromkeys(self.values[k] for k in (0, len(self.values) // 2, -1)))
+
+    def changes(self, scene: Scene, value: float) -> dict[str, Any]:
+        """What one of the values changes on a scene to which all that is `given` has been done."""
+        if self.unit == "links":
+            return _with_links(scene, int(value))
+        if self.unit == "times":
+            return {path: value * factor * _number_at(scene, path) for path, factor in self.paths.items()}
+        if self.unit == "fastest mode":
+            chain = lump(scene)
+            value *= 2.0 / fastest_frequency(chain, initial_state(scene, chain)[0])
+        return {path: _times(value, weight) for path, weight in self.paths.items()}
+
+
+class Plan(Spec, frozen=True):
+    """Scenes and axes; so many of the axes at a `together`, 0 for all of them; `steps` are the kind's.
+
+    One at a time, or all, an axis takes all its values; two at a time, a few.
+    """
+
+    scenes: tuple[str, ...]
+    axes: tuple[str, ...]
+    steps: tuple[str, ...] = ()
+    together: Annotated[int, msgspec.Meta(ge=0)] = 0
+
+    def choices(self, axis: dict[str, Axis]) -> Iterator[dict[str, float]]:
+        """Values by the names of their axes."""
+        for names in itertools.combinations(self.axes, self.together or len(self.axes)):
+            few = 1 < self.together < len(self.axes)
+            values = (axis[name].of_a_few() if few else axis[name].values for name in names)
+            yield from (dict(zip(names, chosen, strict=True)) for chosen in itertools.product(*values))
+
+
+class Cell(NamedTuple):
+    """A scene and the values of its axes."""
+
+    scene: str
+    values: dict[str, float]
+    plan: Plan
+
+
+class Map(Spec, frozen=True, kw_only=True):
+    """What is combined with what; `change` is made of all scenes."""
+
+    scene: dict[str, Varied]
+    axis: dict[str, Axis]
+    plan: tuple[Plan, ...]
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    def cells(self) -> Iterator[Cell]:
+        """All cells, in the order of the plans."""
+        for plan in self.plan:
+            for name in plan.scenes:
+                yield from (Cell(name, values, plan) for values in plan.choices(self.axis))
+
+    def situation(self, cell: Cell) -> tuple[Scene, dict[str, Any]]:
+        """The scene of a cell, and what its axes say of the state.
+
+        Raises
+        ------
+        FlexlinkError
+            There is no such scene: the message names the value and what is allowed.
+        """
+        scene, state = varied_scene(self.scene[cell.scene], cell.scene).varied(self.change), dict[str, Any]()
+        for name, value in cell.values.items():
+            axis = self.axis[name]
+            scene = scene.varied(axis.given) if axis.given else scene
+            changes = axis.changes(scene, value)
+            state |= {
+                path.removeprefix(OF_STATE): changes.pop(path) for path in list(changes) if path.startswith(OF_STATE)
+            }
+            scene = scene.varied(changes) if changes else scene
+        return scene, state
+
+
+def recipe(case: Case, number: int) -> str:
+    """The command that looks at one cell once more."""
+    return f"python -m validation.cell {case.name} {number}"
+
+
+def _times(value: float, weight: Any) -> Any:
+    """A number or a list, times a value; whole where the weight is a whole number."""
+    product = np.multiply(value, weight)
+    return round(float(product)) if isinstance(weight, int) else product.tolist()
+
+
+def _number_at(scene: Scene, path: str) -> float:
+    """The number at a path of tables of the arm."""
+    return float(functools.reduce(lambda table, key: table[key], path.split("."), to_document(scene.arm)))
+
+
+def _with_links(scene: Scene, number: int) -> dict[str, Any]:
+    """The last link so many times, each at the angle and the rate of the last."""
+    *before, last = to_document(scene.arm)["link"]
+    links = [*before, *({**last, "name": f"{last['name']}{k + 1}"} for k in range(number))]
+    state = {key: value for key in ("joint_deg", "rate_deg") if (value := getattr(scene.initial, key))}
+    return {"link": links} | {f"initial.{key}": x[: len(before)] + x[-1:] * number for key, x in state.items()}

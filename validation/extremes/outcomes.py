@@ -1,0 +1,169 @@
+"""Outcome of a run, judged by a reference on which two methods agree: right, warned, an error, silently wrong.
+
+A run with a tolerance is judged by it; one of fixed steps by the error from which flexlink itself calls a run doubtful.
+With ε the tip's largest distance from the truth at any sample, in units of that tolerance:
+
+    within          ε ≤ 1                  near            1 < ε ≤ 10, what sensitive motion may make of it
+    warned          ε > 1, and the result says so
+    false doubt     ε ≤ 1, and the result doubts it
+    error           a FlexlinkError, which names the thing and what to change
+    dear            stopped: it took longer than the budget
+    unknown         the two references are too far apart to tell
+    silent wrong    ε > 10 without a word: there must be none
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.common.interruption import deferred
+from flexlink.describe.scene import Scene
+from flexlink.motion.monitor import DOUBT, TIP_SHARE
+from flexlink.motion.simulate import SingleRun
+from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.trajectory import Trajectory
+from validation.types import Array
+
+Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+
+NEAR_TOLERANCES = 10.0
+"""Of its tolerance that an error may be at the end, at worst: the project's limit."""
+
+KNOWN = 0.3
+"""Of a tolerance that the references may be apart and still judge it."""
+
+REFERENCES = (
+    ("DOP853", 1e-11),
+    ("Radau9", 1e-11),
+    ("Radau5", 1e-10),
+    ("Radau9", 1e-9),
+    ("Radau5", 1e-8),
+    ("Radau9", 1e-6),
+)
+"""Methods and tolerances, as parts of the reach, of references; beside DOP853 stands RK10 with fixed steps, of half the
+mean length of its own."""
+
+
+class Truth(NamedTuple):
+    """Reference path of the tip, on which two methods agree."""
+
+    tip: Array  # (samples, 3) of the finer one [m]; of no samples where none is found
+    apart: float  # how far the two are apart [m]; inf where there are no two
+    methods: str
+
+    @property
+    def motion(self) -> float:
+        """Largest distance of the tip from its start [m]."""
+        return float(np.linalg.norm(self.tip - self.tip[0], axis=1).max())
+
+
+class RunOutcome(NamedTuple):
+    """One run: its outcome, its error in units of the tolerance, and its messages."""
+
+    outcome: Outcome
+    error: float  # nan: none is known
+    words: str
+    seconds: float
+
+
+def truth_of(scene: Scene, budget: float) -> Truth:
+    """The two references of different methods that agree best, of those that take no longer than `budget` [s] each."""
+    best, found = Truth(np.empty((0, 3)), np.inf, ""), list[tuple[str, Array]]()
+    good = 1e-9 * lump(scene).reach  # as good as any
+    for method, tip in _references(scene, budget):
+        for other, before in found:
+            apart = float(np.linalg.norm(tip - before, axis=1).max())
+            if other != method and apart < best.apart:
+                best = Truth(before, apart, f"{other}, {method}")
+        if best.apart <= good:
+            break
+        found.append((method, tip))
+    return best
+
+
+def _references(scene: Scene, budget: float) -> Iterator[tuple[str, Array]]:
+    """Tips by different methods, the strictest first; those that fail or are too dear are left out."""
+    for method, tolerance in REFERENCES:
+        changes = {"run.method": method, "run.relative_tolerance": tolerance}
+        if (run := _reference(scene.varied(changes), budget)) is None:
+            continue
+        yield method, run.tip
+        if method == "DOP853" and run.steps is not None and scene.run.duration > 0:
+            sample = scene.run.sample
+            mean = scene.run.duration / run.steps.taken
+            changes = {"run.method": "RK10", "run.step": sample / math.ceil(2 * sample / mean), "run.unstable": "allow"}
+            if (run := _reference(scene.varied(changes), budget)) is not None:
+                yield "RK10", run.tip
+
+
+def _reference(scene: Scene, budget: float) -> Trajectory | None:
+    try:
+        return within_budget(scene, budget, compared=False)  # the references compare each other
+    except (FlexlinkError, InterruptedRunError):
+        return None
+
+
+def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Trajectory:
+    """Run a scene; InterruptedRunError where it takes longer than `budget` [s of CPU], compilation apart.
+
+    `compared`: with a second run, as users' runs are, where its steps call for one.
+    """
+    started: list[float] = []
+
+    def look(_: float) -> None:
+        started.append(time.thread_time())
+        if started[-1] - started[0] > budget:
+            raise KeyboardInterrupt
+
+    with deferred() as stop:
+        return SingleRun(scene).finish(stop, look, compared=compared)
+
+
+def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOutcome:
+    """Run a scene and judge it; the truth is asked for only where there is a result."""
+    started = time.thread_time()
+    try:
+        run = within_budget(scene, budget)
+    except InterruptedRunError as stopped:
+        return RunOutcome("dear", np.nan, str(stopped), time.thread_time() - started)
+    except FlexlinkError as refused:
+        return RunOutcome("error", np.nan, str(refused), time.thread_time() - started)
+    seconds = time.thread_time() - started
+    words = "; ".join(run.warnings) or str(run.steps)
+    return judged(scene, run.tip, truth(), words, seconds)
+
+
+def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:
+    """The outcome of a run that ended with this tip, (samples, 3), and said these words."""
+    if not known.tip.size:
+        return RunOutcome("unknown", np.nan, words, seconds)
+    tolerance = allowed(scene, known)
+    error = float(np.linalg.norm(tip - known.tip, axis=1).max())
+    doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
+    return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
+
+
+def allowed(scene: Scene, truth: Truth) -> float:
+    """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
+    if scene.run.controlled:
+        return scene.run.tolerance_within(lump(scene).reach)
+    return max(DOUBT * TIP_SHARE * truth.motion, 1e-12)
+
+
+def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:
+    """Where the truth itself is uncertain, the run has the benefit of what it cannot tell."""
+    if not error <= NEAR_TOLERANCES * tolerance + apart and not doubted:
+        return "silent wrong"
+    if apart > KNOWN * tolerance:
+        return "unknown"
+    if error <= tolerance:
+        return "false doubt" if doubted else "within"
+    return "warned" if doubted else "near"

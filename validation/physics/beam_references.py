@@ -1,0 +1,123 @@
+"""Planar scenes with stored runs of Exudyn's geometrically exact beams.
+
+`python -m validation.physics.exudyn_beams` computes them.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexlink.chain.arguments import require_one_of
+from flexlink.chain.rotation import matrix_from_rpy_deg
+from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.describe.arm import Link
+from flexlink.describe.scene import Scene, load_scene
+from validation.case import MODELS, STUDY_SCENES
+from validation.physics.formulas import INPUTS
+from validation.reference_values import look_up
+from validation.types import Array
+
+SCENES: dict[str, dict[str, Any]] = {"paper_fig5": {"run.duration": 1.0, "run.sample": 0.05}, "torque_pulse": {}}
+"""By name: what is changed in the scene before it runs."""
+SHEAR_FACTOR = 5 / 6
+"""Of a rectangle: the part of its area that shear acts on (Reissner)."""
+
+
+class Beam(NamedTuple):
+    """A link as a beam in the plane of the arm."""
+
+    length: float  # m
+    angle: float  # of its start, from the x of the plane [rad]
+    mass: float  # per length [kg/m]
+    inertia: float  # of the section, per length [kg m]
+    bending: float  # EI [N m²]
+    axial: float  # EA [N]
+    shear: float  # κ G A [N]
+
+
+class Plane(NamedTuple):
+    """An arm in a plane: a pendulum of beams, the first one with a rotor in its joint, the last one with a load."""
+
+    axes: Array  # (3, 3): columns x, y, z of the plane in frame 0
+    gravity: Array  # (2,), in the plane [m/s²]
+    beams: tuple[Beam, ...]
+    rotor: float  # kg m²
+    payload: float  # kg
+
+    @property
+    def numbers(self) -> list[list[float]]:
+        """What tells it from another one."""
+        return [*map(list, self.beams), [*self.gravity.tolist(), self.rotor, self.payload]]
+
+
+def beam_scene(name: str) -> Scene:
+    """The scene with its input, sampled as the reference is.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such scene.
+    """
+    change = require_one_of("scene", name, SCENES)
+    path = STUDY_SCENES / f"{name}.toml"
+    scene = load_scene(path if path.is_file() else MODELS / f"{name}.toml").varied(change)
+    return INPUTS.get(name, INPUTS["none"])(scene)
+
+
+def plane_of(scene: Scene) -> Plane:
+    """The flexible links of a scene as beams.
+
+    Raises
+    ------
+    ArgumentError
+        The arm is not one that a `Plane` holds.
+    """
+    links = scene.arm.links
+    base = sum(link.joint.locked and not link.length for link in links)
+    beams, turned = links[base:], [link for link in links[base + 1 :] if any(link.mount.rpy_deg)]
+    if not beams or turned or any(link.flex != "z" or link.joint.locked for link in beams):
+        raise ArgumentError(f"{scene.name}: not flexible links one after another in a plane, on a fixed base")
+    axes = functools.reduce(np.matmul, (matrix_from_rpy_deg(link.mount.rpy_deg) for link in links))
+    angles = np.radians(np.cumsum(scene.initial.joint_deg[base:])).tolist()
+    gravity = axes.T @ np.array(scene.gravity)
+    shapes = tuple(_beam(scene, link, angle) for link, angle in zip(beams, angles, strict=True))
+    return Plane(axes, gravity[:2], shapes, beams[0].joint.armature, scene.arm.tip.mass)
+
+
+def _beam(scene: Scene, link: Link, angle: float) -> Beam:
+    material, section = scene.arm.materials[str(link.material)], scene.arm.sections[str(link.section)].properties
+    mass, inertia = material.density * section.area, material.density * section.i_z
+    stiffness = (
+        material.young * section.i_z,
+        material.young * section.area,
+        SHEAR_FACTOR * material.shear * section.area,
+    )
+    return Beam(link.length, angle, mass, inertia, *stiffness)
+
+
+@functools.cache
+def beam_reference(name: str) -> tuple[Array, float]:
+    """Tip in frame 0, shape (samples, 3) [m], and how far it may be off [m].
+
+    Raises
+    ------
+    DataFileError
+        The reference is that of another scene.
+    """
+    stored = look_up(file_name(name), "plane")
+    now = plane_of(beam_scene(name)).numbers
+    if [len(row) for row in stored] != [len(row) for row in now] or not all(
+        np.allclose(a, b, rtol=1e-12, atol=0) for a, b in zip(stored, now, strict=True)
+    ):
+        raise DataFileError(
+            f"reference {file_name(name)}: of another scene; compute it anew: python -m validation.physics.exudyn_beams"
+        )
+    return np.array(look_up(file_name(name), "tip")), float(look_up(file_name(name), "own_error_m"))
+
+
+def file_name(name: str) -> str:
+    """Of the file in `validation/reference/`."""
+    return f"exudyn_beams/{name}"

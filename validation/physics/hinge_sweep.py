@@ -1,0 +1,121 @@
+"""Error against number of hinges, rule by rule: the curves, the fitted orders, and how many hinges a need takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from flexlink.describe.spec import Positive, Spec
+from validation.case import Measured
+from validation.facts import Facts
+from validation.physics.variant import Rule
+from validation.store import Series, table
+
+Errors = dict[int, float]
+"""hinges → |error|."""
+
+
+class Need(Spec, frozen=True):
+    """What a user may want: these errors within a limit."""
+
+    name: str
+    measures: tuple[str, ...]
+    within: Positive
+
+
+class Sweep(Spec, frozen=True, kw_only=True):
+    """Numbers of hinges by rule; needs; and by measure and rule the order that theory expects.
+
+    The order is fitted to the last `fitted` numbers of hinges.
+    """
+
+    rules: dict[str, tuple[int, ...]]
+    needs: tuple[Need, ...] = ()
+    orders: dict[str, dict[str, float]] = msgspec.field(default_factory=dict)
+    fitted: int = 3
+
+    def last(self, errors: Errors) -> Errors:
+        """The errors that an order is fitted to."""
+        return dict([(n, e) for n, e in sorted(errors.items()) if np.isfinite(e)][-self.fitted :])
+
+
+class Point(NamedTuple):
+    """Errors of one chain by measure."""
+
+    at: Rule
+    errors: Mapping[str, float]
+
+
+def by_rule(points: Sequence[Point], measure: str) -> dict[str, Errors]:
+    """rule → errors."""
+    found: dict[str, Errors] = {}
+    for point in points:
+        found.setdefault(point.at.rule, {})[point.at.hinges] = abs(point.errors[measure])
+    return found
+
+
+def report(
+    sweep: Sweep, points: Sequence[Point], about: str, units: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[Measured | Series]:
+    """A series a measure, entitled `about`, a row for each fitted order, and rows for the needs.
+
+    `hinges needed` is the smallest number tried from which on the error stays within; a rule that never gets there has
+    a row of `hinges not enough` instead. `fewest hinges: NAME` is the smallest number of all rules.
+    """
+    for measure in points[0].errors:
+        errors = by_rule(points, measure)
+        rows = [(rule, n, e) for rule, found in errors.items() for n, e in found.items()]
+        columns = table(("rule", "hinges", "error"), rows)
+        y_label = f"error of {measure} [{units.get(measure, 1)}]"
+        labels = "hinges", "hinges a link", y_label
+        yield Series("sweep", about, columns, *labels, "log", "log", group="rule", part=measure)
+        for rule, found in errors.items():
+            yield from _order(sweep, measure, rule, found)
+    for need in sweep.needs:
+        yield from _need(need, points)
+
+
+def order(errors: Errors) -> float:
+    """Minus the slope of log error against log number of hinges."""
+    n, error = np.array(list(errors)), np.maximum(np.abs(list(errors.values())), 1e-300)
+    return float(-np.polyfit(np.log(n), np.log(error), 1)[0])
+
+
+def _order(sweep: Sweep, measure: str, rule: str, errors: Errors) -> Iterator[Measured]:
+    last = sweep.last(errors)
+    if len(last) < 2:
+        return
+    fitted = order(last)
+    facts: Facts = {"rule": rule, "measure": measure}
+    counts = ", ".join(map(str, last))
+    yield Measured("fitted order", fitted, varied=facts, note=f"Fitted at {counts} hinges.")
+    expected = sweep.orders.get(measure, {}).get(rule)
+    if expected is not None:
+        note = f"Fitted {fitted:.2f} at {counts} hinges, theory {expected:g}."
+        yield Measured("|order − theory|", abs(fitted - expected), varied=facts, note=note)
+
+
+def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
+    worst: dict[str, Errors] = {}
+    for measure in need.measures:
+        for rule, errors in by_rule(points, measure).items():
+            kept = worst.setdefault(rule, {})
+            for n, error in errors.items():
+                kept[n] = max(kept.get(n, 0.0), error)
+    needed: dict[str, int] = {}
+    for rule, errors in worst.items():
+        counts = sorted(errors, reverse=True)
+        good = [n for k, n in enumerate(counts) if all(errors[m] <= need.within for m in counts[: k + 1])]
+        if good:
+            needed[rule] = min(good)
+            yield Measured("hinges needed", needed[rule], varied={"rule": rule, "need": need.name})
+        else:
+            yield Measured("hinges not enough", max(errors), varied={"rule": rule, "need": need.name})
+    if needed:
+        fewest = min(needed.values())
+        best = ", ".join(rule for rule, n in needed.items() if n == fewest)
+        yield Measured(f"fewest hinges: {need.name}", fewest, note=f"With {best}.")

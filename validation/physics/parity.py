@@ -1,0 +1,72 @@
+"""The same benchmark in another engine from the exported file, with that engine's M and torques.
+
+Along one angle every torque of a chain is a trigonometric polynomial of degree 2 at most, so that M. Riesz's formula
+gives the exact slope from four values: f'(q) = Σ_k (−1)^(k+1) f(q + x_k) / (8 sin²(x_k/2)), x_k = (2k − 1) π/4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import linalg
+
+from flexlink.engines import Engine
+from flexlink.engines.mujoco import MujocoEngine
+from validation.types import Array, Indices
+
+SHIFTS = np.pi * np.array([1, 3, 5, 7]) / 4
+WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(SHIFTS / 2) ** 2)
+
+
+def slope(torque: Callable[[Array], Array], q: Array) -> Array:
+    """∂torque/∂q, shape (n, n)."""
+    columns = [sum(w * torque(q + shift * e) for shift, w in zip(SHIFTS, WEIGHTS, strict=True)) for e in np.eye(len(q))]
+    return np.asarray(columns).T
+
+
+def springs(engine: Engine) -> Array:
+    """Slope of the engine's T_FL, which is linear."""
+    zero = engine.elastic_torque(np.zeros(engine.n))
+    return np.asarray([engine.elastic_torque(e) - zero for e in np.eye(engine.n)]).T
+
+
+def load_stiffness(engine: Engine, q: Array, wrench: Array | None = None) -> Array:
+    """Slope of the engine's T_G, less the torques of a dead tip wrench."""
+    return slope(lambda x: engine.bias_torque(x, np.zeros(engine.n), tip_wrench=wrench), q)
+
+
+def follower_stiffness(engine: MujocoEngine, q: Array, force: Array) -> Array:
+    """As `load_stiffness` for a tip force [N] in axes of the tip, which turns with it."""
+
+    def torque(x: Array) -> Array:
+        engine.gravity_torque(x)  # places the bodies
+        R = engine.data.xmat[engine.tip].reshape(3, 3)
+        return engine.bias_torque(x, np.zeros(engine.n), tip_wrench=np.concatenate([R @ force, np.zeros(3)]))
+
+    return slope(torque, q)
+
+
+def chain_frequencies(engine: Engine) -> Array:
+    """All ω of a straight chain in which every joint has a spring, from K^−½ M K^−½, whose eigenvalues are 1/ω².
+
+    This form keeps the slow modes exact to rounding, however fast the others are.
+    """
+    compliance = 1 / np.sqrt(np.diag(springs(engine)))
+    S = engine.mass_matrix(np.zeros(engine.n)) * np.outer(compliance, compliance)
+    return np.asarray(1 / np.sqrt(linalg.eigvalsh(S)[::-1]))
+
+
+def squares(engine: Engine, q: Array, K: Array, free: Indices) -> NDArray[np.complex128]:
+    """ω² of K φ = ω² M φ on the coordinates `free`, in order of the real part."""
+    block = np.ix_(free, free)
+    found = linalg.eigvals(K[block], engine.mass_matrix(q)[block])
+    return np.asarray(found[np.argsort(found.real, kind="stable")])
+
+
+def symmetric_squares(engine: Engine, q: Array, K: Array, free: Indices) -> Array:
+    """`squares` of a conservative load: real, by the symmetric solver."""
+    block = np.ix_(free, free)
+    part = K[block]
+    return np.asarray(linalg.eigh((part + part.T) / 2, engine.mass_matrix(q)[block], eigvals_only=True))

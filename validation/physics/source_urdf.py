@@ -1,0 +1,67 @@
+"""A robot's original URDF in Pinocchio."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from validation.types import Array
+
+
+class Original:
+    """The joints `names` of a URDF, in this order; all others stay at their positions [rad, m].
+
+    A `continuous` joint has two numbers in Pinocchio, cosine and sine.
+    """
+
+    def __init__(self, path: Path, names: list[str], positions: Mapping[str, float], gravity: Array) -> None:
+        whole = pin.buildModelFromUrdf(str(path))
+        for frame in whole.frames:
+            if (
+                frame.type == pin.FrameType.BODY
+            ):  # a link may have the name of a joint, which `buildReducedModel` refuses
+                frame.name += " link"
+        held = [number for number in range(1, whole.njoints) if whole.names[number] not in names]
+        posture = pin.neutral(whole)
+        for number in held:
+            _put(posture, whole.joints[number], positions.get(whole.names[number], 0.0))
+        self.model = pin.buildReducedModel(whole, held, posture)
+        self.model.gravity.linear = gravity
+        self.data = self.model.createData()
+        self.joints = [self.model.joints[self.model.getJointId(name)] for name in names]
+        self.order = [joint.idx_v for joint in self.joints]
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M by composite rigid bodies."""
+        M = pin.crba(self.model, self.data, self._posture(q))
+        full = np.triu(M) + np.triu(M, 1).T
+        return np.asarray(full[np.ix_(self.order, self.order)])
+
+    def bias_torque(self, q: Array, qd: Array) -> Array:
+        """T_GC by recursive Newton-Euler."""
+        return np.asarray(pin.nle(self.model, self.data, self._posture(q), self._sorted(qd))[self.order])
+
+    def acceleration(self, q: Array, qd: Array, tau: Array) -> Array:
+        """q̈ under the joint torques alone: Pinocchio's `aba` ignores friction."""
+        found = pin.aba(self.model, self.data, self._posture(q), self._sorted(qd), self._sorted(tau))
+        return np.asarray(found[self.order])
+
+    def _posture(self, q: Array) -> Array:
+        posture = pin.neutral(self.model)
+        for joint, angle in zip(self.joints, q, strict=True):
+            _put(posture, joint, angle)
+        return np.asarray(posture)
+
+    def _sorted(self, values: Array) -> Array:
+        found = np.zeros(self.model.nv)
+        found[self.order] = values
+        return found
+
+
+def _put(posture: Array, joint: pin.JointModel, value: float) -> None:
+    at = joint.idx_q
+    posture[at : at + joint.nq] = value if joint.nq == 1 else (math.cos(value), math.sin(value))

@@ -1,0 +1,64 @@
+"""Loads on the tip with the exact tip displacement, from the reference files: one function a benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from validation.facts import Fact, Facts
+from validation.reference_values import look_up
+from validation.types import Array
+
+PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
+
+
+class TipLoad(NamedTuple):
+    """A dead load on the tip, and where the tip goes."""
+
+    facts: Facts  # how large, and where to
+    wrench: Array  # (6,) [N, N m], axes of frame 0
+    displacement: Array  # (3,) [m]
+    note: str = ""  # what others published
+
+    @property
+    def size(self) -> Fact:
+        """The first of the facts."""
+        return next(iter(self.facts.values()))
+
+
+def elastica() -> Iterator[TipLoad]:
+    """Transverse dead force α = PL²/EI on a beam with EI = L = 1 (Bisshopp & Drucker 1945)."""
+    for α, exact in look_up("elastica_tip_load").items():
+        u, w = float(exact["u/L (tip shortening)"]), float(exact["w/L (transverse tip deflection)"])
+        yield TipLoad({"PL²/EI": float(α)}, np.array([0, float(α), 0, 0, 0, 0]), np.array([-u, w, 0]))
+
+
+def roll_up() -> Iterator[TipLoad]:
+    """End moment ML/2πEI on a beam with EI = L = 1: a full turn closes the circle."""
+    for exact in look_up("rollup_end_moment", "continuum").values():
+        x, y, turns = (float(exact[name]) for name in ("x/L", "y/L", "turns"))
+        yield TipLoad({"turns": turns}, np.array([0, 0, 0, 0, 0, 2 * np.pi * turns]), np.array([x - 1, y, 0]))
+
+
+def princeton() -> Iterator[TipLoad]:
+    """Princeton beam (Dowell & Traybar 1975): three weights at seven angles β to the height of the section."""
+    ansys = look_up("princeton_beam", "ansys_beam_tip |uy|,uz (m) for beta=0..90 step 15")
+    for exact in look_up("princeton_beam", "kirchhoff").values():
+        force, angle = float(exact["force_N"]), float(exact["beta_deg"])
+        β = np.radians(angle)
+        wrench = np.array([0, -force * np.cos(β), force * np.sin(β), 0, 0, 0])
+        displacement = np.array([exact["ux"], exact["uy(height dir)"], exact["uz(flap dir)"]])
+        note = ""
+        if f"{force:g}" in ansys:
+            y, z = (ansys[f"{force:g}"][axis][PRINCETON_ANGLES.index(angle)] for axis in "yz")
+            note = f"ANSYS, with shear and stretch: |uy| = {y:.6g} m, uz = {z:.6g} m."
+        yield TipLoad({"force": force, "angle": angle}, wrench, displacement, note)
+
+
+TIP_LOADS: dict[str, Callable[[], Iterator[TipLoad]]] = {
+    "elastica": elastica,
+    "roll_up": roll_up,
+    "princeton": princeton,
+}

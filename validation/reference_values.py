@@ -1,0 +1,44 @@
+"""Published and computed reference values: files of `validation/reference`, numbers as strings of all known digits."""
+
+from __future__ import annotations
+
+import functools
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexlink.common.errors import DataFileError
+from validation.types import Array
+
+REFERENCE_FOLDER = Path(__file__).parent / "reference"
+
+
+@functools.cache
+def _file(name: str) -> Any:
+    return json.loads((REFERENCE_FOLDER / f"{name}.json").read_text(encoding="utf-8"))["reference"]
+
+
+def look_up(name: str, *keys: str) -> Any:
+    """What stands below `keys` in the `reference` part of a file.
+
+    Raises
+    ------
+    DataFileError
+        The file or a key does not exist.
+    """
+    if not (REFERENCE_FOLDER / f"{name}.json").is_file():
+        known = ", ".join(sorted(path.stem for path in REFERENCE_FOLDER.glob("*.json")))
+        raise DataFileError(f"reference = {name!r}: no such file; there are {known}")
+    found = _file(name)
+    for key in keys:
+        if key not in found:
+            raise DataFileError(f"reference {name}: {key!r} is not in it; there are {', '.join(found)}")
+        found = found[key]
+    return found
+
+
+def reference_array(name: str, *keys: str) -> Array:
+    """A number or list of numbers of a reference file as float64, rounded once."""
+    return np.array(look_up(name, *keys), dtype=np.float64)

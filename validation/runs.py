@@ -1,0 +1,80 @@
+"""Runs of a scene: their facts, distances of their paths, and the panels of figure 5 for any arm."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import flexlink as fl
+from flexlink.chain.chain import Chain
+from flexlink.describe.conditions import RunSettings
+from flexlink.describe.scene import Scene
+from flexlink.inputs.actuation import input_arrays
+from flexlink.results.record import trajectory_from_states
+from flexlink.results.trajectory import Trajectory
+from validation.facts import Fact
+from validation.store import Series
+from validation.types import Array
+
+
+def run_facts(run: RunSettings) -> dict[str, Fact]:
+    """Method, step and duration of a run."""
+    return {"method": run.method, "step": run.step, "duration": run.duration}
+
+
+def apart(a: Array, b: Array) -> float:
+    """The largest distance of two paths, (samples, 2 or 3), at the same times [m]."""
+    return float(np.linalg.norm(a - b, axis=1).max())
+
+
+def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:
+    """Figure 5 of the paper: active joints, passive joints by link, coordinates of active joints and hand; energy."""
+    chain, time = run.chain, {"time [s]": run.t}
+    names = chain.joint_names
+    degrees = {names[k]: np.degrees(run.q[:, k]) for k in range(chain.n)}
+    links = [chain.coordinate(k).link for k in range(chain.n)]
+
+    axis = {names[k]: f"about {'xyz'[c.axis - 1]}" for k, c in enumerate(chain.coordinates) if c.axis}
+
+    def series(part: str, title: str, columns: dict[str, Any], y_label: str, what: str = "panel") -> Series:
+        legend = {name: axis[name] for name in columns if name in axis}
+        return Series(
+            what, title, time | columns, "time [s]", "time [s]", y_label, scene=scene.name, part=part, engine=engine,
+            legend=legend,
+        )  # fmt: skip
+
+    active = {names[k]: degrees[names[k]] for k in chain.active}
+    yield series("active", "Active joints", active, "angle [deg]")
+    for link in dict.fromkeys(links):
+        passive = {names[k]: degrees[names[k]] for k in range(chain.n) if links[k] == link and k not in chain.active}
+        if passive:
+            title = f"Passive joints of link {link} ({chain.link_names[link - 1]})"
+            yield series(f"passive-{link}", title, passive, "angle [deg]")
+    places = _joint_places(run)
+    for link, place in places.items():
+        title = f"Coordinates of active joint {link} ({chain.link_names[link - 1]})"
+        yield series(f"joint-{link}", title, dict(zip("xyz", place.T, strict=True)), "coordinate in frame 0 [m]")
+    hand = dict(zip("xyz", run.tip.T, strict=True))
+    yield series("hand", "Coordinates of the hand", hand, "coordinate in frame 0 [m]")
+    energy = {name: np.asarray(getattr(run.energy, name)) for name in ("kinetic", "gravity", "elastic", "total")}
+    yield series("", "Energy", energy, "energy [J]", what="energy")
+
+
+def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Trajectory:
+    """An engine's samples thinned to what a figure can show as points on our lines."""
+    shown = 50  # points of an engine in a figure
+    every = slice(None, None, max(1, len(t) // shown))
+    return trajectory_from_states(
+        scene, chain, input_arrays(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy()
+    )
+
+
+def _joint_places(run: Trajectory) -> dict[int, Any]:
+    """Positions [m] of the active joints that move, by number of the link; shape (samples, 3)."""
+    chain = run.chain
+    bodies = {int(first): i for i, first in enumerate(chain.bodies["first"][:-1])}
+    places = np.array([fl.frames(chain, q).points for q in run.q])
+    found = {chain.coordinate(int(k)).link: places[:, bodies[int(k)]] for k in chain.active}
+    return {link: place for link, place in found.items() if np.ptp(place, axis=0).any()}

@@ -1,0 +1,1 @@
+"""Chains, contestants and a stopwatch for races."""

@@ -1,0 +1,63 @@
+"""Families of chains: one scene, its flexible links cut into more and more segments."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from flexlink.chain.chain import Chain
+from flexlink.chain.lumping import lump
+from flexlink.describe.conditions import RunSettings
+from flexlink.describe.scene import Scene
+from flexlink.describe.spec import Spec
+from flexlink.dynamics.vibration.stability import stable_step
+from validation.case import Case
+from validation.physics.variant import Rule, Variant
+from validation.types import Array
+
+
+class Family(Spec, frozen=True):
+    """The case's scene, varied by `change`, with so many segments a link; engines join up to that many."""
+
+    segments: tuple[int, ...]
+    pinocchio: int = 0
+    mujoco: int = 0
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+    rule: str = "paper"
+
+    def scene(self, case: Case, segments: int) -> Scene:
+        """The scene with so many segments a link."""
+        return Variant(change=self.change).build(case, Rule(rule=self.rule, hinges=segments - 1))
+
+    def released(self, case: Case, segments: int) -> Scene:
+        """The same with RK4 at a stable step: half the largest of the shortest chain, carried over by (n₀/n)².
+
+        The fastest mode bends from hinge to hinge; its frequency grows as the square of their number, or slower.
+        """
+        first = min(self.segments)
+        chain = lump(self.scene(case, first))
+        step = 0.5 * stable_step(chain, np.linspace(0.1, 0.4, chain.n), method="RK4") * (first / segments) ** 2
+        return of_steps(self.scene(case, segments), 0, step)
+
+
+def of_steps(scene: Scene, steps: int, step: float | None = None) -> Scene:
+    """A run with RK4 of so many steps that keeps its first and last state; the step [s] is the scene's, or this."""
+    h = step or scene.run.step
+    return scene.varied({"run": RunSettings(method="RK4", step=h, duration=steps * h, sample=max(steps, 1) * h)})
+
+
+class States(NamedTuple):
+    """Random states: angles over the full range, rates to 10 rad/s, torques to 10 N m, accelerations to 10 rad/s²."""
+
+    q: Array
+    qd: Array
+    tau: Array
+    qdd: Array
+
+
+def timed_states(chain: Chain, count: int = 2) -> States:
+    """Arrays of shape (count, n); a loop goes through them in turn, so that no call repeats the one before it."""
+    random = np.random.default_rng(0)
+    return States(random.uniform(-np.pi, np.pi, (count, chain.n)), *random.uniform(-10.0, 10.0, (3, count, chain.n)))

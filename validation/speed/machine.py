@@ -1,0 +1,67 @@
+"""Load of the machine during a timed case: cores used by other processes, and scatter of a calibration loop."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from validation.store import Conditions
+
+PROC_STAT = Path("/proc/stat")
+SHORTEST_LOAD = 0.2  # s; the system counts in ticks of 0.01 s, and a load of less time is mostly their rounding
+
+
+class LoadMonitor:
+    """Measures the load of the machine from construction to `conditions`."""
+
+    def __init__(self) -> None:
+        self._laps = _laps()
+        self._start = _read()
+
+    def conditions(self) -> Conditions:
+        """Load and spread since construction."""
+        start, end = self._start, _read()
+        load = None
+        passed = end.wall - start.wall
+        if start.every is not None and end.every is not None and passed >= SHORTEST_LOAD:
+            others = (end.every - start.every) - (end.own - start.own)
+            load = round(max(0.0, others) / passed, 3)
+        laps = sorted(self._laps + _laps())
+        usual = laps[: len(laps) - len(laps) // 50]  # the fastest of several turns does not see a single hiccup either
+        spread = sum(usual) / len(usual) / laps[0] - 1.0
+        return Conditions(load, round(spread, 3), os.cpu_count() or 1)
+
+
+class ClockReading(NamedTuple):
+    """Seconds: by the wall, of all processes on all cores, of this process and its children that ended."""
+
+    wall: float
+    every: float | None
+    own: float
+
+
+def _read() -> ClockReading:
+    times = os.times()
+    own = times.user + times.system + times.children_user + times.children_system
+    return ClockReading(time.perf_counter(), _busy_seconds(), own)
+
+
+def _busy_seconds() -> float | None:
+    """CPU time of all processes and of the host, all cores [s]; None where the system does not count it."""
+    if not PROC_STAT.exists():
+        return None
+    user, nice, system, _idle, _wait, *interrupts = map(int, PROC_STAT.read_text().splitlines()[0].split()[1:9])
+    return float(user + nice + system + sum(interrupts)) / os.sysconf("SC_CLK_TCK")
+
+
+def _laps() -> list[float]:
+    """Seconds of each lap of the calibration loop: about 50 ms, more than a time slice of the scheduler."""
+    found = []
+    for _ in range(100):
+        start, total = time.perf_counter(), 0
+        for i in range(10_000):
+            total += i * i
+        found.append(time.perf_counter() - start)
+    return found

@@ -1,0 +1,69 @@
+"""Members of a sweep in one process with MuJoCo: run only, model compiled too, or text written too.
+
+Nothing is read off the runs, which is in MuJoCo's favour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.engines.mujoco import quiet
+from flexlink.formats.mjcf import to_mjcf
+from flexlink.inputs.initial_state import initial_state
+from validation.speed.stopwatch import Work
+
+
+def works(members: Sequence[Scene]) -> Mapping[str, Work]:
+    """Work that takes the next members, round and round, each by RK4 with its own step to its end."""
+    texts = [_text(scene) for scene in members]
+    models = list(map(_compiled, texts))
+    starts = [initial_state(scene, lump(scene)) for scene in members]
+    datas = list(map(mujoco.MjData, models))
+
+    def run(k: int) -> None:
+        _run(members[k], models[k], datas[k], starts[k])
+
+    def compile_and_run(k: int) -> None:
+        model = _compiled(texts[k])
+        _run(members[k], model, mujoco.MjData(model), starts[k])
+
+    def write_compile_and_run(k: int) -> None:
+        model = _compiled(_text(members[k]))
+        _run(members[k], model, mujoco.MjData(model), initial_state(members[k], lump(members[k])))
+
+    each = {"run": run, "compile, run": compile_and_run, "write, compile, run": write_compile_and_run}
+    return {name: _round_and_round(one, len(members)) for name, one in each.items()}
+
+
+def _round_and_round(one: Callable[[int], None], count: int) -> Work:
+    def work(calls: int) -> None:
+        for k in range(calls):
+            one(k % count)
+
+    return work
+
+
+def _text(scene: Scene) -> str:
+    return to_mjcf(lump(scene), shapes=False)
+
+
+def _compiled(text: str) -> mujoco.MjModel:
+    with quiet():
+        return mujoco.MjModel.from_xml_string(text)
+
+
+def _run(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any]) -> None:
+    model.opt.timestep = scene.run.step
+    mujoco.mj_resetData(model, data)
+    data.qpos, data.qvel = start
+    with quiet():
+        mujoco.mj_step(model, data, round(scene.run.duration / scene.run.step))
+    if data.warning.number.any() or not np.isfinite(data.qpos).all():
+        raise FlexlinkError(f"{scene.name}: MuJoCo is unstable at step = {scene.run.step:g} s: its time says nothing")

@@ -1,0 +1,138 @@
+"""Contestants at Runge-Kutta steps: our compiled loop, MuJoCo's `mj_step`, a Python loop over Pinocchio's `aba`.
+
+Each function prepares a run from the scene's initial state and returns work that takes so many steps of RK4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from mujoco import rollout
+
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.engines.mujoco import MujocoEngine, quiet
+from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.stepping.runge_kutta import integrate
+from flexlink.kernels.tools.lanes import LANES
+from validation.speed.stopwatch import Work
+from validation.types import Array
+
+
+def native(scene: Scene) -> Work:
+    """The loop of `flexlink.simulate`."""
+    chain, h = lump(scene), scene.run.step
+    work = solver_for(chain, "articulated").workspace(chain.arrays)
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
+    start = initial_state(scene, chain)
+    samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
+
+    def take(steps: int) -> None:
+        state = start[0].copy(), start[1].copy(), np.zeros(1)
+        _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
+
+    return take
+
+
+def native_batch(members: Sequence[Scene]) -> Work:
+    """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
+    scene = members[0]
+    chain, h = lump(scene), scene.run.step
+    work = lanes_workspace(solver_for(chain, "articulated"), [chain])
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
+    starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
+    blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
+    samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
+
+    def take(steps: int) -> None:
+        for q, qd in blocks:
+            state = q.copy(), qd.copy(), np.zeros((1, LANES))
+            _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
+
+    return take
+
+
+def by_pinocchio(scene: Scene) -> Work:
+    """A plain Python loop over `aba`, four a step, of an arm that nothing drives; set up once."""
+    chain, h = lump(scene), scene.run.step
+    engine = PinocchioEngine(chain)
+    model, data, k, d = engine.model, engine.data, engine.stiffness, engine.damping
+    if scene.drive.kind != "none" or scene.motion or scene.tip_wrench.any() or engine.coulomb.any():
+        raise FlexlinkError(f"{scene.name}: only a fall without drive, wrench and dry friction is timed in Pinocchio")
+    start, rest = initial_state(scene, chain), k * engine.rest
+
+    def acceleration(q: Array, qd: Array) -> Array:
+        found: Array = pin.aba(model, data, q, qd, rest - k * q - d * qd)
+        return found
+
+    def take(steps: int) -> Array:
+        q, v1 = start
+        for _ in range(steps):
+            a1 = acceleration(q, v1)
+            v2 = v1 + 0.5 * h * a1
+            a2 = acceleration(q + 0.5 * h * v1, v2)
+            v3 = v1 + 0.5 * h * a2
+            a3 = acceleration(q + 0.5 * h * v2, v3)
+            v4 = v1 + h * a3
+            a4 = acceleration(q + h * v3, v4)
+            q, v1 = q + h / 6 * (v1 + 2 * (v2 + v3) + v4), v1 + h / 6 * (a1 + 2 * (a2 + a3) + a4)
+        _demand(scene, "Pinocchio", bool(np.isfinite(q).all()))
+        return q
+
+    return take
+
+
+def by_mujoco(scene: Scene) -> Work:
+    """`mj_step`, many steps a call; autoreset is off in the exported file."""
+    model, data, start = _loaded(scene)
+
+    def take(steps: int) -> None:
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = start
+        with quiet():
+            mujoco.mj_step(model, data, steps)
+        in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
+        _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
+
+    return take
+
+
+def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
+    """`mujoco.rollout` on the calling thread, all members in one call."""
+    scene = members[0]
+    model, data, _ = _loaded(scene)
+    full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    states = np.zeros((len(members), mujoco.mj_stateSize(model, full)))
+    for row, member in zip(states, members, strict=True):
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = initial_state(member, lump(scene))
+        mujoco.mj_getState(model, data, row, full)
+    pool = rollout.Rollout(nthread=0)
+
+    def take(steps: int) -> None:
+        with quiet():
+            found, _ = pool.rollout(model, data, states, nstep=steps)
+        _demand(scene, "MuJoCo", bool(np.isfinite(found[:, -1]).all()) and not data.warning.number.any())
+
+    return take
+
+
+def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, object]]:
+    chain = lump(scene)
+    engine = MujocoEngine(chain)
+    engine.model.opt.timestep = scene.run.step
+    return engine.model, engine.data, initial_state(scene, chain)
+
+
+def _demand(scene: Scene, engine: str, stable: bool) -> None:
+    if not stable:
+        step = f"step = {scene.run.step:g} s"
+        raise FlexlinkError(f"{scene.name}: {engine} is unstable at {step}: its time says nothing")

@@ -1,1 +1,0 @@
-"""Chains, contestants and a stopwatch for the kinds that measure speed."""

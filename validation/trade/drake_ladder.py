@@ -1,0 +1,72 @@
+"""Time for a given error with Drake's error-controlled integrators on the exported SDF.
+
+For scenes without drive, dry friction and load, which Drake would ask Python for: the clock runs while it advances, and
+no Python is in that. Its `runge_kutta5` and `bogacki_shampine3`
+have no part: of a damped chain they do not come back from the first outputs within half a minute.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from pydrake.systems.analysis import ResetIntegratorFromFlags
+
+from flexlink.chain.lumping import lump
+from flexlink.engines.drake import DrakeEngine
+from flexlink.inputs.initial_state import initial_state
+from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.work_precision import Point
+
+SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
+
+
+def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
+    """Ladders of accuracies of all integrators, until both errors are small or a run passes the budget."""
+    runs = DrakeRuns(name)
+    return {scheme: _ladder(runs, scheme, budget, smallest) for scheme in SCHEMES}
+
+
+def _ladder(runs: DrakeRuns, scheme: str, budget: float, smallest: float) -> list[Point]:
+    found: list[Point] = []
+    for digits in range(1, 13):  # of accuracy; below one digit Drake takes none
+        point = runs.run(scheme, 10.0**-digits, 2.0 * budget)  # longer runs are not waited for
+        if point is None:
+            break
+        found.append(point)
+        if point.worst <= smallest or point.seconds > budget:
+            break
+    return found
+
+
+class DrakeRuns:
+    """A scene of the trade in Drake."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.scene = name, trade_scene(name)
+        self.chain = lump(self.scene)
+        self.engine, self.start = DrakeEngine(self.chain), initial_state(self.scene, self.chain)
+
+    def run(self, scheme: str, accuracy: float, longest: float) -> Point | None:
+        """A run; an error of infinity if Drake gives up, None if it takes more than `longest` [s]."""
+        simulator, plant = self.engine._simulator(self.scene)
+        state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        plant.SetPositionsAndVelocities(state, np.concatenate(self.start))
+        integrator = ResetIntegratorFromFlags(simulator, scheme, self.scene.run.sample)
+        integrator.set_fixed_step_mode(False)
+        integrator.set_target_accuracy(accuracy)
+        simulator.Initialize()
+        q, seconds = [self.start[0]], 0.0
+        for t in self.scene.run.times[1:]:
+            begun = time.thread_time()
+            try:
+                simulator.AdvanceTo(t)
+            except RuntimeError:
+                return Point(accuracy, math.inf, 0.0)
+            seconds += time.thread_time() - begun
+            if seconds > longest:
+                return None
+            q.append(np.array(plant.GetPositions(state)))
+        found = errors(self.name, seen(self.chain, np.array(q)))
+        return Point(accuracy, found.tip, seconds, found.bend, integrator.get_num_derivative_evaluations())

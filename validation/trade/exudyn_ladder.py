@@ -1,0 +1,94 @@
+"""Time for a given error with Exudyn's integrators at fixed steps on the exported URDF.
+
+For scenes without drive, dry friction and load, which Exudyn would ask Python for. A run is one call, whose outputs
+Exudyn keeps itself; what a call of one step takes, setting up included, is taken off.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+import exudyn as exu
+import numpy as np
+from exudyn.itemInterface import SensorNode
+
+import flexlink as fl
+from flexlink.chain.lumping import lump
+from flexlink.engines.exudyn import ExudynEngine, _settings
+from flexlink.inputs.initial_state import initial_state
+from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
+
+SOLVERS = {
+    "GeneralizedAlpha": exu.DynamicSolverType.GeneralizedAlpha,
+    "TrapezoidalIndex2": exu.DynamicSolverType.TrapezoidalIndex2,
+    "RK44": exu.DynamicSolverType.RK44,
+}
+STEPS_OF_A_PART = 200  # steps that tell what a step costs
+
+
+def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
+    """Ladders of steps of all integrators; of RK44 its time at the limit of stability, if that is past the budget."""
+    runs, found = ExudynRuns(name), dict[str, list[Point]]()
+    sample = runs.scene.run.sample
+    for solver in SOLVERS:
+        first = 1
+        if solver == "RK44":
+            first = math.ceil(sample / fl.stable_step(runs.chain, runs.start[0], method="RK4"))
+            whole = runs.seconds_a_step(solver, sample / first) * first * OUTPUTS
+            if whole > budget:
+                found[solver] = [Point(sample / first, math.nan, whole)]
+                continue
+
+        def run(steps: int, solver: str = solver) -> Point:
+            return runs.run(solver, steps)
+
+        found[solver] = ladder(run, first, budget, smallest)
+    return found
+
+
+class ExudynRuns:
+    """A scene of the trade in Exudyn, with a sensor of its angles."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.scene = name, trade_scene(name)
+        self.chain = lump(self.scene)
+        self.start, self.system = initial_state(self.scene, self.chain), ExudynEngine(self.chain)._whole
+        self.system.load(np.zeros(self.chain.n), None)
+        angles = exu.OutputVariableType.Coordinates
+        self.sensor = self.system.mbs.AddSensor(SensorNode(nodeNumber=0, storeInternal=True, outputVariableType=angles))
+        self.system.mbs.Assemble()
+        self.setting_up = 0.0
+        self.setting_up = min(self._seconds("RK44", 1e-9, 1)[0] for _ in range(3))
+
+    def run(self, solver: str, steps: int) -> Point:
+        """A run with so many steps between outputs; an error of infinity if Exudyn gives up."""
+        run = self.scene.run
+        seconds, good = self._seconds(solver, run.sample / steps, steps * OUTPUTS)
+        kept = np.array(self.system.mbs.GetSensorStoredData(self.sensor))
+        rows = [int(np.abs(kept[:, 0] - t).argmin()) for t in run.times]
+        if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
+            return Point(run.sample / steps, math.inf, 0.0)
+        found = errors(self.name, seen(self.chain, kept[rows, 1:]))
+        of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
+        evaluations = of_a_step * steps * OUTPUTS
+        return Point(run.sample / steps, found.tip, seconds, found.bend, evaluations)
+
+    def seconds_a_step(self, solver: str, step: float) -> float:
+        """CPU seconds of a step, from the first of a run."""
+        return self._seconds(solver, step, STEPS_OF_A_PART)[0] / STEPS_OF_A_PART
+
+    def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
+        """CPU seconds of a run from the start, and whether Exudyn came to its end."""
+        self.system._set_state(*self.start, exu.ConfigurationType.Initial)
+        settings, early = _settings(), (1 - 1e-6) * self.scene.run.sample  # so that rounding misses no output
+        settings.solution.sensors.active, settings.solution.sensors.writePeriod = True, early
+        settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = step * steps, steps
+        begun = time.thread_time()
+        try:
+            good = bool(self.system.mbs.SolveDynamic(settings, solverType=SOLVERS[solver]))
+        except Exception:  # of whatever kind, as Exudyn has it: no result
+            good = False
+        seconds = time.thread_time() - begun
+        return max(seconds - self.setting_up, 1e-9), good

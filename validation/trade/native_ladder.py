@@ -1,0 +1,133 @@
+"""Time for a given error with flexlink: adaptive methods with finer and finer tolerances, others with finer steps.
+
+Those of an explicit method begin at its limit of stability, those of an implicit one at the time between outputs.
+
+The clock runs while steps are taken and the states of samples filled in, as MuJoCo's runs in `mj_step`; setting a run
+up, and tips, energies and the judgement of its samples, cost another few milliseconds, whatever its length.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import flexlink as fl
+from flexlink.chain.lumping import lump
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.inputs.initial_state import initial_state
+from flexlink.motion.simulate import SingleRun
+from flexlink.results.tip_motion import tip_travel
+from validation.trade.scenes import OUTPUTS, Seen, errors, reference, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
+
+COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
+OF_STABLE = 0.98  # of the largest stable step at the start
+TOO_DEAR = 2.0  # budgets: a run that takes longer is not waited for
+LIMIT = "RK4 at its limit"
+
+
+class Timed(NamedTuple):
+    """A run: what is seen of it, CPU seconds of its steps, evaluations."""
+
+    seen: Seen
+    seconds: float
+    evaluations: int
+
+
+def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
+    """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
+    run = SingleRun(scene)
+    watch, rows, begun = run.watch, 1, time.thread_time()
+    for reached in run.steps:
+        rows = reached.rows
+        if run.steps.failure:
+            break
+        if time.thread_time() - begun > longest:
+            raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
+    seconds = time.thread_time() - begun
+    if not watch.look(rows, run.steps.steps) or run.steps.failure:  # no second run: the reference judges
+        raise watch.diverged(run.steps.failure)
+    return Timed(seen(watch.record.chain, watch.record.q), seconds, run.steps.steps.evaluations)
+
+
+class TooDearError(FlexlinkError):
+    """A run takes longer than it may."""
+
+
+def by_tolerance(name: str, method: str, budget: float, smallest: float) -> list[Point]:
+    """Runs of a method with finer and finer tolerances, until both errors are met or a run passes the budget.
+
+    Where a finer one takes no more evaluations, stability sets the steps, and the next tolerances are left out.
+    """
+    scene, points, motion, rung = trade_scene(name), list[Point](), tip_travel(reference(name).tip), 0
+    while rung < 48:  # the last tolerance is 5e-13 of the motion, below what roundings leave
+        tolerance = COARSEST * motion * FINER**rung
+        try:
+            run = scene.varied({"run.method": method, "run.tolerance": tolerance})
+            points.append(_point(name, run, tolerance, TOO_DEAR * budget))
+        except TooDearError:  # finer ones would be, too
+            break
+        if points[-1].worst <= smallest or points[-1].seconds >= budget:
+            break
+        rung += 4 if _bound_by_stability(points) else 1  # a decade at once
+    return points
+
+
+def _bound_by_stability(points: Sequence[Point]) -> bool:
+    """Whether the last two runs took as many evaluations."""
+    last, before = points[-1].evaluations, points[-2].evaluations if len(points) > 1 else 0
+    return abs(last - before) < 0.02 * before
+
+
+def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -> Point:
+    """The fastest of some runs, more of them if they are short, one if it is long; an error of infinity if it fails.
+
+    Raises
+    ------
+    TooDearError
+        A run takes more than `longest` [s].
+    """
+    try:
+        runs = [timed_run(scene, longest)]
+        more = 4 if runs[0].seconds < 0.01 else 1 if runs[0].seconds < 0.2 else 0
+        runs += [timed_run(scene) for _ in range(more)]
+    except TooDearError:
+        raise
+    except FlexlinkError:
+        return Point(setting, math.inf, 0.0)
+    found = errors(name, runs[0].seen)
+    return Point(setting, found.tip, min(run.seconds for run in runs), found.bend, runs[0].evaluations)
+
+
+def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
+    """Runs of a method from its largest stable step on; one without error, told by its beginning, if it is longer."""
+    scene = trade_scene(name)
+    chain, sample = lump(scene), scene.run.sample
+    stable = fl.stable_step(chain, *initial_state(scene, chain), method=method)
+    first = max(1, math.ceil(sample / (OF_STABLE * stable)))
+    stepped = {"run.method": method, "run.unstable": "allow"}
+    beginning = scene.varied(stepped | {"run.step": sample / first, "run.duration": sample})
+    try:
+        whole = OUTPUTS * min(timed_run(beginning, budget).seconds for _ in range(2))
+    except TooDearError:
+        return []
+    except FlexlinkError:  # steps that are too long for the iteration of an implicit method: finer ones come
+        whole = 0.0
+    if whole > budget:
+        return [Point(sample / first, math.nan, whole)]
+
+    def run(steps: int) -> Point:
+        return _point(name, scene.varied(stepped | {"run.step": sample / steps}), sample / steps)
+
+    return ladder(run, first, budget, smallest)
+
+
+def cheapest(ladders: Mapping[str, Sequence[Point]], target: float) -> tuple[str, Point] | None:
+    """The method and the run that met an error in the least time; None if none did."""
+    met = [
+        (point.seconds, name, point) for name, points in ladders.items() for point in points if point.error <= target
+    ]
+    return min(met)[1:] if met else None

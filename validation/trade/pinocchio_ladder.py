@@ -1,0 +1,128 @@
+"""Time for a given error with Pinocchio's ABA in RK4, and in SciPy's DOP853 and Radau.
+
+Runs are made from Python; what they are charged with is the number of evaluations × the time of one ABA, and nothing
+else. That time is the least of repeats of `abaInParallel` on one thread, a loop in C++ over many states, with the kind
+of joints that is the fastest. So the interpreter, SciPy's linear algebra, springs, friction, drives, and what a joint
+with a prescribed motion takes, are all free of charge.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+import flexlink as fl
+from flexlink.chain.chain import Chain
+from flexlink.common.errors import FlexlinkError
+from flexlink.describe.scene import Scene
+from flexlink.engines.pinocchio import PinocchioEngine
+from flexlink.inputs.initial_state import initial_state
+from validation.speed.families import timed_states
+from validation.speed.pinocchio_models import build_all
+from validation.trade.first_order import FirstOrder, Solved
+from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.work_precision import Point, ladder
+from validation.types import Array
+
+ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
+EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}  # of a step
+BATCH, REPEATS = 256, 60
+
+
+class PinocchioForm(FirstOrder):
+    """A scene as y' = f(t, y) whose accelerations are Pinocchio's; at most so many evaluations.
+
+    Raises
+    ------
+    FlexlinkError
+        A run takes more.
+    """
+
+    def __init__(self, scene: Scene, most: float = math.inf) -> None:
+        super().__init__(scene)
+        self.engine, self.most = PinocchioEngine(self.chain), most
+        self.pull = self.wrench if self.wrench.any() else None
+
+    def _accelerations(self, q: Array, qd: Array, tau: Array) -> Array:
+        if self.evaluations > self.most:
+            raise FlexlinkError(f"{self.scene.name}: more than {self.most:,} evaluations in Pinocchio")
+        if q.ndim == 1:
+            return self.engine.forward_dynamics(q, qd, tau, tip_wrench=self.pull)
+        return np.array([self._accelerations(*row) for row in zip(q, qd, tau, strict=True)])
+
+
+def seconds_of_aba(chain: Chain) -> float:
+    """Least CPU seconds of an ABA, in a loop of C++ on this thread, over the kinds of joints that fit.
+
+    Raises
+    ------
+    FlexlinkError
+        This Pinocchio has no such loop.
+    """
+    if not pin.WITH_OPENMP:
+        raise FlexlinkError("Pinocchio here is built without OpenMP: no loop of ABA without Python in it to be timed")
+    states, best = timed_states(chain, BATCH), math.inf
+    for model, sign in build_all(chain).values():
+        pool = pin.ModelPool(model, 1)
+        q, qd, tau, qdd = (np.asfortranarray((part * sign).T) for part in states)
+        for _ in range(REPEATS):
+            begun = time.thread_time()
+            pin.abaInParallel(1, pool, q, qd, tau, qdd)
+            best = min(best, (time.thread_time() - begun) / BATCH)
+    return best
+
+
+def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -> dict[str, list[Point]]:
+    """RK4 from its limit of stability on, SciPy's solvers with tolerances; only the time of too long explicit runs.
+
+    `most` is the number of evaluations that a run may take, for it is made in Python. Relative tolerances are the
+    solvers' own, absolute ones a hundredth.
+    """
+    form = PinocchioForm(trade_scene(name), most)
+    aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
+    for method, a_step in EVALUATIONS_OF_A_STEP.items():
+        first = _steps_of_limit(form.scene, method)
+        evaluations = a_step * OUTPUTS * first
+        if evaluations > most:
+            too_long = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
+            found[method] = [too_long]
+        elif method == "RK4":
+            longest = aba * most
+
+            def run(steps: int) -> Point:
+                return _point(name, form, form.scene.run.sample / steps, aba, lambda: form.by_rk4(steps))
+
+            found[method] = ladder(run, first, longest, smallest)
+        else:
+            found[method] = _by_tolerance(name, form, method, aba, tolerances)
+    return found | {"Radau": _by_tolerance(name, form, "Radau", aba, tolerances)}
+
+
+def _steps_of_limit(scene: Scene, method: str) -> int:
+    """Steps between outputs at the largest stable step of the start."""
+    chain = fl.lump(scene)
+    return math.ceil(scene.run.sample / fl.stable_step(chain, *initial_state(scene, chain), method=method))
+
+
+def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, tolerances: Sequence[float]) -> list[Point]:
+    found = []
+    for relative in tolerances:
+        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r, 1e-2 * r))  # type: ignore[misc]
+        found.append(point)
+        if point.error == math.inf:  # finer ones take more evaluations still
+            break
+    return found
+
+
+def _point(name: str, form: PinocchioForm, setting: float, aba: float, run: Callable[[], Solved]) -> Point:
+    form.evaluations = 0
+    try:
+        solved = run()
+    except FlexlinkError:
+        return Point(setting, math.inf, 0.0)
+    found = errors(name, seen(form.chain, solved.q))
+    return Point(setting, found.tip, solved.evaluations * aba, found.bend, solved.evaluations)

@@ -1,0 +1,137 @@
+"""Scenes of the trade between cost and accuracy, their references, and the errors that the trade is about.
+
+The error of a run is the largest distance of its tip from the reference at the outputs, over the largest distance of
+the reference's tip from where it started: 1e-2 is a hundredth of the motion. The error of its deflection is the same of
+the vector by which the hinges bend the tip away, over the longest of the reference: a part of the deflection.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from flexlink.chain.arguments import require_one_of
+from flexlink.chain.chain import Chain
+from flexlink.describe import data_files
+from flexlink.describe.scene import Scene, load_scene
+from flexlink.describe.spec import Spec, decode
+from flexlink.dynamics.placement import tip_position, unbent
+from flexlink.results.tip_motion import tip_travel
+from validation.case import MODELS, STUDY_SCENES
+from validation.physics.formulas import INPUTS
+from validation.reference_values import reference_array
+from validation.trade.first_order import FirstOrder
+from validation.types import Array
+
+FILE = STUDY_SCENES / "trade" / "scenes.toml"
+OUTPUTS = 20  # of every run; the first of the samples is the start
+PROBED = 1e-7  # relative: cancellation in the sums of a stiff chain; any change worth telling is larger
+
+
+class Varied(Spec, frozen=True):
+    """A scene told by what differs from another one; `change` is what `Scene.varied` takes."""
+
+    about: str
+    base: str
+    change: dict[str, Any] = msgspec.field(default_factory=dict)
+    input: Literal["none", "torque_pulse", "torques_of_motion"] = "none"
+
+
+@functools.cache
+def scenes() -> dict[str, Varied]:
+    """What the file says, by name."""
+    return {name: decode(raw, Varied, name) for name, raw in data_files.read_toml(FILE).items()}
+
+
+@functools.cache
+def trade_scene(name: str) -> Scene:
+    """A scene of the trade, sampled at its outputs.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such scene.
+    SceneError
+        What its file says is no scene.
+    """
+    scene = varied_scene(require_one_of("scene", name, scenes()), name)
+    every = scene.run.duration / OUTPUTS
+    return scene.varied({"run.step": every, "run.sample": every})
+
+
+def varied_scene(varied: Varied, name: str) -> Scene:
+    """A scene of this name that differs so from its base: a scene of the trade, or a file."""
+    return INPUTS[varied.input](_varied(varied, name))
+
+
+def _varied(varied: Varied, name: str) -> Scene:
+    base = _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+    return base.varied(varied.change | {"name": name, "about": varied.about})
+
+
+def _file(base: str) -> Path:
+    path = STUDY_SCENES / f"{base}.toml"
+    return path if path.is_file() else MODELS / f"{base}.toml"
+
+
+def probe(scene: Scene) -> Array:
+    """Numbers that tell a scene: q̇ and q̈ on a fixed direction, of the start at two times, and of a state near it."""
+    f, random = FirstOrder(scene), np.random.default_rng(0)
+    direction, aside = random.normal(size=(2, len(f.start)))
+    later = scene.run.duration / 3
+    states = (0.0, f.start), (later, f.start), (later, f.start + 0.01 * aside)
+    return np.array([*(f(t, y) @ direction for t, y in states), scene.run.duration])
+
+
+def is_of(scene: Scene, name: str) -> bool:
+    """Whether the stored reference is that of this scene, up to rounding."""
+    return np.allclose(reference_array(reference_name(name), "probe"), probe(scene), rtol=PROBED, atol=0.0)
+
+
+def reference_name(name: str) -> str:
+    """Of the file in `validation/reference/`."""
+    return f"trade/{name}"
+
+
+class Seen(NamedTuple):
+    """What the trade looks at: rows of the outputs, start included, in frame 0 [m]; nan where a run did not get to.
+
+    `bend` is the tip less the tip of the same arm with its springs at rest.
+    """
+
+    tip: Array  # (OUTPUTS + 1, 3)
+    bend: Array  # (OUTPUTS + 1, 3)
+
+
+def seen(chain: Chain, q: Array) -> Seen:
+    """The same of angles at the outputs, shape (OUTPUTS + 1, n)."""
+    tip, there = np.full((2, len(q), 3), np.nan)
+    good = np.isfinite(q).all(axis=1)
+    tip[good], there[good] = tip_position(chain, q[good]), tip_position(chain, unbent(chain, q[good]))
+    return Seen(tip, tip - there)
+
+
+@functools.cache
+def reference(name: str) -> Seen:
+    """Two methods agree on it."""
+    return Seen(*(reference_array(reference_name(name), part) for part in Seen._fields))
+
+
+class Errors(NamedTuple):
+    """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
+
+    tip: float
+    bend: float
+
+
+def errors(name: str, found: Seen) -> Errors:
+    """How far a run is from the reference."""
+    exact = reference(name)
+    sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
+    apart = (np.linalg.norm(ours - theirs, axis=1).max() for ours, theirs in zip(found, exact, strict=True))
+    parts = (float(part / size) for part, size in zip(apart, sizes, strict=True))
+    return Errors(*(part if np.isfinite(part) else np.inf for part in parts))

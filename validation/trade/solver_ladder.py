@@ -1,0 +1,38 @@
+"""Time for a given error with SciPy's solvers and CVODE on flexlink's forward dynamics, called from Python."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexlink.common.errors import FlexlinkError, MissingDependencyError
+from validation.trade.first_order import FirstOrder
+from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.work_precision import Point
+
+CVODE = "CVODE"
+
+
+def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
+    """A run for each relative tolerance; the absolute one is a hundredth. None where CVODE is not installed."""
+    form = FirstOrder(trade_scene(name))
+    for y in (form.start, np.vstack([form.start, form.start])):  # compiled before the clock runs
+        form(0.0, y)
+    return [_point(name, form, solver, relative) for relative in tolerances]
+
+
+def _point(name: str, form: FirstOrder, solver: str, relative: float) -> Point:
+    begun = time.thread_time()
+    try:
+        solved = form.by_cvode(relative, 1e-2 * relative) if solver == CVODE else form.by_scipy(
+            solver, relative, 1e-2 * relative
+        )  # fmt: skip
+    except MissingDependencyError:
+        raise
+    except FlexlinkError:
+        return Point(relative, math.inf, 0.0)
+    seconds, found = time.thread_time() - begun, errors(name, seen(form.chain, solved.q))
+    return Point(relative, found.tip, seconds, found.bend, solved.evaluations)

@@ -1,0 +1,100 @@
+"""Work-precision diagrams: points (error, CPU time) of a method on a scene, and the time for a given error."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+
+class Point(NamedTuple):
+    """One run: the setting (step [s], or tolerance), tip error over the motion (inf: failed), CPU seconds.
+
+    `bend` is the error of the deflection over the largest, and `evaluations` are those of forward or inverse dynamics.
+    """
+
+    setting: float
+    error: float
+    seconds: float
+    bend: float = math.inf
+    evaluations: int = 0
+
+    @property
+    def worst(self) -> float:
+        """The larger of the two errors."""
+        return max(self.error, self.bend)
+
+    @property
+    def time_only(self) -> bool:
+        """Whether the run was too long: its time is extrapolated from its beginning, its error unknown."""
+        return math.isnan(self.error)
+
+
+class Cost(NamedTuple):
+    """CPU seconds of an error.
+
+    `kind` is "measured"; "order": beyond the smallest error measured, by the method's order; "limit": of the smallest
+    number of steps that is stable, as a part of the run tells, whatever its error.
+    """
+
+    seconds: float
+    kind: str = "measured"
+
+
+def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: float) -> list[Point]:
+    """Runs with `first`, 2 `first`, … steps between outputs, until both errors are met or the next passes the budget.
+
+    Parameters
+    ----------
+    run
+        The run of so many steps between outputs.
+    first
+        Where to begin.
+    budget
+        Longest run [CPU seconds].
+    smallest
+        Of both errors, at which the ladder ends.
+    """
+    points: list[Point] = []
+    steps, per_step = first, 0.0
+    while not points or (per_step * steps <= budget and points[-1].worst > smallest):
+        point = run(steps)
+        if point.error < math.inf:  # one that failed ended early: its time says nothing
+            point = min(point, run(steps), key=lambda each: each.seconds) if point.seconds < budget / 8 else point
+            per_step = point.seconds / steps
+        points.append(point)
+        steps *= 2
+        if steps > MOST_STEPS:
+            break
+    return points
+
+
+MOST_STEPS = 1 << 20  # between two outputs
+
+
+def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
+    """Least CPU time of an error, along the line between points of the ladder; None if no run was any good.
+
+    The line is straight in logarithms, which favours a method of few points against one of many. Beyond the last point
+    the error falls with the method's order, or faster if it did so at the end.
+    """
+    good = [point for point in points if point.error < 1.0]
+    met = [point.seconds for point in good if point.error <= target]
+    for coarse, fine in itertools.pairwise(points):
+        if coarse.error < 1.0 and fine.error <= target < coarse.error:
+            share = math.log(coarse.error / target) / math.log(coarse.error / fine.error)
+            met.append(coarse.seconds * (fine.seconds / coarse.seconds) ** share)
+    if met:
+        return Cost(min(met))
+    if not good:
+        return None
+    last = min(good, key=lambda each: each.error)
+    return Cost(last.seconds * (last.error / target) ** (1.0 / max(order, _measured_order(good))), "order")
+
+
+def _measured_order(good: Sequence[Point]) -> float:
+    """Of the last two points of a ladder that doubles; 0 if there is none."""
+    if len(good) < 2 or not 0 < good[-1].error < good[-2].error:
+        return 0.0
+    return math.log2(good[-2].error / good[-1].error)
