@@ -32,7 +32,7 @@ from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import EPS
 from flexlink.kernels.bodies.plane import planar_lanes_workspace
 from flexlink.kernels.forward import solvers
-from flexlink.kernels.forward.articulated_layout import ALONG, ANEW, HINGES, PAIR, TIP, TRIPLE, WAY, layout_of
+from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT, layout_of
 from flexlink.kernels.forward.articulated_rows import articulated_lanes_workspace
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.lanes import LANES, put_at
@@ -210,7 +210,11 @@ def test_tips_with_and_without_mass_go_side_by_side(flex: str, rng: np.random.Ge
     bodies["mass"][-1] = 2.0
     heavy = dataclasses.replace(bare, bodies=bodies)
     chains = [bare, heavy, bare]
-    assert [layout_of(chain.bodies, chain.hinges)[-1, WAY] for chain in chains] == [TIP, HINGES, TIP]
+    assert [layout_of(chain.bodies, chain.hinges)[-1, LAYOUT.group] for chain in chains] == [
+        GROUP.tip,
+        GROUP.hinges,
+        GROUP.tip,
+    ]
     q, qd, tau = rng.uniform(-3, 3, (3, len(chains), bare.n))
     for chain, row, *state in zip(chains, forward_dynamics(chains, q, qd, tau), q, qd, tau, strict=True):
         np.testing.assert_array_equal(row, forward_dynamics(chain, *state))
@@ -221,28 +225,33 @@ def ways(*links: Link, **fields: object) -> list[int]:
     hinges = chain.hinges.copy()
     for name, value in fields.items():
         hinges[name] = value
-    return layout_of(chain.bodies, hinges)[:, WAY].tolist()
+    return layout_of(chain.bodies, hinges)[:, LAYOUT.group].tolist()
 
 
 def test_every_group_of_hinges_is_taken_out_its_own_way() -> None:
     """The first body is at the joint, the last is the frame of the tip."""
-    assert ways(flexible("a", "z", 3)) == [ALONG, ALONG, ALONG, TIP]
-    assert ways(flexible("a", "yz", 3)) == [ALONG, PAIR, PAIR, TIP]
-    assert ways(flexible("a", "xyz", 3)) == [ALONG, TRIPLE, TRIPLE, TIP]
-    assert ways(flexible("a", "yz", 3, lumping="gauss")) == [ALONG, PAIR, PAIR, TIP]  # Y, Z and then Z, Y
-    assert ways(flexible("a", "z", 3), armature=0.1) == [ALONG, ALONG, ALONG, TIP]
+    assert ways(flexible("a", "z", 3)) == [GROUP.along, GROUP.along, GROUP.along, GROUP.tip]
+    assert ways(flexible("a", "yz", 3)) == [GROUP.along, GROUP.pair, GROUP.pair, GROUP.tip]
+    assert ways(flexible("a", "xyz", 3)) == [GROUP.along, GROUP.triple, GROUP.triple, GROUP.tip]
+    assert ways(flexible("a", "yz", 3, lumping="gauss")) == [
+        GROUP.along,
+        GROUP.pair,
+        GROUP.pair,
+        GROUP.tip,
+    ]  # Y, Z and then Z, Y
+    assert ways(flexible("a", "z", 3), armature=0.1) == [GROUP.along, GROUP.along, GROUP.along, GROUP.tip]
     for flex in ("yz", "xyz"):
-        assert ways(flexible("a", flex, 3), armature=0.1) == [ALONG, HINGES, HINGES, TIP]
-        assert ways(flexible("a", flex, 3), prescribed=1) == [HINGES, HINGES, HINGES, TIP]
+        assert ways(flexible("a", flex, 3), armature=0.1) == [GROUP.along, GROUP.hinges, GROUP.hinges, GROUP.tip]
+        assert ways(flexible("a", flex, 3), prescribed=1) == [GROUP.hinges, GROUP.hinges, GROUP.hinges, GROUP.tip]
         for axis in (0, 1, 2):  # all about one axis
-            assert ways(flexible("a", flex, 3), axis=axis)[1:3] == [HINGES, HINGES]
+            assert ways(flexible("a", flex, 3), axis=axis)[1:3] == [GROUP.hinges, GROUP.hinges]
 
 
 def test_working_axes_begin_where_single_hinges_leave_the_axis_z() -> None:
     roll, yaw = Mount(rpy_deg=(-90.0, 0.0, 0.0)), Mount(rpy_deg=(0.0, 0.0, 30.0))
     bending = flexible("a", "z", 3, mount=roll), flexible("b", "z", 2, mount=yaw)
     chain = lump(make_scene(Link(name="waist"), *bending, flexible("c", "yz", 2), flexible("d", "z", 2)))
-    begin = np.flatnonzero(layout_of(chain.bodies, chain.hinges)[:, ANEW])
+    begin = np.flatnonzero(layout_of(chain.bodies, chain.hinges)[:, LAYOUT.restart])
     assert [chain.joint_name(chain.bodies["first"][i]) for i in begin] == ["a", "d"]
 
 
@@ -262,14 +271,14 @@ def test_groups_of_every_kind_follow_each_other_without_a_joint_between(rng: np.
         flexible(name, flex, 3, mount=SKEW, joint=held) for name, flex in zip("abc", ("yz", "xyz", "yz"), strict=True)
     )
     chain = lump(make_scene(a, b, c))
-    assert layout_of(chain.bodies, chain.hinges)[:, WAY].tolist() == [
-        PAIR,
-        PAIR,
-        TRIPLE,
-        TRIPLE,
-        PAIR,
-        PAIR,
-        TIP,
+    assert layout_of(chain.bodies, chain.hinges)[:, LAYOUT.group].tolist() == [
+        GROUP.pair,
+        GROUP.pair,
+        GROUP.triple,
+        GROUP.triple,
+        GROUP.pair,
+        GROUP.pair,
+        GROUP.tip,
     ]
     assert_as_lu(chain, rng)
 

@@ -12,8 +12,8 @@ import flexlink as fl
 from flexlink import Chain, Joint, Link, Mount, PrescribedMotion, RigidBody
 from flexlink.describe.spec import Vector3
 from flexlink.errors import ArgumentError, SingularMassError
-from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
-from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
 from validation.oracles.spatial_chain import DIFFERENCES, SpatialChain, accelerations, derivatives, exactly
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ def off(ours: Array, exact: Array) -> float:
     return float(np.abs(ours - exact).max() / (largest if largest > 1e-30 else 1.0))
 
 
-def friction_slope(chain: Chain, qd: Array) -> Array:
+def friction_derivative(chain: Chain, qd: Array) -> Array:
     """∂T_FR/∂q̇, shape (n,)."""
     joints = chain.hinges
     return joints["damping"] + joints["coulomb"] / joints["coulomb_width"] * (
@@ -85,7 +85,7 @@ def worst_of_inverse(chain: Chain, q: Array, qd: Array, qdd: Array, wrench: Arra
         exact = oracle.slopes(*(exactly(part) for part in (q, qd, qdd, wrench)))
         by_angle, by_rate = (np.array(part.tolist(), dtype=float) for part in exact)
         M = np.array(oracle.equations(exactly(q), exactly(qd))[0].tolist(), dtype=float)
-    own = found.dq + np.diag(chain.stiffness), found.dqd + np.diag(friction_slope(chain, qd)), found.dqdd
+    own = found.dq + np.diag(chain.stiffness), found.dqd + np.diag(friction_derivative(chain, qd)), found.dqdd
     return max(off(ours, theirs) for ours, theirs in zip(own, (by_angle, by_rate, M), strict=True))
 
 
@@ -151,7 +151,7 @@ def test_a_planar_arm_has_the_same_derivatives_by_the_recursion_in_space(rng: np
         q, qd = bent_state(chain, rng)
         state = *chain.arrays, rng.normal(size=6), q, qd, rng.normal(size=chain.n)
         plane, space = np.empty((2, 3, chain.n, chain.n))
-        assert chain.is_planar and all_planar_slopes(*state, plane) and all_forward_slopes(*state, space)
+        assert chain.is_planar and planar_derivatives(*state, plane) and forward_derivatives(*state, space)
         assert max(map(off, plane, space)) <= CLOSE
 
 
@@ -163,7 +163,7 @@ def test_derivatives_undo_each_other(chain: Chain, rng: np.random.Generator) -> 
     inverse = fl.inverse_dynamics_derivatives(chain, q, qd, fl.forward_dynamics(chain, q, qd, tau))
     for slope, own, through in (
         (inverse.dq, chain.stiffness, forward.dq),
-        (inverse.dqd, friction_slope(chain, qd), forward.dqd),
+        (inverse.dqd, friction_derivative(chain, qd), forward.dqd),
         (np.zeros((chain.n, chain.n)), -np.ones(chain.n), forward.dtau),
     ):
         parts = np.abs(inverse.dqdd) @ np.abs(through)

@@ -12,7 +12,7 @@ from conftest import flexible, make_scene, random_state
 import flexlink as fl
 from flexlink.dynamics.rounding import of_residual
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
-from flexlink.kernels.bodies.plane import SIGN, planar_workspace
+from flexlink.kernels.bodies.plane import LINK, planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.tools.sincos import OFTEN, less_whole_turns
 
@@ -84,7 +84,7 @@ def test_torques_in_the_plane_are_those_of_the_recursion_in_space(rng: np.random
         ]
         worst = max(worst, np.abs(planar - spatial).max() / of_residual(chain, q, qd, qdd, 0 * q, tip_wrench=wrench))
         assert powers[0] == pytest.approx(powers[1], abs=8 * EPS * np.abs(qd).sum() * np.abs(wrench).sum())
-        signs |= set(work.links[:, SIGN])
+        signs |= set(work.links[:, LINK.sign])
     assert signs == {1.0, -1.0}
     assert worst <= 1
 

@@ -49,7 +49,7 @@ def test_the_solution_is_that_of_the_dense_matrix(name: str, number: complex) ->
     dense = fl.mass_matrix(chain, q) + np.diag(A - chain.hinges["armature"])
     wanted = np.zeros(chain.n, dtype=type(number))
     wanted[free] = np.linalg.solve(dense[np.ix_(free, free)], r[free])
-    factors = np.zeros((chain.n, FACTORS), dtype=type(number))
+    factors = np.zeros((chain.n, FACTORS.size), dtype=type(number))
     factors[:, 0] = A
     found = solved(q, factors, r.astype(type(number)), posture_of(chain))
     allowed = 100 * EPS * np.linalg.cond(dense[np.ix_(free, free)]) * np.abs(wanted).max()

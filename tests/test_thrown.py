@@ -13,8 +13,8 @@ import flexlink as fl
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, place_bodies
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
-from flexlink.kernels.stepping import step_state as clock
-from flexlink.kernels.stepping.error_norm import CLOSER, Springs, error_of
+from flexlink.kernels.stepping.error_norm import CLOSER, Springs, step_error_norm
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import kernel
 
 pytestmark = compiled
@@ -25,18 +25,18 @@ SCENES = {
 
 
 class Work(NamedTuple):
-    """What `error_of` takes of the scratch of a method."""
+    """What `step_error_norm` takes of the scratch of a method."""
 
     chain: Any
     posture: Any
-    clock: Any
+    stepper: Any
     springs: Any
 
 
 @kernel
 def weighed(h, q, e_q, e_v, work):
     place_bodies(q, work.posture)
-    return error_of(h, e_q, e_v, work)
+    return step_error_norm(h, e_q, e_v, work)
 
 
 @kernel
@@ -49,10 +49,10 @@ def prepared(name: str) -> tuple[np.ndarray, Work, np.ndarray, np.ndarray]:
     chain = fl.lump(SCENES[name])
     n, q = chain.n, np.random.default_rng(3).uniform(-0.5, 0.5, chain.n)
     squares, shapes = eigh(np.diag(chain.stiffness), fl.mass_matrix(chain, q))
-    ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(clock.CLOCK_SIZE)
-    ω[:2], numbers[clock.SLOWEST] = 0.0, 1.0 / ω[2]
+    ω, numbers = np.sqrt(np.maximum(squares, 0.0)), np.zeros(STEPPER.size)
+    ω[:2], numbers[STEPPER.inverse_ω1] = 0.0, 1.0 / ω[2]
     posture = (plane_posture if chain.is_planar else space_posture)(*chain.arrays)
-    springs = Springs(*np.zeros((3, n)), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    springs = Springs(*np.zeros((3, n)), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
     return q, Work(chain.arrays, posture, numbers, springs), ω, shapes
 
 
@@ -79,9 +79,9 @@ def test_what_a_sampled_law_makes_of_an_error_of_the_rates_counts_by_where_it_th
     """An impulse p turns what swings with ω by τ / (1 + τ² ω²) of what it is of p."""
     q, work, ω, shapes = prepared(name)
     τ, inverse = 1.0 / ω[2], shapes @ shapes.T
-    work.springs.kick[:] = 1e3 / inverse[0, 0]
+    work.springs.impulse[:] = 1e3 / inverse[0, 0]
     e = shapes[:, -1]
-    impulse = shapes.T @ (work.springs.kick * e) / (1.0 + (τ * ω) ** 2)
+    impulse = shapes.T @ (work.springs.impulse * e) / (1.0 + (τ * ω) ** 2)
     counted = weighed(1e-3 / ω[-1], q, np.zeros_like(q), e, work)
     assert counted == pytest.approx(moved(τ * (shapes @ impulse), work.posture), rel=1e-6)
 

@@ -15,9 +15,9 @@ from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.wrench import world_wrench
-from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
-from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_slopes
-from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
+from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def inverse_dynamics_derivatives(
     q, qd, qdd = vector("q", q, n, many=True), vector("qd", qd, n, many=True), vector("qdd", qdd, n, many=True)
     wrench = world_wrench(chain, q, tip_wrench, frame)
     found = np.empty((3, n, n))
-    if not all_inverse_slopes(*chain.arrays, wrench, q, qd, qdd, found):
+    if not all_inverse_derivatives(*chain.arrays, wrench, q, qd, qdd, found):
         raise beyond_float64(_of("torques", chain), q=q, qd=qd, qdd=qdd, tip_wrench=wrench, gravity=chain.gravity)
     if frame == "tip":
         found[0] += _of_turning(chain, q, qd, wrench, tip_wrench)
@@ -142,7 +142,7 @@ def forward_dynamics_derivatives(
     q, qd = vector("q", q, n, many=True, finite=False), vector("qd", qd, n, many=True, finite=False)
     tau = vector("tau", tau, n, many=True, finite=False)
     wrench = world_wrench(chain, q, tip_wrench, frame)
-    found, kernel = np.empty((3, n, n)), all_planar_slopes if chain.is_planar else all_forward_slopes
+    found, kernel = np.empty((3, n, n)), planar_derivatives if chain.is_planar else forward_derivatives
     if not kernel(*chain.arrays, wrench, q, qd, tau, found):
         forward_dynamics(chain, q, qd, tau, tip_wrench=tip_wrench, frame=frame)  # raises where there is no q̈
         raise beyond_float64(_of("accelerations", chain), q=q, qd=qd, tau=tau, tip_wrench=wrench, gravity=chain.gravity)

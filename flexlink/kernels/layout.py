@@ -1,11 +1,17 @@
 """Layout of a chain's arrays, which every kernel reads: its bodies, its hinges, and gravity."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-BODY = np.dtype(
+
+def record(fields: list[Any]) -> np.dtype[Any]:
+    """Aligned records whose fields are attributes in Python, too, as in compiled kernels, which so run as either."""
+    return np.dtype((np.record, np.dtype(fields, align=True)))
+
+
+BODY = record(
     [
         ("first", np.int64),  # its hinges are first … stop − 1
         ("stop", np.int64),
@@ -15,11 +21,10 @@ BODY = np.dtype(
         ("mass", np.float64),  # [kg]
         ("center", np.float64, (3,)),  # c: centre of mass in the body frame [m]
         ("inertia", np.float64, (3, 3)),  # I: about the centre of mass, body axes [kg m²]
-    ],
-    align=True,
+    ]
 )
 
-HINGE = np.dtype(
+HINGE = record(
     [
         ("axis", np.int64),  # 0, 1, 2 = X, Y, Z
         ("stiffness", np.float64),  # k [N m/rad]
@@ -31,13 +36,8 @@ HINGE = np.dtype(
         ("lower", np.float64),  # limits of the angle, kept for whoever asks; ±inf without [rad]
         ("upper", np.float64),
         ("prescribed", np.int64),  # 1 if the motion of the hinge is given in time, and its torque sought
-    ],
-    align=True,
+    ]
 )
-
-
-# Records: fields are attributes in Python, too, as in compiled kernels, which so run as either.
-BODY, HINGE = np.dtype((np.record, BODY)), np.dtype((np.record, HINGE))
 
 
 class ChainArrays(NamedTuple):

@@ -23,12 +23,12 @@ from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
 from flexlink.kernels.forward.mass_plus_diagonal_plane import plane_posture
 from flexlink.kernels.forward.mass_plus_diagonal_space import space_posture
 from flexlink.kernels.inputs.record import Inputs
-from flexlink.kernels.stepping import adaptive as controlled
-from flexlink.kernels.stepping import implicit
-from flexlink.kernels.stepping import step_state as clock
+from flexlink.kernels.stepping import adaptive
+from flexlink.kernels.stepping.adaptive import OUTCOME
 from flexlink.kernels.stepping.embedded import EmbeddedMethod, EmbeddedWork
 from flexlink.kernels.stepping.error_norm import Springs
-from flexlink.kernels.stepping.implicit import ImplicitMethod, ImplicitWork
+from flexlink.kernels.stepping.implicit import VECTOR, ImplicitMethod, ImplicitWork
+from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
@@ -80,32 +80,32 @@ class AdaptiveSteps:
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
         self.tau = np.zeros(record.chain.n)
-        self.count, self.evaluations_before = np.zeros(clock.COUNTS, np.int64), 0
-        self.count[clock.ROW], self.count[clock.PATIENCE] = 1, often if run.method == AUTO else NEVER
+        self.count, self.evaluations_before = np.zeros(COUNT.size, np.int64), 0
+        self.count[COUNT.row], self.count[COUNT.max_failures] = 1, often if run.method == AUTO else NEVER
         self.samples = record.t, record.q, record.qd, record.works
         self._take(choose(run, record, self.slowest), start)
         self._aim(start, start)
         if run.controlled:
-            controlled.first_step(self.work, self.state, self.settings, run.duration)
-            self.work.clock[clock.DEFLECTION] = min(self.work.clock[clock.DEFLECTION], record.chain.reach)
+            adaptive.first_step(self.work, self.state, self.settings, run.duration)
+            self.work.stepper[STEPPER.deflection] = min(self.work.stepper[STEPPER.deflection], record.chain.reach)
         else:
-            self.work.clock[clock.STEP] = run.step
+            self.work.stepper[STEPPER.step] = run.step
 
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
         self.budget.begin(self._spent(), float(self.record.t[-1]))
-        pace, start = ChunkSize(), float(self.work.clock[clock.TIME])
+        pace, start = ChunkSize(), float(self.work.stepper[STEPPER.time])
         for k, end in enumerate(self.ends, 1):
             self._aim(start, end)
-            start, how = end, controlled.GOES_ON
-            while how == controlled.GOES_ON:
+            start, how = end, OUTCOME.goes_on
+            while how == OUTCOME.goes_on:
                 pace.size = self._affordable(pace.size)
-                how = self._advance(pace.size) if pace.size else controlled.STUCK
-                if how == controlled.GOES_ON:
+                how = self._advance(pace.size) if pace.size else OUTCOME.stuck
+                if how == OUTCOME.goes_on:
                     pace.end()
                     yield self._reached()
                     pace.start()
-            if how == controlled.STUCK:
+            if how == OUTCOME.stuck:
                 yield self._reached()
                 return
             yield from self._ask(k)
@@ -126,7 +126,7 @@ class AdaptiveSteps:
             self._advance(0)
             return None
         told = False
-        while (most := self._affordable(NEVER)) and self._advance(most) == controlled.GOES_ON:
+        while (most := self._affordable(NEVER)) and self._advance(most) == OUTCOME.goes_on:
             if self.budget.slow and not told:
                 warn(f"{self.record.chain.name}: {self.slow}")
                 told = True
@@ -145,12 +145,12 @@ class AdaptiveSteps:
 
     def _changing(self) -> tuple[Any, ...]:
         stages = (self.work.stages,) if isinstance(self.work, ImplicitWork) else ()
-        return *self.state, self.count, self.work.clock, *self.work.springs[:3], *stages
+        return *self.state, self.count, self.work.stepper, *self.work.springs[:3], *stages
 
     def _aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
         self.end, self.knots = end, self.marks.up_to(start, end)
-        self.count[clock.KNOT], self.work.clock[clock.TIME] = 0, start
+        self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
         self._begin(start, self.inputs, self.state, self.tau, self.record.scratch)
 
     def _ask(self, k: int) -> Iterator[Reached]:
@@ -165,17 +165,17 @@ class AdaptiveSteps:
             raise
 
     def _reached(self) -> Reached:
-        past = self.work.clock[clock.TIME] - self.record.t[0]
-        return Reached(int(self.count[clock.ROW]), past / self.run.duration)
+        past = self.work.stepper[STEPPER.time] - self.record.t[0]
+        return Reached(int(self.count[COUNT.row]), past / self.run.duration)
 
     @property
     def steps(self) -> Steps:
         """Counts of the steps so far."""
-        taken, rejected, failed = (int(n) for n in self.count[[clock.TAKEN, clock.REJECTED, clock.FAILED]])
+        taken, rejected, failed = (int(n) for n in self.count[[COUNT.steps, COUNT.rejected, COUNT.failed]])
         return Steps(self.name, taken, self._evaluations(), rejected, failed, self.why)
 
     def _evaluations(self) -> int:
-        return self.evaluations_before + int(self.count[clock.ITERATIONS]) * self.method.stages
+        return self.evaluations_before + int(self.count[COUNT.iterations]) * self.method.stages
 
     def _take(self, choice: Choice, now: float) -> None:
         """Prepare steps by a method from a time on; compiles, while no signal is deferred."""
@@ -190,15 +190,15 @@ class AdaptiveSteps:
 
     def _advance(self, most: int) -> int:
         """Take up to so many steps, to the end of the piece; goes on with another method where that is cheaper."""
-        last = int(self.count[clock.TAKEN]) + most
+        last = int(self.count[COUNT.steps]) + most
         how = int(self._take_steps(*self._arguments(most)))
-        while how == controlled.STUCK and not self.run.controlled and self._step_in_parts():
-            left = max(0, last - int(self.count[clock.TAKEN]))
-            over = self.count[clock.KNOT] == len(self.knots)
-            how = controlled.ENDED if over else int(self._take_steps(*self._arguments(left)))
+        while how == OUTCOME.stuck and not self.run.controlled and self._step_in_parts():
+            left = max(0, last - int(self.count[COUNT.steps]))
+            over = self.count[COUNT.knot] == len(self.knots)
+            how = OUTCOME.ended if over else int(self._take_steps(*self._arguments(left)))
         if self._explicit_is_cheaper(how):
             how = self._go_on_explicitly()
-        if how == controlled.STUCK:
+        if how == OUTCOME.stuck:
             self.failure = self._stuck()
         return how
 
@@ -207,33 +207,33 @@ class AdaptiveSteps:
 
         The end is that of the whole step to the bit, and what follows starts as after a knot.
         """
-        (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.clock, self.count
-        step, k, start = self.run.step, int(count[clock.KNOT]), float(now[clock.TIME])
-        at_knot = start + controlled.NEARLY * step >= knots[k]
+        (*fixed, _, _), knots, now, count = self.settings, self.knots, self.work.stepper, self.count
+        step, k, start = self.run.step, int(count[COUNT.knot]), float(now[STEPPER.time])
+        at_knot = start + adaptive.NEARLY * step >= knots[k]
         end = float(knots[k]) if at_knot else start + step
         try:
             solved = any(self._solved_in(part, end, fixed) for part in ((end - start) / parts for parts in PARTS))
         finally:
-            self.settings, self.knots, count[clock.KNOT] = (*fixed, step, step), knots, k
+            self.settings, self.knots, count[COUNT.knot] = (*fixed, step, step), knots, k
         if not solved:
             return False
         self._restart(step)
         if at_knot:
-            count[clock.KNOT] += 1
-        if count[clock.KNOT] < len(knots):
+            count[COUNT.knot] += 1
+        if count[COUNT.knot] < len(knots):
             self._begin(end, self.inputs, self.state, self.tau, self.record.scratch)
         return True
 
     def _solved_in(self, part: float, end: float, fixed: list[float]) -> bool:
         """Whether steps of a length [s] get to a time."""
-        self.settings, self.knots, self.count[clock.KNOT] = (*fixed, part, part), np.array([end]), 0
+        self.settings, self.knots, self.count[COUNT.knot] = (*fixed, part, part), np.array([end]), 0
         self._restart(part)
-        return int(self._take_steps(*self._arguments(NEVER))) == controlled.ENDED
+        return int(self._take_steps(*self._arguments(NEVER))) == OUTCOME.ended
 
     def _restart(self, step: float) -> None:
         """Go on with steps of a length [s], as if none had been taken."""
-        controlled.forget(self.work.clock)
-        self.work.clock[clock.STEP] = step
+        adaptive.forget(self.work.stepper)
+        self.work.stepper[STEPPER.step] = step
 
     def _affordable(self, most: int) -> int:
         """As many of so many steps as the budget allows; 0, and the run has failed: none."""
@@ -245,11 +245,11 @@ class AdaptiveSteps:
         return most
 
     def _spent(self) -> Spent:
-        return Spent(float(self.work.clock[clock.TIME]), int(self.count[clock.TAKEN]), self._evaluations())
+        return Spent(float(self.work.stepper[STEPPER.time]), int(self.count[COUNT.steps]), self._evaluations())
 
     def _hanging(self, how: str) -> tuple[str, str]:
         """Where and how the run hangs, and what may help."""
-        text = f"t = {self.work.clock[clock.TIME]:.6g} s: {how}"
+        text = f"t = {self.work.stepper[STEPPER.time]:.6g} s: {how}"
         if known := hindrance(self.record, self.state[0]):
             return f"{text}; {known.cause}", known.advice
         q, _, qdd, _ = self.state
@@ -265,16 +265,16 @@ class AdaptiveSteps:
     @property
     def deflection(self) -> float:
         """The largest so far [m]."""
-        return float(self.work.clock[clock.DEFLECTION])
+        return float(self.work.stepper[STEPPER.deflection])
 
     @property
     def turned(self) -> float:
         """Angle [rad] that all free joints went through so far, forth and back."""
-        return float(self.work.clock[clock.TURNED])
+        return float(self.work.stepper[STEPPER.angle_travelled])
 
     def _compile(self) -> None:
-        self._begin = direct(controlled.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
-        self._take_steps = direct(controlled.advance, *self._arguments(0))
+        self._begin = direct(adaptive.begin, 0.0, self.inputs, self.state, self.tau, self.record.scratch)
+        self._take_steps = direct(adaptive.advance, *self._arguments(0))
 
     def _arguments(self, most: int) -> tuple[Any, ...]:
         inputs, state, samples, forward = self.inputs, self.state, self.samples, self.record.scratch
@@ -282,39 +282,39 @@ class AdaptiveSteps:
 
     def _explicit_is_cheaper(self, how: int) -> bool:
         """Whether the iteration of a method that was picked fails so often that DOP853's stable steps take less."""
-        failed, patience = (int(n) for n in self.count[[clock.FAILED, clock.PATIENCE]])
-        if self.run.method != AUTO or self.method.explicit or how == controlled.ENDED:
+        failed, patience = (int(n) for n in self.count[[COUNT.failed, COUNT.max_failures]])
+        if self.run.method != AUTO or self.method.explicit or how == OUTCOME.ended:
             return False
-        if failed < patience and how != controlled.STUCK:
+        if failed < patience and how != OUTCOME.stuck:
             return False
-        self.count[clock.PATIENCE] = 2 * failed
+        self.count[COUNT.max_failures] = 2 * failed
         try:
-            now = float(self.work.clock[clock.TIME])
+            now = float(self.work.stepper[STEPPER.time])
             explicit = method(EXPLICIT).stages / longest_step(EXPLICIT, self.record, now, self.state)
         except FlexlinkError:  # of a posture whose M is singular, or nearly so
             return False
         past = now - self.record.t[0]
-        return explicit * past < self._evaluations() or how == controlled.STUCK
+        return explicit * past < self._evaluations() or how == OUTCOME.stuck
 
     def _go_on_explicitly(self) -> int:
         """Take the rest of the run with DOP853, from where it is."""
-        before, self.evaluations_before, end = self.work.clock, self._evaluations(), self.end
-        failed = f"{self.name} until t = {before[clock.TIME]:.3g} s: its iteration failed too often"
-        self.count[clock.ITERATIONS] = 0
-        time = float(before[clock.TIME])
+        before, self.evaluations_before, end = self.work.stepper, self._evaluations(), self.end
+        failed = f"{self.name} until t = {before[STEPPER.time]:.3g} s: its iteration failed too often"
+        self.count[COUNT.iterations] = 0
+        time = float(before[STEPPER.time])
         self._take(Choice(EXPLICIT, f"{self.why}; {failed}"), time)
         self._aim(time, end)
-        now, carried = self.work.clock, [clock.DEFLECTION, clock.TURNED]
-        now[carried], now[clock.STEP] = before[carried], min(before[clock.STEP], self.settings[-1])
-        return int(controlled.GOES_ON)
+        now, carried = self.work.stepper, [STEPPER.deflection, STEPPER.angle_travelled]
+        now[carried], now[STEPPER.step] = before[carried], min(before[STEPPER.step], self.settings[-1])
+        return int(OUTCOME.goes_on)
 
     def _stuck(self) -> Failure:
-        now, h = self.work.clock[clock.TIME], self.work.clock[clock.STEP]
+        now, h = self.work.stepper[STEPPER.time], self.work.stepper[STEPPER.step]
         if not self.run.controlled:
             h = self.run.step / PARTS[-1]
         text = f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s"
-        if self.work.clock[clock.REFUSED] == clock.NOT_SOLVED:
-            joint = self.record.chain.joint_name(int(self.work.clock[clock.WORST]))
+        if self.work.stepper[STEPPER.refusal] == REFUSAL.iteration:
+            joint = self.record.chain.joint_name(int(self.work.stepper[STEPPER.worst_joint]))
             unsolved = f"Newton's iteration does not end (joint {joint!r})"
             text = f"no step is found at t = {now:.6g} s, down to {h:.3g} s: {unsolved}"
         known = hindrance(self.record, self.state[0])
@@ -392,10 +392,10 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     of_fixed_step = 50  # Newton iterations: a fixed step is worth more of them than one that may be shortened
     chain, arrays, n, s = record.chain, record.chain.arrays, record.chain.n, method.stages
     posture = (plane_posture if chain.is_planar else space_posture)(*arrays)
-    numbers, new = np.zeros(clock.CLOCK_SIZE), np.zeros((3, n))
-    numbers[clock.SLOWEST], numbers[clock.ROUNDING] = 1.0 / slowest, rounding.of_position(chain)
-    numbers[clock.PASSES] = FEW_PASSES if record.run.controlled else of_fixed_step
-    springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS)), *np.zeros((2, n)))
+    numbers, new = np.zeros(STEPPER.size), np.zeros((3, n))
+    numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
+    numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
+    springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))
@@ -405,8 +405,8 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     r, p = len(method.modes.real), len(method.modes.complex)
     return ImplicitWork(
         coefficients_of(method), arrays, planar_workspace(*arrays) if chain.is_planar else rne_workspace(arrays),
-        posture, numbers, new, np.zeros((5, s, n)), np.zeros(s), np.zeros((implicit.VECTORS, n)), springs,
-        np.zeros((r, n, FACTORS)), np.zeros((2, n), complex), np.zeros((p, n, FACTORS), complex),
+        posture, numbers, new, np.zeros((5, s, n)), np.zeros(s), np.zeros((VECTOR.size, n)), springs,
+        np.zeros((r, n, FACTORS.size)), np.zeros((2, n), complex), np.zeros((p, n, FACTORS.size), complex),
     )  # fmt: skip
 
 

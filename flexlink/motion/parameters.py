@@ -25,7 +25,7 @@ from flexlink.describe.spec import Spec, default_of, fields_of, truncated
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.inputs.initial_state import initial_state, spread
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
-from flexlink.kernels.derivatives.sensitivity import EPSILON, Parametric, U, V, W, torque_slopes
+from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
 from flexlink.kernels.layout import BODY, HINGE
 
 Array = NDArray[np.float64]
@@ -185,7 +185,7 @@ def _numbers(scene: Scene, chain: Chain) -> Numbers:
         zero = (0.0,) * len(scene.arm.links)
         torque, kp, kd = (spread(chain, part or zero) for part in (drive.torque, drive.kp, drive.kd))
         target = np.radians(spread(chain, drive.target_deg or zero))
-        affine[U], affine[V], affine[W] = torque + kp * target, -kp, -kd
+        affine[AFFINE.u], affine[AFFINE.v], affine[AFFINE.w] = torque + kp * target, -kp, -kd
     start = np.radians([spread(chain, scene.initial.joint_deg), spread(chain, scene.initial.rates)])
     return Numbers(bodies, {name: chain.hinges[name] for name in names}, affine, start)
 
@@ -198,6 +198,6 @@ def _bend(scene: Scene, chain: Chain, varied: Parametric, starts: Array) -> None
     if not free.any():
         return
     K = stiffness_matrix(chain, q, rest, wrench)
-    still = varied._replace(drive_slopes=np.zeros_like(varied.drive_slopes))
-    pull = torque_slopes(still, wrench, q, rest, rest)[free] - K[np.ix_(free, held)] @ starts[0, held]
+    still = varied._replace(drive_derivatives=np.zeros_like(varied.drive_derivatives))
+    pull = torque_derivatives(still, wrench, q, rest, rest)[free] - K[np.ix_(free, held)] @ starts[0, held]
     starts[0, free] = np.linalg.solve(K[np.ix_(free, free)], pull)

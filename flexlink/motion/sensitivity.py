@@ -15,7 +15,7 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
 from flexlink.inputs.actuation import input_arrays
-from flexlink.kernels.derivatives.sensitivity import integrate_slopes, tip_slopes
+from flexlink.kernels.derivatives.sensitivity import integrate_derivatives, tip_derivatives
 from flexlink.motion.parameters import parametric
 from flexlink.motion.simulate import simulate
 from flexlink.results.record import Record
@@ -100,14 +100,14 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     found[0, 0], found[1, 0] = δq, δqd
     for row in range(1, len(trajectory.t)):
         first = record.origin + (row - 1) * every
-        if not integrate_slopes(*fixed, first, first + every, state, slopes):
+        if not integrate_derivatives(*fixed, first, first + every, state, slopes):
             raise DivergenceError(
                 f"{chain.name}: t = {trajectory.t[row]:.6g} s: a derivative is no longer finite",
                 trajectory,
             )
         found[0, row], found[1, row] = slopes[0].reshape(δq.shape), slopes[1].reshape(δq.shape)
     tip = [
-        jacobian(chain, q).linear @ by_p + tip_slopes(varied, q)
+        jacobian(chain, q).linear @ by_p + tip_derivatives(varied, q)
         for q, by_p in zip(trajectory.q.copy(), found[0], strict=True)
     ]
     values = np.array([float(scene.values_at(path)[0]) for path in paths])

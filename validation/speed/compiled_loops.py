@@ -17,7 +17,7 @@ def forward_dynamics_loop(work: Any, q: Any, qd: Any, tau: Any, calls: int) -> A
     wrench, qdd = np.zeros(6), np.zeros(q.shape[1])
     for i in range(calls):
         s = i % len(q)
-        forward_dynamics(wrench, q[s], qd[s], tau[s], qdd, work)  # type: ignore[no-untyped-call]
+        forward_dynamics(wrench, q[s], qd[s], tau[s], qdd, work)
     return qdd
 
 

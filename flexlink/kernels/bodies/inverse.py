@@ -3,12 +3,10 @@
 The type of the scratch says which recursion it is for, as in `forward`.
 """
 
-from numba.extending import overload
-
 from flexlink.kernels.bodies.planar_rne import planar_rne
 from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.bodies.rne import RneWork, rne
-from flexlink.kernels.tools.compiler import INLINED, entry
+from flexlink.kernels.tools.compiler import by_type, entry
 from flexlink.kernels.tools.vec3 import vector
 
 
@@ -24,18 +22,9 @@ def in_plane(chain, wrench, q, qd, qdd, tau, work):
     return planar_rne(wrench, q, qd, qdd, tau, work)
 
 
-ALGORITHMS = {PlanarWork: in_plane, RneWork: in_space}  # by the scratch they work on
-
-
+@by_type({PlanarWork: in_plane, RneWork: in_space})
 def inverse_dynamics_into(chain, wrench, q, qd, qdd, tau, work):
     """Write the torques `tau` (n,) that q̈ (n,) takes against inertia, gravity and the tip wrench (6,).
 
     Returns the power m·ω of the moment on the tip [W].
     """
-    return ALGORITHMS[type(work)](chain, wrench, q, qd, qdd, tau, work)
-
-
-@overload(inverse_dynamics_into, jit_options=INLINED)
-def _inverse_dynamics_into(chain, wrench, q, qd, qdd, tau, work):
-    algorithm = ALGORITHMS[work.instance_class]
-    return lambda chain, wrench, q, qd, qdd, tau, work: algorithm(chain, wrench, q, qd, qdd, tau, work)  # noqa: PLW0108

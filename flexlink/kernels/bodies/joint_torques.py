@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import at, put_at, tanh, zero_of
+from flexlink.kernels.tools.numbered import numbered
 
 
 @recursion
@@ -23,15 +24,15 @@ def friction(hinge, rate):
     return torque
 
 
-STIFFNESS, REST, DAMPING, COULOMB, WIDTH = range(5)
-JOINT = 5  # numbers of a joint at the head of a row, as `smooth_torques` and `take_off_dry_friction` read them
+# Numbers of a joint at the head of a row, as `smooth_torques` and `subtract_dry_friction` read them: k, θ₀, d, c, w.
+JOINT = numbered("stiffness rest damping coulomb width")
 
 
 @kernel
 def put_joint(rows, k, hinge):
     """Copy k, θ₀, d, c, w to the head of row `k`."""
-    rows[k, STIFFNESS], rows[k, REST], rows[k, DAMPING] = hinge.stiffness, hinge.rest, hinge.damping
-    rows[k, COULOMB], rows[k, WIDTH] = hinge.coulomb, hinge.coulomb_width
+    rows[k, JOINT.stiffness], rows[k, JOINT.rest], rows[k, JOINT.damping] = hinge.stiffness, hinge.rest, hinge.damping
+    rows[k, JOINT.coulomb], rows[k, JOINT.width] = hinge.coulomb, hinge.coulomb_width
 
 
 @kernel
@@ -47,23 +48,23 @@ def dry_joints(coulomb):
 
 
 @kernel
-def given_joints(hinges):
+def prescribed_joints(hinges):
     """Which joints have prescribed motion, as (n,) of bool."""
-    given = np.empty(len(hinges), np.bool_)
+    prescribed = np.empty(len(hinges), np.bool_)
     for k in range(len(hinges)):
-        given[k] = hinges[k].prescribed
-    return given
+        prescribed[k] = hinges[k].prescribed
+    return prescribed
 
 
 @inlined
 def smooth_torques(rows, k, angle, rate, torque):
     """T_EX − d q̇ of joint `k`, or of eight side by side, whose power is work; and with the spring, − k (θ − θ₀)."""
-    working = torque - at(rows, k, DAMPING) * rate
-    return working, working - at(rows, k, STIFFNESS) * (angle - at(rows, k, REST))
+    working = torque - at(rows, k, JOINT.damping) * rate
+    return working, working - at(rows, k, JOINT.stiffness) * (angle - at(rows, k, JOINT.rest))
 
 
 @recursion
-def take_off_dry_friction(rows, dry, qd, net):
+def subtract_dry_friction(rows, dry, qd, net):
     """Subtract c tanh(q̇ / w) from column `net` of the rows of the joints in `dry`; its own loop, free of it mostly.
 
     Returns the power that it takes [W].
@@ -71,7 +72,7 @@ def take_off_dry_friction(rows, dry, qd, net):
     power = zero_of(qd)
     for i in range(len(dry)):
         k = dry[i]
-        torque = at(rows, k, COULOMB) * tanh(at(qd, k) / at(rows, k, WIDTH))
+        torque = at(rows, k, JOINT.coulomb) * tanh(at(qd, k) / at(rows, k, JOINT.width))
         put_at(rows, at(rows, k, net) - torque, k, net)
         power += at(qd, k) * torque
     return power

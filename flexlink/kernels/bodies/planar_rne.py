@@ -12,30 +12,14 @@ No turning of vectors from frame to frame, no products with zeros of the third a
 `rne`.
 """
 
-from flexlink.kernels.bodies.plane import (
-    ARMATURE,
-    DX,
-    DY,
-    GRAVITY,
-    INERTIA,
-    MASS,
-    NORMAL,
-    RX,
-    RY,
-    SIGN,
-    SX,
-    SY,
-    UX,
-    UY,
-    cos_sin_less_turns,
-    in_plane,
-)
+from flexlink.kernels.bodies.plane import BASE, LINK, cos_sin_less_turns, in_plane
 from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import vec
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.vec3 import dot, scale
 
-FX, FY = UX, UY  # of the numbers of a link, here the force F
+FORCE = numbered("x y", start=LINK.ux)  # F of a body, in place of what `planar` keeps there
 
 
 @recursion
@@ -47,32 +31,32 @@ def planar_rne(wrench, q, qd, qdd, tau, work):
     base, links, trig = work.base, work.links, work.trig
     φ = ω = 0.0
     for k in range(len(q)):
-        φ += links[k, SIGN] * q[k]
-        ω += links[k, SIGN] * qd[k]
+        φ += links[k, LINK.sign] * q[k]
+        ω += links[k, LINK.sign] * qd[k]
         trig[0, k] = φ
     if cos_sin_all(trig[0], trig[1], trig[2]):
         cos_sin_less_turns(q, links, trig, trig[0])
     forward(base, links, trig[1], trig[2], qd, qdd, tau)
     backward(base, links, wrench, qdd, tau)
-    return ω * dot(vec(base, NORMAL), vec(wrench, 3))
+    return ω * dot(vec(base, BASE.normal), vec(wrench, 3))
 
 
 @inlined
 def forward(base, links, cosines, sines, qd, qdd, tau):
     """Keep d and F of every body in its row, N in `tau`."""
-    ax, ay = in_plane(base, scale(-1.0, vec(base, GRAVITY)))
+    ax, ay = in_plane(base, scale(-1.0, vec(base, BASE.gravity)))
     ω = α = 0.0
     for k in range(len(qd)):
-        c, s, σ, m = cosines[k], sines[k], links[k, SIGN], links[k, MASS]
-        rx, ry, sx, sy = links[k, RX], links[k, RY], links[k, SX], links[k, SY]
+        c, s, σ, m = cosines[k], sines[k], links[k, LINK.sign], links[k, LINK.mass]
+        rx, ry, sx, sy = links[k, LINK.rx], links[k, LINK.ry], links[k, LINK.sx], links[k, LINK.sy]
         ω += σ * qd[k]
         α += σ * qdd[k]
         w = ω * ω
         dx, dy = -s * rx - c * ry, c * rx - s * ry
         hx, hy = -s * sx - c * sy, c * sx - s * sy
-        links[k, DX], links[k, DY] = dx, dy
-        links[k, FX], links[k, FY] = m * ax + α * hx - w * hy, m * ay + α * hy + w * hx
-        tau[k] = links[k, INERTIA] * α + hx * ax + hy * ay
+        links[k, LINK.dx], links[k, LINK.dy] = dx, dy
+        links[k, FORCE.x], links[k, FORCE.y] = m * ax + α * hx - w * hy, m * ay + α * hy + w * hx
+        tau[k] = links[k, LINK.inertia] * α + hx * ax + hy * ay
         ax, ay = ax + α * dx - w * dy, ay + α * dy + w * dx
 
 
@@ -80,8 +64,8 @@ def forward(base, links, cosines, sines, qd, qdd, tau):
 def backward(base, links, wrench, qdd, tau):
     """Moments at the hinge points, of each body and all beyond it, less those of the wrench on the tip."""
     fx, fy = in_plane(base, scale(-1.0, vec(wrench, 0)))
-    n = -dot(vec(base, NORMAL), vec(wrench, 3))
+    n = -dot(vec(base, BASE.normal), vec(wrench, 3))
     for k in range(len(qdd) - 1, -1, -1):
-        n += tau[k] + links[k, DX] * fx + links[k, DY] * fy
-        fx, fy = fx + links[k, FX], fy + links[k, FY]
-        tau[k] = links[k, SIGN] * n + links[k, ARMATURE] * qdd[k]
+        n += tau[k] + links[k, LINK.dx] * fx + links[k, LINK.dy] * fy
+        fx, fy = fx + links[k, FORCE.x], fy + links[k, FORCE.y]
+        tau[k] = links[k, LINK.sign] * n + links[k, LINK.armature] * qdd[k]

@@ -8,15 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.joint_torques import (
-    COULOMB,
-    JOINT,
-    dry_joints,
-    given_joints,
-    put_joint,
-)
+from flexlink.kernels.bodies.joint_torques import JOINT, dry_joints, prescribed_joints, put_joint
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES, at, put_at, vec, zero_of
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all, less_whole_turns
 from flexlink.kernels.tools.sym3 import sym_apply, symmetric
 from flexlink.kernels.tools.vec3 import (
@@ -37,14 +32,16 @@ from flexlink.kernels.tools.vec3 import (
     vector,
 )
 
-# Numbers of a link, after those of its joint. Fixed: σ, rotor A, mass, I about the hinge point, r to the next hinge (of
-# the last link to the tip) and m c at q = 0. Of the state: ω², τ, d, H / D, T / D, A / D, 1 − A / D.
-SIGN, ARMATURE, MASS, INERTIA, RX, RY, SX, SY, RATE2, TORQUE, DX, DY, UX, UY, ALPHA, BETA, GAMMA = range(
-    JOINT, JOINT + 17
+LINK = numbered(
+    "sign armature mass inertia",  # σ, rotor A, mass, I about the hinge point
+    "rx ry sx sy",  # r to the next hinge (of the last link to the tip) and m c, at q = 0
+    "rate2 torque dx dy",  # of the state: ω², τ, d
+    "ux uy α β γ",  # H / D, T / D, A / D, 1 − A / D
+    start=JOINT.size,
 )
-SIZE = JOINT + 17
-# Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0.
-U, V, NORMAL, GRAVITY = 0, 3, 6, 9
+"""Numbers of a link, after those of its joint."""
+BASE = numbered("u:3 v:3 normal:3 gravity:3")
+"""Numbers of the base: plane u, v, normal (right-handed) and gravity, in frame 0."""
 
 
 class PlanarWork(NamedTuple):
@@ -52,7 +49,7 @@ class PlanarWork(NamedTuple):
 
     base: Any
     links: Any
-    given: Any
+    prescribed: Any
     dry: Any
     flat: Any  # angles, cosines and sines, for the loop over all of them
     trig: Any  # the same memory, for the links
@@ -62,8 +59,8 @@ class PlanarWork(NamedTuple):
 def planar_workspace(bodies, hinges, gravity):
     """Scratch of `planar` with the chain's constants."""
     n = len(hinges)
-    base, links = np.zeros(12), np.zeros((n, SIZE))
-    put(base[GRAVITY:], vector(gravity))
+    base, links = np.zeros(12), np.zeros((n, LINK.size))
+    put(base[BASE.gravity :], vector(gravity))
     x, y, z = X, Y, Z
     to_body = ZERO  # from the hinge of the present link to the present body's origin
     k = -1
@@ -72,31 +69,32 @@ def planar_workspace(bodies, hinges, gravity):
         to_body = add(to_body, place(vector(b.translation), x, y, z))
         x, y, z = place_axes(b.rotation, x, y, z)
         if k >= 0:
-            links[k, RX], links[k, RY] = in_plane(base, to_body)
+            links[k, LINK.rx], links[k, LINK.ry] = in_plane(base, to_body)
         for j in range(b.first, b.stop):
             axis = pick(hinges[j].axis, x, y, z)
             if k < 0:
                 span_plane(axis, base)
             k, to_body = j, ZERO
-            links[k, SIGN] = np.sign(dot(axis, vec(base, NORMAL)))
+            links[k, LINK.sign] = np.sign(dot(axis, vec(base, BASE.normal)))
             put_joint(links, k, hinges[k])
-            links[k, ARMATURE] = hinges[k].armature
+            links[k, LINK.armature] = hinges[k].armature
         if k >= 0:
             cx, cy = in_plane(base, add(to_body, place(vector(b.center), x, y, z)))
-            normal = (dot(x, vec(base, NORMAL)), dot(y, vec(base, NORMAL)), dot(z, vec(base, NORMAL)))
-            links[k, MASS] += b.mass
-            links[k, SX] += b.mass * cx
-            links[k, SY] += b.mass * cy
-            links[k, INERTIA] += dot(normal, sym_apply(symmetric(b.inertia), normal)) + b.mass * (cx * cx + cy * cy)
+            normal = (dot(x, vec(base, BASE.normal)), dot(y, vec(base, BASE.normal)), dot(z, vec(base, BASE.normal)))
+            links[k, LINK.mass] += b.mass
+            links[k, LINK.sx] += b.mass * cx
+            links[k, LINK.sy] += b.mass * cy
+            own = dot(normal, sym_apply(symmetric(b.inertia), normal))
+            links[k, LINK.inertia] += own + b.mass * (cx * cx + cy * cy)
     trig = np.zeros((3, -(-n // LANES) * LANES))  # angles, cosines, sines; whole vectors of angles
-    return PlanarWork(base, links, given_joints(hinges), dry_joints(links[:, COULOMB]), trig, trig)
+    return PlanarWork(base, links, prescribed_joints(hinges), dry_joints(links[:, JOINT.coulomb]), trig, trig)
 
 
 @kernel
 def planar_lanes_workspace(bodies, hinges, gravity):
     """The same for eight chains side by side, arrays of shape (8, bodies), (8, n), (8, 3)."""
     n = hinges.shape[1]
-    base, links, coulomb = np.empty((12, LANES)), np.empty((n, SIZE, LANES)), np.zeros(n)
+    base, links, coulomb = np.empty((12, LANES)), np.empty((n, LINK.size, LANES)), np.zeros(n)
     trig = np.empty((3, n * LANES))
     for lane in range(LANES):
         one = planar_workspace(bodies[lane], hinges[lane], gravity[lane])
@@ -104,10 +102,10 @@ def planar_lanes_workspace(bodies, hinges, gravity):
             base[j, lane] = one.base[j]
         for k in range(n):
             coulomb[k] += hinges[lane, k].coulomb
-            for j in range(SIZE):
+            for j in range(LINK.size):
                 links[k, j, lane] = one.links[k, j]
     trig_lanes = trig.reshape(3, n, LANES)
-    return PlanarWork(base, links, given_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
+    return PlanarWork(base, links, prescribed_joints(hinges[0]), dry_joints(coulomb), trig, trig_lanes)
 
 
 @kernel
@@ -119,15 +117,15 @@ def span_plane(normal, base):
             least = k
     u = add_scaled(unit(least), -normal[least], normal)
     u = scale(1.0 / math.sqrt(dot(u, u)), u)
-    put(base[U:], u)
-    put(base[V:], cross(normal, u))
-    put(base[NORMAL:], normal)
+    put(base[BASE.u :], u)
+    put(base[BASE.v :], cross(normal, u))
+    put(base[BASE.normal :], normal)
 
 
 @inlined
 def in_plane(base, a):
     """Components of a along u and v."""
-    return dot(vec(base, U), a), dot(vec(base, V), a)
+    return dot(vec(base, BASE.u), a), dot(vec(base, BASE.v), a)
 
 
 @recursion
@@ -138,6 +136,6 @@ def cos_sin_less_turns(q, links, flat, angles):
     less_whole_turns(flat[0])
     φ = zero_of(q)
     for k in range(len(q)):
-        φ += at(links, k, SIGN) * at(angles, k)
+        φ += at(links, k, LINK.sign) * at(angles, k)
         put_at(angles, φ, k)
     cos_sin_all(flat[0], flat[1], flat[2])

@@ -4,7 +4,7 @@ Articulated bodies run once, for q̈ and the factors of M. Then, for every colum
 asks of each body goes through these factors as forces on the bodies, eight columns side by side. (As torques of the
 joints, M⁻¹ ∂T/∂q, it would be summed over all bodies beyond a joint and taken apart again, which costs digits.)
 
-The bodies beyond hinge j demand, about their hinge points, with ρ = p − p_j and symbols of `inverse_slopes`,
+The bodies beyond hinge j demand, about their hinge points, with ρ = p − p_j and symbols of `inverse_derivatives`,
 
     δa = δa_j + η_j × ρ + 2 δω_j × (v − v_j)
     f = m δa + η_j × m c + 2 δω_j × (ω × m c)          n = m c × δa + I η_j − 2 G δω_j
@@ -19,72 +19,59 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.derivatives.inverse_derivatives import (
-    ETA,
-    FORCE,
-    INERTIA,
-    MOMENT,
-    OMEGA,
-    PLACE,
-    POINT,
-    RATE,
-    SPEED,
-    TURNED_A,
-    TURNED_FORCE,
-    TURNED_MOMENT,
-    TURNED_OMEGA,
-    TURNING,
+    BODY_MOTION,
+    HINGE_MOTION,
     Arrays,
-    E,
-    R,
     motion_workspace,
     of_hinge,
     outward,
     own_spin,
 )
-from flexlink.kernels.forward.articulated_layout import ANEW
-from flexlink.kernels.forward.articulated_rows import BEFORE, ZETA, B, articulated_workspace, axes_of
+from flexlink.kernels.forward.articulated_layout import LAYOUT
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, RESTART, articulated_workspace, axes_of
 from flexlink.kernels.forward.inverse_mass import solve_on_articulated
 from flexlink.kernels.forward.solvers import forward_dynamics
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES, put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import sym_apply
 from flexlink.kernels.tools.vec3 import X, Y, Z, add, cross, dot, place, scale, sub
 
-ANGLE, SPEEDS, INPUT = range(3)
+VARIABLE = numbered("q qd tau")  # along which the derivatives are taken
 
 
-class SlopesWork(NamedTuple):
-    """Scratch of `all_forward_slopes`."""
+class ForwardDerivativesWork(NamedTuple):
+    """Scratch of `forward_derivatives`."""
 
     motion: Any  # of `outward`
     axes: Any  # (bodies, 9) working axes in frame 0
     accelerations: Any  # (bodies, 6) α of the body, and a − g of its hinge point, frame 0
     transmitted: Any  # (bodies, 6) moment and force at the hinge point, frame 0
-    pushes: Any  # (bodies, 6, 8)
+    loads: Any  # (bodies, 6, 8)
     r: Any  # (n, 8)
     x: Any  # (n, 8)
 
 
 @kernel
-def all_forward_slopes(bodies, hinges, gravity, wrench, q, qd, tau, found):
+def forward_derivatives(bodies, hinges, gravity, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), of prescribed joints ∂q̈/∂q̈_given; whether all is finite."""
     n, m, chain = len(q), len(bodies), Arrays(bodies, hinges, gravity)
     factors, qdd = articulated_workspace(bodies, hinges, gravity), np.zeros(n)
     forward_dynamics(wrench, q, qd, tau.copy(), qdd, factors)
-    work = SlopesWork(
+    work = ForwardDerivativesWork(
         motion_workspace(chain), np.empty((m, 9)), np.empty((m, 6)), np.empty((m, 6)),
         np.empty((m, 6, LANES)), np.empty((n, LANES)), np.empty((n, LANES)),
     )  # fmt: skip
     keep_solution(factors, work.axes, work.accelerations)
     force, moment = outward(chain, wrench, False, q, qd, qdd, work.accelerations, work.motion)
     transmit(chain, force, moment, work)
-    for part in range(3):
+    for variable in range(3):
         for first in range(0, n, LANES):
-            ask(chain, qd, part, first, work)
-            solve_on_articulated(work.r, work.pushes, work.x, factors)
-            keep_columns(work.x, first, found[part])
-    keep_given(hinges, found)
+            write_loads(chain, qd, variable, first, work)
+            solve_on_articulated(work.r, work.loads, work.x, factors)
+            keep_columns(work.x, first, found[variable])
+    keep_prescribed(hinges, found)
     return is_finite(q) and is_finite(qd) and is_finite(tau) and is_finite(qdd) and is_finite(found.reshape(-1))
 
 
@@ -94,10 +81,10 @@ def transmit(chain, force, moment, work):
     rows = work.motion.bodies
     f, n = scale(-1.0, force), scale(-1.0, moment)
     for i in range(len(chain.bodies) - 1, -1, -1):
-        f, n = add(f, vec_of(rows, i, FORCE)), add(n, vec_of(rows, i, TURNING))
+        f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         put_vec_of(work.transmitted, n, i, 0)
         put_vec_of(work.transmitted, f, i, 3)
-        n = add(n, cross(vec_of(rows, i, R), f))
+        n = add(n, cross(vec_of(rows, i, BODY_MOTION.r), f))
 
 
 @recursion
@@ -105,38 +92,38 @@ def keep_solution(factors, axes, accelerations):
     """Working axes of `articulated` at every body, and the accelerations that it has found, in frame 0."""
     x, y, z = X, Y, Z
     for i in range(len(axes)):
-        if factors.layout[i, ANEW]:
-            u, v, w = axes_of(factors.bodies, i, BEFORE)
+        if factors.layout[i, LAYOUT.restart]:
+            u, v, w = axes_of(factors.bodies, i, RESTART.axes_before)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
         put_vec_of(axes, x, i, 0)
         put_vec_of(axes, y, i, 3)
         put_vec_of(axes, z, i, 6)
-        put_vec_of(accelerations, place(vec_of(factors.bodies, i, ZETA), x, y, z), i, 0)
-        put_vec_of(accelerations, place(vec_of(factors.bodies, i, B), x, y, z), i, 3)
+        put_vec_of(accelerations, place(vec_of(factors.bodies, i, BODY_ROW.ζ), x, y, z), i, 0)
+        put_vec_of(accelerations, place(vec_of(factors.bodies, i, BODY_ROW.b), x, y, z), i, 3)
 
 
 @recursion
-def ask(chain, qd, part, first, work):
+def write_loads(chain, qd, variable, first, work):
     """Write what the columns from `first` on ask of joints and bodies."""
-    ask_joints(chain.hinges, qd, part, first, work.r)
-    ask_bodies(chain, part, first // LANES, work)
-    if part == ANGLE:
+    joint_loads(chain.hinges, qd, variable, first, work.r)
+    body_loads(chain, variable, first // LANES, work)
+    if variable == VARIABLE.q:
         for i in range(len(chain.bodies)):
             for j in range(max(first, chain.bodies[i].first), min(first + LANES, chain.bodies[i].stop)):
-                turn_transmitted(chain, i, j, j - first, work.r, work.pushes, work)
+                turn_transmitted(chain, i, j, j - first, work.r, work.loads, work)
 
 
 @recursion
-def ask_joints(hinges, qd, part, first, r):
+def joint_loads(hinges, qd, variable, first, r):
     """Torques of the joints where the angles, rates or drive torques of the columns from `first` on change by 1."""
     for k in range(len(r)):
         for lane in range(LANES):
             r[k, lane] = 0.0
     for j in range(first, min(first + LANES, len(r))):
-        if part == ANGLE:
+        if variable == VARIABLE.q:
             r[j, j - first] = -hinges[j].stiffness
-        elif part == SPEEDS:
-            r[j, j - first] = -friction_slope(hinges[j], qd[j])
+        elif variable == VARIABLE.qd:
+            r[j, j - first] = -friction_derivative(hinges[j], qd[j])
         elif not hinges[j].prescribed:
             r[j, j - first] = 1.0
 
@@ -156,27 +143,27 @@ def keep_columns(x, first, found):
 
 
 @recursion
-def keep_given(hinges, found):
-    """Put 1 where a given acceleration is its own slope."""
+def keep_prescribed(hinges, found):
+    """Put 1 where a prescribed acceleration is its own derivative."""
     for k in range(len(hinges)):
         if hinges[k].prescribed:
-            found[INPUT, k, k] = 1.0
+            found[VARIABLE.tau, k, k] = 1.0
 
 
 @inlined
-def turn_transmitted(chain, i, j, lane, r, pushes, work):
+def turn_transmitted(chain, i, j, lane, r, loads, work):
     """What the hinges of body `i` before hinge `j`, and the body before them, meet when the hinge turns."""
     hinges = work.motion.hinges
-    e = of_hinge(hinges, j, E)
+    e = of_hinge(hinges, j, HINGE_MOTION.e)
     n, f = cross(e, vec_of(work.transmitted, i, 0)), cross(e, vec_of(work.transmitted, i, 3))
     for k in range(chain.bodies[i].first, j):
-        r[k, lane] -= dot(of_hinge(hinges, k, E), n)
+        r[k, lane] -= dot(of_hinge(hinges, k, HINGE_MOTION.e), n)
     if i > 0:
-        n = in_axes(work.axes, i - 1, add(n, cross(vec_of(work.motion.bodies, i, R), f)))
+        n = in_axes(work.axes, i - 1, add(n, cross(vec_of(work.motion.bodies, i, BODY_MOTION.r), f)))
         f = in_axes(work.axes, i - 1, f)
         for row in range(3):
-            pushes[i - 1, row, lane] += n[row]
-            pushes[i - 1, 3 + row, lane] += f[row]
+            loads[i - 1, row, lane] += n[row]
+            loads[i - 1, 3 + row, lane] += f[row]
 
 
 @inlined
@@ -186,48 +173,42 @@ def in_axes(axes, i, a):
 
 
 @recursion
-def ask_bodies(chain, part, block, work):
+def body_loads(chain, variable, block, work):
     """What bodies beyond the hinges of a block demand; nothing of the others."""
-    pushes, first, last, given = work.pushes, block * LANES, len(chain.bodies) - 1, any_prescribed(chain.hinges)
+    loads, first, last, prescribed = work.loads, block * LANES, len(chain.bodies) - 1, any_prescribed(chain.hinges)
     for i in range(len(chain.bodies)):
         beyond = chain.bodies[i].stop - first
-        if beyond > 0 and (part != INPUT or given):
-            n, f = demand(work.motion.bodies, work.motion.hinges, i, chain.bodies[i].mass, part, block)
-            if i == last and part == ANGLE:
-                n = sub(n, vec_of(work.motion.hinges, block, TURNED_MOMENT))
-                f = sub(f, vec_of(work.motion.hinges, block, TURNED_FORCE))
-            put_vec_of(pushes, in_axes(work.axes, i, n), i, 0)
-            put_vec_of(pushes, in_axes(work.axes, i, f), i, 3)
+        if beyond > 0 and (variable != VARIABLE.tau or prescribed):
+            n, f = load_of_body(work.motion.bodies, work.motion.hinges, i, chain.bodies[i].mass, variable, block)
+            if i == last and variable == VARIABLE.q:
+                n = sub(n, vec_of(work.motion.hinges, block, HINGE_MOTION.δm))
+                f = sub(f, vec_of(work.motion.hinges, block, HINGE_MOTION.δF))
+            put_vec_of(loads, in_axes(work.axes, i, n), i, 0)
+            put_vec_of(loads, in_axes(work.axes, i, f), i, 3)
         else:
             beyond = 0
         for lane in range(LANES):
-            if lane >= beyond or (part == INPUT and not chain.hinges[first + lane].prescribed):
+            if lane >= beyond or (variable == VARIABLE.tau and not chain.hinges[first + lane].prescribed):
                 for row in range(6):
-                    pushes[i, row, lane] = 0.0
+                    loads[i, row, lane] = 0.0
 
 
 @inlined
-def demand(bodies, hinges, i, m, part, block):
+def load_of_body(bodies, hinges, i, m, variable, block):
     """Moment and force of body `i` for a block of changes."""
-    mc, ω, a, b = (
-        vec_of(bodies, i, MOMENT),
-        vec_of(bodies, i, OMEGA),
-        vec_of(bodies, i, INERTIA),
-        vec_of(bodies, i, INERTIA + 3),
-    )
+    mc, ω, a = vec_of(bodies, i, BODY_MOTION.mc), vec_of(bodies, i, BODY_MOTION.ω), vec_of(bodies, i, BODY_MOTION.I)
+    b = vec_of(bodies, i, BODY_MOTION.I + 3)
     I = (a[0], a[1], a[2], b[0], b[1], b[2])
-    ρ, u = (
-        sub(vec_of(bodies, i, PLACE), vec_of(hinges, block, POINT)),
-        sub(vec_of(bodies, i, SPEED), vec_of(hinges, block, RATE)),
-    )
-    δω, η = vec_of(hinges, block, TURNED_OMEGA), vec_of(hinges, block, ETA)
-    if part == SPEEDS:
-        δω, η = vec_of(hinges, block, E), scale(2.0, δω)
-    elif part == INPUT:
-        δω, η = scale(0.0, δω), vec_of(hinges, block, E)
+    ρ = sub(vec_of(bodies, i, BODY_MOTION.p), vec_of(hinges, block, HINGE_MOTION.p))
+    u = sub(vec_of(bodies, i, BODY_MOTION.v), vec_of(hinges, block, HINGE_MOTION.v))
+    δω, η = vec_of(hinges, block, HINGE_MOTION.δω), vec_of(hinges, block, HINGE_MOTION.η)
+    if variable == VARIABLE.qd:
+        δω, η = vec_of(hinges, block, HINGE_MOTION.e), scale(2.0, δω)
+    elif variable == VARIABLE.tau:
+        δω, η = scale(0.0, δω), vec_of(hinges, block, HINGE_MOTION.e)
     δa = add(cross(η, ρ), scale(2.0, cross(δω, u)))
-    if part == ANGLE:
-        δa = add(δa, vec_of(hinges, block, TURNED_A))
+    if variable == VARIABLE.q:
+        δa = add(δa, vec_of(hinges, block, HINGE_MOTION.δa))
     G = own_spin(ω, I)
     n = add(cross(mc, δa), sub(sym_apply(I, η), scale(2.0, place(δω, G[0], G[1], G[2]))))
     f = add(scale(m, δa), add(cross(η, mc), scale(2.0, cross(δω, cross(ω, mc)))))
@@ -244,7 +225,7 @@ def any_prescribed(hinges):
 
 
 @recursion
-def friction_slope(hinge, rate):
+def friction_derivative(hinge, rate):
     """∂T_FR/∂q̇ = d + c / w sech²(q̇ / w) of one hinge."""
     slope = hinge.damping
     if hinge.coulomb > 0.0:

@@ -33,6 +33,7 @@ import numpy as np
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES, put_at, put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sym3 import (
     ZERO6,
     point_inertia,
@@ -61,11 +62,11 @@ from flexlink.kernels.tools.vec3 import (
     vector,
 )
 
-# Numbers of a hinge: e, p, v, then what a turn of it asks for: δa, η, δω, δF, δm.
-E, POINT, RATE, TURNED_A, ETA, TURNED_OMEGA, TURNED_FORCE, TURNED_MOMENT, HINGE = range(0, 27, 3)
-# Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point,
-# and p and v of this point.
-R, MOMENT, OMEGA, FORCE, TURNING, INERTIA, PLACE, SPEED, BODY = 0, 3, 6, 9, 12, 15, 21, 24, 27
+HINGE_MOTION = numbered("e:3 p:3 v:3 δa:3 η:3 δω:3 δF:3 δm:3")
+"""Numbers of a hinge: e, p, v, then what a turn of it asks for."""
+BODY_MOTION = numbered("r:3 mc:3 ω:3 F:3 N:3 I:6 p:3 v:3")
+"""Numbers of a body: r from the body before, m c, ω, force and moment that its motion takes, I about the hinge point,
+and p and v of this point."""
 
 
 class MotionWork(NamedTuple):
@@ -75,8 +76,8 @@ class MotionWork(NamedTuple):
     bodies: Any  # (bodies, BODY)
 
 
-class InverseSlopesWork(NamedTuple):
-    """What `inverse_slopes` writes, ∂τ_i/∂x_j at [i, j // 8, j % 8], 0 beyond column n − 1."""
+class InverseDerivativesWork(NamedTuple):
+    """What `inverse_derivatives` writes, ∂τ_i/∂x_j at [i, j // 8, j % 8], 0 beyond column n − 1."""
 
     by_angle: Any  # (n, ⌈n/8⌉, 8)
     by_rate: Any
@@ -89,15 +90,16 @@ class InverseSlopesWork(NamedTuple):
 @kernel
 def motion_workspace(chain):
     """Scratch of `outward` for a chain."""
-    return MotionWork(np.zeros((-(-len(chain.hinges) // LANES), HINGE, LANES)), np.empty((len(chain.bodies), BODY)))
+    blocks = -(-len(chain.hinges) // LANES)
+    return MotionWork(np.zeros((blocks, HINGE_MOTION.size, LANES)), np.empty((len(chain.bodies), BODY_MOTION.size)))
 
 
 @kernel
-def slopes_workspace(chain):
-    """Scratch of `inverse_slopes` for a chain."""
+def derivatives_workspace(chain):
+    """Scratch of `inverse_derivatives` for a chain."""
     n = len(chain.hinges)
     slopes = np.empty((5, n, -(-n // LANES), LANES))
-    return InverseSlopesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
+    return InverseDerivativesWork(slopes[0], slopes[1], slopes[2], slopes[3], slopes[4], motion_workspace(chain))
 
 
 class Arrays(NamedTuple):
@@ -109,14 +111,14 @@ class Arrays(NamedTuple):
 
 
 @kernel
-def all_inverse_slopes(bodies, hinges, gravity, wrench, q, qd, qdd, found):
+def all_inverse_derivatives(bodies, hinges, gravity, wrench, q, qd, qdd, found):
     """∂τ/∂q, ∂τ/∂q̇ and ∂τ/∂q̈ = M into `found` (3, n, n); whether all is finite.
 
     The chain's arrays come one by one: to tell the type of them as one tuple takes half a microsecond of each call.
     """
     chain = Arrays(bodies, hinges, gravity)
-    work = slopes_workspace(chain)
-    inverse_slopes(chain, wrench, False, q, qd, qdd, work)
+    work = derivatives_workspace(chain)
+    inverse_derivatives(chain, wrench, False, q, qd, qdd, work)
     keep_rows(work.by_angle, found[0])
     keep_rows(work.by_rate, found[1])
     keep_rows(work.by_acceleration, found[2])
@@ -133,7 +135,7 @@ def keep_rows(slopes, found):
 
 
 @recursion
-def inverse_slopes(chain, wrench, follower, q, qd, qdd, work):
+def inverse_derivatives(chain, wrench, follower, q, qd, qdd, work):
     """Write the slopes of τ = M q̈ + T_GC at q, q̇, q̈ (n,); wrench (6,) in frame 0, or, a follower, in tip axes."""
     force, moment = outward(chain, wrench, follower, q, qd, qdd, None, work.motion)
     inward(chain, force, moment, work)
@@ -168,14 +170,14 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
             axis = chain.hinges[k].axis
             e = pick(axis, x, y, z)
             δω = cross(ω, e)
-            put_of_hinge(work.hinges, k, E, e)
-            put_of_hinge(work.hinges, k, POINT, p)
-            put_of_hinge(work.hinges, k, RATE, v)
-            put_of_hinge(work.hinges, k, TURNED_A, cross(a, e))
-            put_of_hinge(work.hinges, k, ETA, add(cross(α, e), cross(ω, δω)))
-            put_of_hinge(work.hinges, k, TURNED_OMEGA, δω)
-            put_of_hinge(work.hinges, k, TURNED_FORCE, scale(dead, cross(force, e)))
-            put_of_hinge(work.hinges, k, TURNED_MOMENT, scale(dead, cross(moment, e)))
+            put_of_hinge(work.hinges, k, HINGE_MOTION.e, e)
+            put_of_hinge(work.hinges, k, HINGE_MOTION.p, p)
+            put_of_hinge(work.hinges, k, HINGE_MOTION.v, v)
+            put_of_hinge(work.hinges, k, HINGE_MOTION.δa, cross(a, e))
+            put_of_hinge(work.hinges, k, HINGE_MOTION.η, add(cross(α, e), cross(ω, δω)))
+            put_of_hinge(work.hinges, k, HINGE_MOTION.δω, δω)
+            put_of_hinge(work.hinges, k, HINGE_MOTION.δF, scale(dead, cross(force, e)))
+            put_of_hinge(work.hinges, k, HINGE_MOTION.δm, scale(dead, cross(moment, e)))
             ω, α = add_scaled(ω, qd[k], e), add_scaled(add_scaled(α, qdd[k], e), qd[k], δω)
             c, s = cos_sin(q[k])
             x, y, z = turn_axes(axis, c, s, x, y, z)
@@ -184,15 +186,15 @@ def outward(chain, wrench, follower, q, qd, qdd, solved, work):
         center = place(vector(b.center), x, y, z)
         mc = scale(b.mass, center)
         I = sym_add(sym_from_axes(x, y, z, symmetric(b.inertia)), point_inertia(b.mass, center))
-        put_vec_of(rows, r, i, R)
-        put_vec_of(rows, p, i, PLACE)
-        put_vec_of(rows, v, i, SPEED)
-        put_vec_of(rows, mc, i, MOMENT)
-        put_vec_of(rows, ω, i, OMEGA)
-        put_vec_of(rows, add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc)))), i, FORCE)
-        put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, TURNING)
-        put_vec_of(rows, (I[0], I[1], I[2]), i, INERTIA)
-        put_vec_of(rows, (I[3], I[4], I[5]), i, INERTIA + 3)
+        put_vec_of(rows, r, i, BODY_MOTION.r)
+        put_vec_of(rows, p, i, BODY_MOTION.p)
+        put_vec_of(rows, v, i, BODY_MOTION.v)
+        put_vec_of(rows, mc, i, BODY_MOTION.mc)
+        put_vec_of(rows, ω, i, BODY_MOTION.ω)
+        put_vec_of(rows, add(scale(b.mass, a), add(cross(α, mc), cross(ω, cross(ω, mc)))), i, BODY_MOTION.F)
+        put_vec_of(rows, add(cross(mc, a), add(sym_apply(I, α), cross(ω, sym_apply(I, ω)))), i, BODY_MOTION.N)
+        put_vec_of(rows, (I[0], I[1], I[2]), i, BODY_MOTION.I)
+        put_vec_of(rows, (I[3], I[4], I[5]), i, BODY_MOTION.I + 3)
     if follower:
         return place(force, x, y, z), place(moment, x, y, z)
     return force, moment
@@ -249,18 +251,19 @@ def inward(chain, force, moment, work):
     m, s, I, P, G = 0.0, ZERO, ZERO6, ZERO, (ZERO, ZERO, ZERO)
     f, n, d = scale(-1.0, force), scale(-1.0, moment), ZERO
     for i in range(len(chain.bodies) - 1, -1, -1):
-        b, mc, ω, r = chain.bodies[i], vec_of(rows, i, MOMENT), vec_of(rows, i, OMEGA), vec_of(rows, i, R)
-        low, high = vec_of(rows, i, INERTIA), vec_of(rows, i, INERTIA + 3)
+        b, mc, ω = chain.bodies[i], vec_of(rows, i, BODY_MOTION.mc), vec_of(rows, i, BODY_MOTION.ω)
+        r = vec_of(rows, i, BODY_MOTION.r)
+        low, high = vec_of(rows, i, BODY_MOTION.I), vec_of(rows, i, BODY_MOTION.I + 3)
         own = (low[0], low[1], low[2], high[0], high[1], high[2])
         turned = own_spin(ω, own)
         m, s, I, P = m + b.mass, add(s, mc), sym_add(I, own), add(P, cross(ω, mc))
         G = add(G[0], turned[0]), add(G[1], turned[1]), add(G[2], turned[2])
-        f, n = add(f, vec_of(rows, i, FORCE)), add(n, vec_of(rows, i, TURNING))
+        f, n = add(f, vec_of(rows, i, BODY_MOTION.F)), add(n, vec_of(rows, i, BODY_MOTION.N))
         for k in range(b.stop - 1, b.first - 1, -1):
-            slopes_of_hinge(k, m, s, I, P, G, f, n, d, work)
+            derivatives_of_hinge(k, m, s, I, P, G, f, n, d, work)
             work.by_acceleration[k, k // LANES, k % LANES] += chain.hinges[k].armature
         if i > 0:
-            u = cross(vec_of(rows, i - 1, OMEGA), r)
+            u = cross(vec_of(rows, i - 1, BODY_MOTION.ω), r)
             t = add_scaled(s, m, r)
             G, P = add_dyad(add_dyad(G, P, r), u, t), add_scaled(P, m, u)
             I, s = sym_add(I, sym_add(product_inertia(s, r), point_inertia(m, r))), t
@@ -268,12 +271,14 @@ def inward(chain, force, moment, work):
 
 
 @recursion
-def slopes_of_hinge(i, m, s, I, P, G, f, n, d, work):
+def derivatives_of_hinge(i, m, s, I, P, G, f, n, d, work):
     """Rows of hinge i, whose composite this is."""
     hinges = work.motion.hinges
-    e, p, v = of_hinge(hinges, i, E), of_hinge(hinges, i, POINT), of_hinge(hinges, i, RATE)
-    δa, η, δω = of_hinge(hinges, i, TURNED_A), of_hinge(hinges, i, ETA), of_hinge(hinges, i, TURNED_OMEGA)
-    δF, δm = of_hinge(hinges, i, TURNED_FORCE), of_hinge(hinges, i, TURNED_MOMENT)
+    e, p = of_hinge(hinges, i, HINGE_MOTION.e), of_hinge(hinges, i, HINGE_MOTION.p)
+    v = of_hinge(hinges, i, HINGE_MOTION.v)
+    δa, η = of_hinge(hinges, i, HINGE_MOTION.δa), of_hinge(hinges, i, HINGE_MOTION.η)
+    δω = of_hinge(hinges, i, HINGE_MOTION.δω)
+    δF, δm = of_hinge(hinges, i, HINGE_MOTION.δF), of_hinge(hinges, i, HINGE_MOTION.δm)
     # e·δn for any δa, η, δω, δF
     by_a, by_η, by_ω, by_F = cross(e, s), sym_apply(I, e), spin_transposed(G, e), cross(e, d)
     f_q = sub(add(add(scale(m, δa), cross(η, s)), add(scale(2.0, cross(δω, P)), cross(e, f))), δF)
@@ -282,11 +287,12 @@ def slopes_of_hinge(i, m, s, I, P, G, f, n, d, work):
     f_qd = scale(2.0, add(cross(δω, s), cross(e, P)))
     n_qd = add(scale(2.0, sym_apply(I, δω)), spin(G, e))
     for b in range(i // LANES + 1):
-        e_j, δω_j = vec_of(hinges, b, E), vec_of(hinges, b, TURNED_OMEGA)
-        Δp, Δv = sub(p, vec_of(hinges, b, POINT)), sub(v, vec_of(hinges, b, RATE))
+        e_j, δω_j = vec_of(hinges, b, HINGE_MOTION.e), vec_of(hinges, b, HINGE_MOTION.δω)
+        Δp, Δv = sub(p, vec_of(hinges, b, HINGE_MOTION.p)), sub(v, vec_of(hinges, b, HINGE_MOTION.v))
         by_η_j, by_ω_j = add(by_η, cross(Δp, by_a)), add(by_ω, scale(2.0, cross(Δv, by_a)))
-        outer = dot(by_a, vec_of(hinges, b, TURNED_A)) + dot(by_η_j, vec_of(hinges, b, ETA)) + dot(by_ω_j, δω_j)
-        outer -= dot(e, vec_of(hinges, b, TURNED_MOMENT)) + dot(by_F, vec_of(hinges, b, TURNED_FORCE))
+        δa_j, η_j = vec_of(hinges, b, HINGE_MOTION.δa), vec_of(hinges, b, HINGE_MOTION.η)
+        outer = dot(by_a, δa_j) + dot(by_η_j, η_j) + dot(by_ω_j, δω_j)
+        outer -= dot(e, vec_of(hinges, b, HINGE_MOTION.δm)) + dot(by_F, vec_of(hinges, b, HINGE_MOTION.δF))
         lever = cross(e_j, Δp)
         put_at(work.by_angle, outer, i, b)
         put_at(work.by_angle_inner, dot(e_j, n_q) + dot(lever, f_q), i, b)

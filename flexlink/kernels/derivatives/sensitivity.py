@@ -20,21 +20,22 @@ from numba.extending import overload
 from flexlink.kernels.bodies.kinematics import KinematicsWork, kinematics
 from flexlink.kernels.bodies.plane import PlanarWork
 from flexlink.kernels.bodies.rne import RneWork, rne
-from flexlink.kernels.derivatives.forward_derivatives import all_forward_slopes
+from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
-from flexlink.kernels.derivatives.planar_derivatives import all_planar_slopes
+from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
 from flexlink.kernels.forward.articulated_rows import ArticulatedWork
 from flexlink.kernels.forward.solvers import DenseWork, forward_dynamics
 from flexlink.kernels.inputs.drive_torque import drive_torque, follow
 from flexlink.kernels.stepping.runge_kutta import add_stage, step_workspace
 from flexlink.kernels.tools.compiler import ARITHMETIC, kernel
 from flexlink.kernels.tools.finite import is_finite
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.vec3 import vector
 
 EPSILON = 1e-100
 """ε of the imaginary parts."""
-SLOPES = {PlanarWork: all_planar_slopes, ArticulatedWork: all_forward_slopes, DenseWork: all_forward_slopes}
-U, V, W = range(3)  # rows of an affine drive
+DERIVATIVES = {PlanarWork: planar_derivatives, ArticulatedWork: forward_derivatives, DenseWork: forward_derivatives}
+AFFINE = numbered("u v w")  # rows of an affine drive
 
 
 class Parametric(NamedTuple):
@@ -44,24 +45,24 @@ class Parametric(NamedTuple):
     bodies: Any  # (p, bodies) complex, c + i ε δc
     hinges: Any  # (p, n)
     drive: Any  # (3, n) u, v, w
-    drive_slopes: Any  # (p, 3, n)
+    drive_derivatives: Any  # (p, 3, n)
 
 
-def slopes_of(work, chain, wrench, q, qd, tau, found):
+def acceleration_derivatives(work, chain, wrench, q, qd, tau, found):
     """∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX into `found` (3, n, n), by the recursion that the scratch is for."""
-    return SLOPES[type(work)](chain.bodies, chain.hinges, chain.gravity, wrench, q, qd, tau, found)
+    return DERIVATIVES[type(work)](chain.bodies, chain.hinges, chain.gravity, wrench, q, qd, tau, found)
 
 
-@overload(slopes_of, jit_options=ARITHMETIC)
+@overload(acceleration_derivatives, jit_options=ARITHMETIC)
 def _slopes_of(work, chain, wrench, q, qd, tau, found):
-    slopes = SLOPES[work.instance_class]
+    slopes = DERIVATIVES[work.instance_class]
     return lambda work, chain, wrench, q, qd, tau, found: slopes(
         chain.bodies, chain.hinges, chain.gravity, wrench, q, qd, tau, found
     )
 
 
 @kernel
-def integrate_slopes(work, tableau, inputs, varied, h, first, last, state, slopes):
+def integrate_derivatives(work, tableau, inputs, varied, h, first, last, state, slopes):
     """Advance q, q̇ (n,) and δq, δq̇ (n · p,) in place, from step number `first`, counted from t = 0, to `last`.
 
     q and q̇ are those of `runge_kutta.integrate` to the bit. Returns whether all numbers are finite.
@@ -69,7 +70,7 @@ def integrate_slopes(work, tableau, inputs, varied, h, first, last, state, slope
     A, b, c = tableau
     (q, qd), (δq, δqd) = state, slopes
     n, p = len(q), len(varied.bodies)
-    stages, found, demand = step_workspace(tableau, q), np.empty((3, n, n)), np.empty((n, p))
+    stages, found, known = step_workspace(tableau, q), np.empty((3, n, n)), np.empty((n, p))
     q_stage, tau, K, L = stages.q, stages.tau, stages.K, stages.L
     δ_stage, δK, δL = np.empty(n * p), np.empty((len(c), n * p)), np.empty((len(c), n * p))
     for number in range(first, last):
@@ -82,9 +83,10 @@ def integrate_slopes(work, tableau, inputs, varied, h, first, last, state, slope
             follow(inputs.motion, t, q_stage, L[i], K[i])
             drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, L[i], tau)
             forward_dynamics(inputs.wrench, q_stage, L[i], tau, K[i], work)
-            slopes_of(work, varied.chain, inputs.wrench, q_stage, L[i], tau, found)
-            ask(varied, inputs.wrench, q_stage, L[i], K[i], δ_stage.reshape(n, p), δL[i].reshape(n, p), demand)
-            add_products(found, δ_stage.reshape(n, p), δL[i].reshape(n, p), demand, δK[i].reshape(n, p))
+            acceleration_derivatives(work, varied.chain, inputs.wrench, q_stage, L[i], tau, found)
+            δq_i, δqd_i = δ_stage.reshape(n, p), δL[i].reshape(n, p)
+            parameter_torques(varied, inputs.wrench, q_stage, L[i], K[i], δq_i, δqd_i, known)
+            add_products(found, δq_i, δqd_i, known, δK[i].reshape(n, p))
         for i in range(len(c)):
             add_stage(b[i] * h, L, K, i, q, qd)
             add_stage(b[i] * h, δL, δK, i, δq, δqd)
@@ -93,23 +95,23 @@ def integrate_slopes(work, tableau, inputs, varied, h, first, last, state, slope
 
 
 @kernel
-def ask(varied, wrench, q, qd, qdd, δq, δqd, demand):
+def parameter_torques(varied, wrench, q, qd, qdd, δq, δqd, known):
     """δT_EX − δ(M q̈ + T_GC + T_FL + T_FR) of every joint and parameter, (n, p), the drive's feedback with it."""
     own, drive, n, m = varied.chain.hinges, varied.drive, len(q), len(varied.chain.bodies)
     torque = np.empty(n, np.complex128)
     work = RneWork(np.empty((n, 2)), np.empty((m, 2, 3), np.complex128))
     for j in range(len(varied.bodies)):
-        hinges, slopes = varied.hinges[j], varied.drive_slopes[j]
+        hinges, slopes = varied.hinges[j], varied.drive_derivatives[j]
         chain = Arrays(varied.bodies[j], hinges, varied.chain.gravity)
         rne(chain, vector(chain.gravity), wrench, q, qd, qdd, torque, work)
         for k in range(n):
             if own[k].prescribed:  # its motion is given, and so is T_EX
-                demand[k, j] = 0.0
+                known[k, j] = 0.0
             else:
-                given = slopes[U, k] + slopes[V, k] * q[k] + slopes[W, k] * qd[k]
-                fed_back = drive[V, k] * δq[k, j] + drive[W, k] * δqd[k, j]
+                given = slopes[AFFINE.u, k] + slopes[AFFINE.v, k] * q[k] + slopes[AFFINE.w, k] * qd[k]
+                fed_back = drive[AFFINE.v, k] * δq[k, j] + drive[AFFINE.w, k] * δqd[k, j]
                 taken = torque[k].imag / EPSILON + of_joint(own[k], hinges[k], q[k], qd[k])
-                demand[k, j] = given + fed_back - taken
+                known[k, j] = given + fed_back - taken
 
 
 @kernel
@@ -123,28 +125,28 @@ def of_joint(own, varied, angle, rate):
 
 
 @kernel
-def add_products(found, δq, δqd, demand, δqdd):
-    """δq̈ = ∂q̈/∂q δq + ∂q̈/∂q̇ δq̇ + M⁻¹ demand, all (n, p)."""
+def add_products(found, δq, δqd, known, δqdd):
+    """δq̈ = ∂q̈/∂q δq + ∂q̈/∂q̇ δq̇ + M⁻¹ known, all (n, p)."""
     n, p = δqdd.shape
     δqdd[:] = 0.0
     for i in range(n):
         for k in range(n):
             by_angle, by_rate, by_torque = found[0, i, k], found[1, i, k], found[2, i, k]
             for j in range(p):
-                δqdd[i, j] += by_angle * δq[k, j] + by_rate * δqd[k, j] + by_torque * demand[k, j]
+                δqdd[i, j] += by_angle * δq[k, j] + by_rate * δqd[k, j] + by_torque * known[k, j]
 
 
 @kernel
-def torque_slopes(varied, wrench, q, qd, qdd):
+def torque_derivatives(varied, wrench, q, qd, qdd):
     """−δ(M q̈ + T_GC + T_FL + T_FR) + δT_EX at a state, (n, p)."""
     n, p = len(q), len(varied.bodies)
-    nothing, demand = np.zeros((n, p)), np.empty((n, p))
-    ask(varied, wrench, q, qd, qdd, nothing, nothing, demand)
-    return demand
+    nothing, known = np.zeros((n, p)), np.empty((n, p))
+    parameter_torques(varied, wrench, q, qd, qdd, nothing, nothing, known)
+    return known
 
 
 @kernel
-def tip_slopes(varied, q):
+def tip_derivatives(varied, q):
     """δ of the tip's place at constant angles, (3, p)."""
     n, m, p = len(q), len(varied.chain.bodies), len(varied.bodies)
     found = np.empty((3, p))

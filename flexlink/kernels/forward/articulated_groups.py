@@ -1,41 +1,17 @@
-"""What a body and all beyond it demand (see `articulated`): a body is taken on, then its hinges are taken out.
+"""What a body and all beyond it demand (see `articulated`): inertia is propagated, then joints are eliminated.
 
-    way             taken on by                                         taken out by
-    HINGES          `take_on`                                           `take_out_hinge`, for each
-    ALONG           `take_on`                                           `take_out_along`
-    PAIR            `take_on_body` and `take_on_pair`, or `take_on_any`  `take_out_pair`
-    TRIPLE          `take_on_body`, or `take_on_any`                    `take_out_triple`
+    group           propagated by                                        eliminated by
+    hinges          `propagate_inertia`                                  `eliminate_joint`, for each
+    along           `propagate_inertia`                                  `eliminate_along`
+    pair            `propagate_body` and `add_pair`, or `propagate_any`  `eliminate_pair`
+    triple          `propagate_body`, or `propagate_any`                 `eliminate_triple`
 
 The first two work with J and H in working axes, the others along the axes x_j of the body (`AXES`), which stay
 perpendicular where hinges line up: J_jk = x_j·J x_k, h_j = Hᵀ x_j, n_j = x_j·n.
 """
 
-from flexlink.kernels.forward.articulated_layout import PAIR
-from flexlink.kernels.forward.articulated_rows import (
-    ALPHA,
-    ARMATURE,
-    AXES,
-    AXIS,
-    BEFORE,
-    FACTORS,
-    H_D,
-    HE,
-    INERTIA,
-    INVERSE,
-    INVERSES,
-    JE,
-    MASS,
-    MC,
-    T_NET,
-    TORQUE,
-    ZETA,
-    B,
-    F,
-    N,
-    R,
-    axes_of,
-    inertia_of,
-)
+from flexlink.kernels.forward.articulated_layout import GROUP
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of, inertia_of
 from flexlink.kernels.tools.compiler import inlined
 from flexlink.kernels.tools.lanes import at, put_at, put_vec_of, vec_of, zero_of
 from flexlink.kernels.tools.sym3 import sym_add, sym_add_dyad, sym_apply, sym_from_axes
@@ -43,18 +19,19 @@ from flexlink.kernels.tools.vec3 import add, add_scaled, combine, cross, dot, pl
 
 
 @inlined
-def take_on(bodies, i, J, H, M, n, f):
+def propagate_inertia(bodies, i, J, H, M, n, f):
     """J, H, M, n, f at the body's hinge point, body included, from those at the next hinge point."""
-    x, y, z = axes_of(bodies, i, AXES)
-    r, mc, m, bias = vec_of(bodies, i, R), vec_of(bodies, i, MC), at(bodies, i, MASS), vec_of(bodies, i, B)
+    x, y, z = axes_of(bodies, i, BODY_ROW.axes)
+    r, mc, m = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    bias = vec_of(bodies, i, BODY_ROW.b)
     n = add(n, (dot(H[0], bias), dot(H[1], bias), dot(H[2], bias)))
     f = add(f, sym_apply(M, bias))
-    n = add(add(n, cross(r, f)), place(vec_of(bodies, i, N), x, y, z))
-    f = add(f, vec_of(bodies, i, F))
-    o = zero_of(bodies, i, MASS)
+    n = add(add(n, cross(r, f)), place(vec_of(bodies, i, BODY_ROW.n), x, y, z))
+    f = add(f, vec_of(bodies, i, BODY_ROW.f))
+    o = zero_of(bodies, i, BODY_ROW.mass)
     d1, d2, d3 = (o, -r[2], r[1]), (r[2], o, -r[0]), (-r[1], r[0], o)  # unit vectors × r
     K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
-    J = sym_add(J, sym_from_axes(x, y, z, inertia_of(bodies, i, INERTIA)))
+    J = sym_add(J, sym_from_axes(x, y, z, inertia_of(bodies, i, BODY_ROW.inertia)))
     J = sym_add(J, (
         dot(d1, H[0]) + dot(d1, K1), dot(d2, H[1]) + dot(d2, K2), dot(d3, H[2]) + dot(d3, K3),
         dot(d3, H[1]) + dot(d2, K3), dot(d3, H[0]) + dot(d1, K3), dot(d2, H[0]) + dot(d1, K2),
@@ -72,25 +49,25 @@ def with_mass(M, m):
 
 
 @inlined
-def take_out_hinge(hinges, k, again, J, H, M, n, f):
+def eliminate_joint(hinges, k, again, J, H, M, n, f):
     """J, H, M, n, f before a hinge from those behind it; `again`: the one behind it turns about the same axis.
 
     Along that axis, of a motor before its elastic gear, J is what the gear's rotor leaves, A / D of what it was, or
     nothing: as what is left of J it would be the rounding of the arm's inertia, to which a rotor is small.
     """
-    e = vec_of(hinges, k, AXIS)
+    e = vec_of(hinges, k, HINGE_ROW.axis)
     Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
     if again:
-        left = at(hinges, k + 1, ARMATURE) * at(hinges, k + 1, INVERSE)
-        Je, He = scale(left, vec_of(hinges, k + 1, JE)), scale(left, vec_of(hinges, k + 1, HE))
-    T, inverse = at(hinges, k, TORQUE) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, ARMATURE))
-    keep_hinge(hinges, k, Je, He, T, inverse)
+        left = at(hinges, k + 1, HINGE_ROW.armature) * at(hinges, k + 1, HINGE_ROW.inverse)
+        Je, He = scale(left, vec_of(hinges, k + 1, HINGE_ROW.Je)), scale(left, vec_of(hinges, k + 1, HINGE_ROW.He))
+    T, inverse = at(hinges, k, HINGE_ROW.torque) - dot(e, n), 1.0 / (dot(e, Je) + at(hinges, k, HINGE_ROW.armature))
+    keep_joint(hinges, k, Je, He, T, inverse)
     u = scale(inverse, Je)
     J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
     H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
     n, f = add_scaled(n, T, u), add_scaled(f, T * inverse, He)
     # Along e only the rotor is left. Rounding leaves more, which matters where the rest is small: take it off.
-    rotor = at(hinges, k, ARMATURE) * inverse
+    rotor = at(hinges, k, HINGE_ROW.armature) * inverse
     ρ = sub(sym_apply(J, e), scale(rotor, Je))
     η = sub(place(e, H[0], H[1], H[2]), scale(rotor, He))
     ρ = add_scaled(ρ, -0.5 * dot(e, ρ), e)
@@ -99,16 +76,16 @@ def take_out_hinge(hinges, k, again, J, H, M, n, f):
         J[3] - (e[1] * ρ[2] + e[2] * ρ[1]), J[4] - (e[0] * ρ[2] + e[2] * ρ[0]), J[5] - (e[0] * ρ[1] + e[1] * ρ[0]),
     )  # fmt: skip
     H = (add_scaled(H[0], -e[0], η), add_scaled(H[1], -e[1], η), add_scaled(H[2], -e[2], η))
-    ν = at(hinges, k, TORQUE) - rotor * T - dot(e, n)
+    ν = at(hinges, k, HINGE_ROW.torque) - rotor * T - dot(e, n)
     return J, H, M, add_scaled(n, ν, e), f
 
 
 @inlined
-def take_out_along(hinges, k, J, H, M, n, f):
+def eliminate_along(hinges, k, J, H, M, n, f):
     """The same where the hinge's axis is the working axis z: what is left along it is exact."""
-    Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, TORQUE), at(hinges, k, ARMATURE)
+    Je, He, τ, A = (J[4], J[3], J[2]), H[2], at(hinges, k, HINGE_ROW.torque), at(hinges, k, HINGE_ROW.armature)
     T, inverse = τ - n[2], 1.0 / (J[2] + A)
-    keep_hinge(hinges, k, Je, He, T, inverse)
+    keep_joint(hinges, k, Je, He, T, inverse)
     u, v, rotor = inverse * J[4], inverse * J[3], inverse * A
     J = (J[0] - u * J[4], J[1] - v * J[3], rotor * J[2], rotor * J[3], rotor * J[4], J[5] - u * J[3])
     H = add_scaled(H[0], -u, He), add_scaled(H[1], -v, He), scale(rotor, He)
@@ -117,18 +94,18 @@ def take_out_along(hinges, k, J, H, M, n, f):
 
 
 @inlined
-def keep_hinge(hinges, k, Je, He, T, inverse):
+def keep_joint(hinges, k, Je, He, T, inverse):
     """What q̈ of a hinge follows from, once the accelerations before it are known."""
-    put_vec_of(hinges, Je, k, JE)
-    put_vec_of(hinges, He, k, HE)
-    put_at(hinges, T, k, T_NET)
-    put_at(hinges, inverse, k, INVERSE)
+    put_vec_of(hinges, Je, k, HINGE_ROW.Je)
+    put_vec_of(hinges, He, k, HINGE_ROW.He)
+    put_at(hinges, T, k, HINGE_ROW.T)
+    put_at(hinges, inverse, k, HINGE_ROW.inverse)
 
 
 @inlined
 def in_axes_before(bodies, i, J, H, M, n, f):
     """J, H, M, n, f in the working axes before those that begin at body `i`."""
-    x, y, z = axes_of(bodies, i, BEFORE)
+    x, y, z = axes_of(bodies, i, RESTART.axes_before)
     p, q, r = place(H[0], x, y, z), place(H[1], x, y, z), place(H[2], x, y, z)
     H = (
         combine(x[0], p, y[0], q, z[0], r), combine(x[1], p, y[1], q, z[1], r), combine(x[2], p, y[2], q, z[2], r),
@@ -137,28 +114,29 @@ def in_axes_before(bodies, i, J, H, M, n, f):
 
 
 @inlined
-def take_on_body(bodies, i, M, n, f):
+def propagate_body(bodies, i, M, n, f):
     """J, h, n along the body's axes, M, f, at its hinge point, body included, where J = H = 0 at the next."""
-    x, y, z = axes_of(bodies, i, AXES)
-    r, mc, m, I = vec_of(bodies, i, R), vec_of(bodies, i, MC), at(bodies, i, MASS), inertia_of(bodies, i, INERTIA)
-    f = add(f, sym_apply(M, vec_of(bodies, i, B)))
+    x, y, z = axes_of(bodies, i, BODY_ROW.axes)
+    r, mc, m = vec_of(bodies, i, BODY_ROW.r), vec_of(bodies, i, BODY_ROW.mc), at(bodies, i, BODY_ROW.mass)
+    I = inertia_of(bodies, i, BODY_ROW.inertia)
+    f = add(f, sym_apply(M, vec_of(bodies, i, BODY_ROW.b)))
     d1, d2, d3 = cross(x, r), cross(y, r), cross(z, r)
-    n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, N))
+    n = add((dot(x, n) + dot(d1, f), dot(y, n) + dot(d2, f), dot(z, n) + dot(d3, f)), vec_of(bodies, i, BODY_ROW.n))
     M1, M2, M3 = sym_apply(M, d1), sym_apply(M, d2), sym_apply(M, d3)
     J = (
         I[0] + dot(d1, M1), I[1] + dot(d2, M2), I[2] + dot(d3, M3),
         I[3] + dot(d2, M3), I[4] + dot(d1, M3), I[5] + dot(d1, M2),
     )  # fmt: skip
     h = add(cross(x, mc), M1), add(cross(y, mc), M2), add(cross(z, mc), M3)
-    return J, h, n, with_mass(M, m), add(f, vec_of(bodies, i, F))
+    return J, h, n, with_mass(M, m), add(f, vec_of(bodies, i, BODY_ROW.f))
 
 
 @inlined
-def take_on_pair(bodies, i, j, h, t, J, h_body, n, M, f):
-    """What `take_on_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
-    x, y, z = axes_of(bodies, i, AXES)
-    r = vec_of(bodies, i, R)
-    s = dot(h, vec_of(bodies, i, B))
+def add_pair(bodies, i, j, h, t, J, h_body, n, M, f):
+    """What `propagate_body` gives, with J = j t tᵀ and H = t hᵀ at the next hinge point added."""
+    x, y, z = axes_of(bodies, i, BODY_ROW.axes)
+    r = vec_of(bodies, i, BODY_ROW.r)
+    s = dot(h, vec_of(bodies, i, BODY_ROW.b))
     t1, t2, t3 = dot(x, t), dot(y, t), dot(z, t)
     g1, g2, g3 = dot(cross(x, r), h), dot(cross(y, r), h), dot(cross(z, r), h)
     p1, p2, p3 = j * t1 + g1, j * t2 + g2, j * t3 + g3
@@ -172,21 +150,21 @@ def take_on_pair(bodies, i, j, h, t, J, h_body, n, M, f):
 
 
 @inlined
-def take_on_any(bodies, i, J, H, M, n, f):
-    """The same as `take_on_body` with any J and H at the next hinge point."""
-    x, y, z = axes_of(bodies, i, AXES)
-    J, H, M, n, f = take_on(bodies, i, J, H, M, n, f)
+def propagate_any(bodies, i, J, H, M, n, f):
+    """The same as `propagate_body` with any J and H at the next hinge point."""
+    x, y, z = axes_of(bodies, i, BODY_ROW.axes)
+    J, H, M, n, f = propagate_inertia(bodies, i, J, H, M, n, f)
     Jx, Jy, Jz = sym_apply(J, x), sym_apply(J, y), sym_apply(J, z)
     J = dot(x, Jx), dot(y, Jy), dot(z, Jz), dot(y, Jz), dot(x, Jz), dot(x, Jy)
     return J, (place(x, *H), place(y, *H), place(z, *H)), (dot(x, n), dot(y, n), dot(z, n)), M, f
 
 
 @inlined
-def in_full(o, behind, J, H, j, h, t):
-    """J and H of the body behind by its way: as they are, j t tᵀ and t hᵀ of a pair, or zero, o."""
-    if behind > PAIR:
+def in_full(o, outer, J, H, j, h, t):
+    """J and H of the next body outward by its group: as they are, j t tᵀ and t hᵀ of a pair, or zero, o."""
+    if outer > GROUP.pair:
         return (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
-    if behind == PAIR:
+    if outer == GROUP.pair:
         u = scale(j, t)
         J = u[0] * t[0], u[1] * t[1], u[2] * t[2], u[1] * t[2], u[0] * t[2], u[0] * t[1]
         return J, (scale(t[0], h), scale(t[1], h), scale(t[2], h))
@@ -194,8 +172,8 @@ def in_full(o, behind, J, H, j, h, t):
 
 
 @inlined
-def take_out_two(bodies, i, J, h, T, M, f):
-    """J₃₃, h₃, T₃, M, f once the axes x₁ and x₂ are taken out: the first steps of J = L D Lᵀ."""
+def eliminate_two(bodies, i, J, h, T, M, f):
+    """J₃₃, h₃, T₃, M, f once the axes x₁ and x₂ are eliminated: the first steps of J = L D Lᵀ."""
     J11, J22, J33, J23, J13, J12 = J
     h1, h2, h3 = h
     T1, T2, T3 = T
@@ -208,39 +186,39 @@ def take_out_two(bodies, i, J, h, T, M, f):
     l23 = J23 * i2
     h3, T3 = add_scaled(h3, -l23, h2), T3 - l23 * T2
     α1, α2 = i1 * T1, i2 * T2
-    put_vec_of(bodies, scale(i1, h1), i, H_D)
-    put_vec_of(bodies, scale(i2, h2), i, H_D + 3)
-    put_vec_of(bodies, (l12, l13, l23), i, FACTORS)
-    put_at(bodies, α1, i, ALPHA)
-    put_at(bodies, α2, i, ALPHA + 1)
-    put_at(bodies, i1, i, INVERSES)
-    put_at(bodies, i2, i, INVERSES + 1)
+    put_vec_of(bodies, scale(i1, h1), i, BODY_ROW.h_D)
+    put_vec_of(bodies, scale(i2, h2), i, BODY_ROW.h_D + 3)
+    put_vec_of(bodies, (l12, l13, l23), i, BODY_ROW.factors)
+    put_at(bodies, α1, i, BODY_ROW.α)
+    put_at(bodies, α2, i, BODY_ROW.α + 1)
+    put_at(bodies, i1, i, BODY_ROW.inverses)
+    put_at(bodies, i2, i, BODY_ROW.inverses + 1)
     M = sym_add_dyad(sym_add_dyad(M, -i1, h1), -i2, h2)
     return J33 - l23 * J23, h3, T3, M, add(f, add_scaled(scale(α1, h1), α2, h2))
 
 
 @inlined
-def take_out_pair(bodies, i, hinges, k, J, h, n, M, f):
-    """j, h, t, M, n, f before a pair of hinges `k`, `k` + 1: x₁ = e₂ and x₂ = e₁ are taken out, x₃ = t is left."""
-    e2, e1, t = axes_of(bodies, i, AXES)
-    τ1, τ2 = at(hinges, k, TORQUE), at(hinges, k + 1, TORQUE)
-    j, h, T, M, f = take_out_two(bodies, i, J, h, (τ2 - n[0], τ1 - n[1], -n[2]), M, f)
-    turning = dot(t, vec_of(bodies, i, ZETA))
+def eliminate_pair(bodies, i, hinges, k, J, h, n, M, f):
+    """j, h, t, M, n, f before a pair of hinges `k`, `k` + 1: x₁ = e₂ and x₂ = e₁ are eliminated, x₃ = t is left."""
+    e2, e1, t = axes_of(bodies, i, BODY_ROW.axes)
+    τ1, τ2 = at(hinges, k, HINGE_ROW.torque), at(hinges, k + 1, HINGE_ROW.torque)
+    j, h, T, M, f = eliminate_two(bodies, i, J, h, (τ2 - n[0], τ1 - n[1], -n[2]), M, f)
+    turning = dot(t, vec_of(bodies, i, BODY_ROW.ζ))
     return j, h, t, M, combine(τ1, e1, τ2, e2, j * turning - T, t), add_scaled(f, turning, h)
 
 
 @inlined
-def take_out_triple(bodies, i, hinges, k, c, J, h, n, M, f):
+def eliminate_triple(bodies, i, hinges, k, c, J, h, n, M, f):
     """M, n, f before a triple of hinges from `k`; c = e₁·e₂×e₃. The moment is known from the torques alone."""
-    x, y, z = axes_of(bodies, i, AXES)
+    x, y, z = axes_of(bodies, i, BODY_ROW.axes)
     t = known_moment(hinges, k, c)
     T = dot(x, t) - n[0], dot(y, t) - n[1], dot(z, t) - n[2]
-    D, h, T3, M, f = take_out_two(bodies, i, J, h, T, M, f)
+    D, h, T3, M, f = eliminate_two(bodies, i, J, h, T, M, f)
     inverse = 1.0 / D
     α3 = inverse * T3
-    put_vec_of(bodies, scale(inverse, h), i, H_D + 6)
-    put_at(bodies, α3, i, ALPHA + 2)
-    put_at(bodies, inverse, i, INVERSES + 2)
+    put_vec_of(bodies, scale(inverse, h), i, BODY_ROW.h_D + 6)
+    put_at(bodies, α3, i, BODY_ROW.α + 2)
+    put_at(bodies, inverse, i, BODY_ROW.inverses + 2)
     return sym_add_dyad(M, -inverse, h), t, add_scaled(f, α3, h)
 
 
@@ -251,10 +229,12 @@ def known_moment(hinges, k, c):
     e₁·e₂×e₃ as a product fits the rounded axes, as ± the cosine `c` of the middle angle it keeps its digits near gimbal
     lock: the first counts with c², the second with s².
     """
-    e1, e2, e3 = vec_of(hinges, k, AXIS), vec_of(hinges, k + 1, AXIS), vec_of(hinges, k + 2, AXIS)
-    τ1, τ2, τ3 = at(hinges, k, TORQUE), at(hinges, k + 1, TORQUE), at(hinges, k + 2, TORQUE)
+    e1, e2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis)
+    e3 = vec_of(hinges, k + 2, HINGE_ROW.axis)
+    τ1, τ2 = at(hinges, k, HINGE_ROW.torque), at(hinges, k + 1, HINGE_ROW.torque)
+    τ3 = at(hinges, k + 2, HINGE_ROW.torque)
     normal, e13 = cross(e2, e3), dot(e1, e3)
     dual = scale(1.0 / (c * (c * dot(normal, e1) + e13 * e13)), normal)
-    put_vec_of(hinges, dual, k, JE)
-    put_at(hinges, e13, k + 2, T_NET)
+    put_vec_of(hinges, dual, k, HINGE_ROW.Je)
+    put_at(hinges, e13, k + 2, THIRD_HINGE.e13)
     return combine(τ1 - e13 * τ3, dual, τ2, e2, τ3, e3)

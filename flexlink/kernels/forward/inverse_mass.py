@@ -1,6 +1,6 @@
 """M x = r for many right-hand sides, O(n) each, on what forward dynamics has left in its scratch.
 
-    way        load, inward                                              outward
+    group      load, inward                                              outward
     one hinge  T = r − e·n          n ← n + T J e / D                    x = (T − J e·α − Hᵀe·a) / D
                f ← f + T Hᵀe / D    then e·n ← r − A T / D               α ← α + x e
     triple     t with e_k·t = r_k   T = L⁻¹ (x_j·t − x_j·n)              Lᵀα = D⁻¹ (T − h·a)
@@ -11,110 +11,98 @@ floats, r and x floats or eight side by side (`lanes`).
 """
 
 from flexlink.kernels.forward.articulated import spread
-from flexlink.kernels.forward.articulated_layout import ANEW, FIRST, PAIR, STOP, TRIPLE, WAY
-from flexlink.kernels.forward.articulated_rows import (
-    ARMATURE,
-    AXES,
-    AXIS,
-    BEFORE,
-    FACTORS,
-    H_D,
-    HE,
-    INVERSE,
-    INVERSES,
-    JE,
-    T_NET,
-    R,
-    axes_of,
-)
+from flexlink.kernels.forward.articulated_layout import GROUP, LAYOUT
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, HINGE_ROW, RESTART, THIRD_HINGE, axes_of
 from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, put_at, vec_of, zero_of
 from flexlink.kernels.tools.vec3 import add, add_scaled, combine, combine2, cross, dot, place, sub
 
 
 @recursion
-def solve_on_articulated(r, pushes, x, work):
-    """Write x (n,) with M x + Jᵀ(pushes) = r, 0 at prescribed joints; `work` as `articulated` leaves it.
+def solve_on_articulated(r, loads, x, work):
+    """Write x (n,) with M x + Jᵀ(loads) = r, 0 at prescribed joints; `work` as `articulated` leaves it.
 
-    `pushes` (bodies, 6): moment and force that bodies demand at their hinge points, working axes.
+    `loads` (bodies, 6): moment and force that bodies demand at their hinge points, working axes.
     """
-    layout, given, bodies, hinges = work.layout, work.given, work.bodies, work.hinges
+    layout, prescribed, bodies, hinges = work.layout, work.prescribed, work.bodies, work.hinges
     o = zero_of(x)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
-        n, f = add(add(n, cross(vec_of(bodies, i, R), f)), vec_of(pushes, i, 0)), add(f, vec_of(pushes, i, 3))
-        if layout[i, WAY] == TRIPLE or layout[i, WAY] == PAIR:
-            n, f = load_group(bodies, i, hinges, layout[i, FIRST], layout[i, WAY] == TRIPLE, r, x, n, f)
+        n, f = add(add(n, cross(vec_of(bodies, i, BODY_ROW.r), f)), vec_of(loads, i, 0)), add(f, vec_of(loads, i, 3))
+        if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
+            triple = layout[i, LAYOUT.group] == GROUP.triple
+            n, f = load_group(bodies, i, hinges, layout[i, LAYOUT.first], triple, r, x, n, f)
         else:
-            for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
-                if not given[k]:
+            for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+                if not prescribed[k]:
                     n, f = load_hinge(hinges, k, r, x, n, f)
-        if layout[i, ANEW]:
-            u, v, w = axes_of(bodies, i, BEFORE)
+        if layout[i, LAYOUT.restart]:
+            u, v, w = axes_of(bodies, i, RESTART.axes_before)
             n, f = place(n, u, v, w), place(f, u, v, w)
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
-        if layout[i, ANEW]:
-            u, v, w = axes_of(bodies, i, BEFORE)
+        if layout[i, LAYOUT.restart]:
+            u, v, w = axes_of(bodies, i, RESTART.axes_before)
             α, a = (dot(u, α), dot(v, α), dot(w, α)), (dot(u, a), dot(v, a), dot(w, a))
-        if layout[i, WAY] == TRIPLE or layout[i, WAY] == PAIR:
-            α = move_group(bodies, i, hinges, layout[i, FIRST], layout[i, WAY] == TRIPLE, x, α, a)
+        if layout[i, LAYOUT.group] == GROUP.triple or layout[i, LAYOUT.group] == GROUP.pair:
+            α = move_group(bodies, i, hinges, layout[i, LAYOUT.first], layout[i, LAYOUT.group] == GROUP.triple, x, α, a)
         else:
-            for k in range(layout[i, FIRST], layout[i, STOP]):
-                if given[k]:
+            for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+                if prescribed[k]:
                     put_at(x, o, k)
                 else:
-                    demand = dot(vec_of(hinges, k, JE), α) + dot(vec_of(hinges, k, HE), a)
-                    put_at(x, at(x, k) - hinges[k, INVERSE] * demand, k)
-                α = add_scaled(α, at(x, k), vec_of(hinges, k, AXIS))
-        a = add(a, cross(α, vec_of(bodies, i, R)))
+                    demand = dot(vec_of(hinges, k, HINGE_ROW.Je), α) + dot(vec_of(hinges, k, HINGE_ROW.He), a)
+                    put_at(x, at(x, k) - hinges[k, HINGE_ROW.inverse] * demand, k)
+                α = add_scaled(α, at(x, k), vec_of(hinges, k, HINGE_ROW.axis))
+        a = add(a, cross(α, vec_of(bodies, i, BODY_ROW.r)))
 
 
 @inlined
 def load_hinge(hinges, k, r, x, n, f):
     """n and f before a hinge; x keeps T / D."""
-    e, torque = vec_of(hinges, k, AXIS), at(r, k)
-    T = (torque - dot(e, n)) * hinges[k, INVERSE]
+    e, torque = vec_of(hinges, k, HINGE_ROW.axis), at(r, k)
+    T = (torque - dot(e, n)) * hinges[k, HINGE_ROW.inverse]
     put_at(x, T, k)
-    n, f = add_scaled(n, T, vec_of(hinges, k, JE)), add_scaled(f, T, vec_of(hinges, k, HE))
-    return add_scaled(n, torque - hinges[k, ARMATURE] * T - dot(e, n), e), f
+    n, f = add_scaled(n, T, vec_of(hinges, k, HINGE_ROW.Je)), add_scaled(f, T, vec_of(hinges, k, HINGE_ROW.He))
+    return add_scaled(n, torque - hinges[k, HINGE_ROW.armature] * T - dot(e, n), e), f
 
 
 @inlined
 def load_group(bodies, i, hinges, k, triple, r, x, n, f):
-    """n and f before a triple or a pair of hinges from `k`; x keeps T_j / D_j of the axes that are taken out."""
-    u, v, w = axes_of(bodies, i, AXES)
-    l12, l13, l23 = vec_of(bodies, i, FACTORS)
-    e1, e2, τ1, τ2 = vec_of(hinges, k, AXIS), vec_of(hinges, k + 1, AXIS), at(r, k), at(r, k + 1)
+    """n and f before a triple or a pair of hinges from `k`; x keeps T_j / D_j of the axes that are eliminated."""
+    u, v, w = axes_of(bodies, i, BODY_ROW.axes)
+    l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
+    e1, e2, τ1, τ2 = vec_of(hinges, k, HINGE_ROW.axis), vec_of(hinges, k + 1, HINGE_ROW.axis), at(r, k), at(r, k + 1)
     if triple:
         τ3 = at(r, k + 2)
-        t = combine(τ1 - hinges[k + 2, T_NET] * τ3, vec_of(hinges, k, JE), τ2, e2, τ3, vec_of(hinges, k + 2, AXIS))
+        dual, e3 = vec_of(hinges, k, HINGE_ROW.Je), vec_of(hinges, k + 2, HINGE_ROW.axis)
+        t = combine(τ1 - hinges[k + 2, THIRD_HINGE.e13] * τ3, dual, τ2, e2, τ3, e3)
     else:
         t = combine2(τ1, e1, τ2, e2)
     net = sub(t, n)
     T1 = dot(u, net)
     T2 = dot(v, net) - l12 * T1
     T3 = dot(w, net) - l13 * T1 - l23 * T2
-    D1, D2, D3 = vec_of(bodies, i, INVERSES)
+    D1, D2, D3 = vec_of(bodies, i, BODY_ROW.inverses)
     put_at(x, D1 * T1, k)
     put_at(x, D2 * T2, k + 1)
-    f = add_scaled(add_scaled(f, T1, vec_of(bodies, i, H_D)), T2, vec_of(bodies, i, H_D + 3))
+    f = add_scaled(add_scaled(f, T1, vec_of(bodies, i, BODY_ROW.h_D)), T2, vec_of(bodies, i, BODY_ROW.h_D + 3))
     if triple:
         put_at(x, D3 * T3, k + 2)
-        return t, add_scaled(f, T3, vec_of(bodies, i, H_D + 6))
+        return t, add_scaled(f, T3, vec_of(bodies, i, BODY_ROW.h_D + 6))
     return add_scaled(t, -T3, w), f
 
 
 @inlined
 def move_group(bodies, i, hinges, k, triple, x, before, a):
     """α beyond a group of hinges from `k`, and their x."""
-    u, v, w = axes_of(bodies, i, AXES)
-    l12, l13, l23 = vec_of(bodies, i, FACTORS)
+    u, v, w = axes_of(bodies, i, BODY_ROW.axes)
+    l12, l13, l23 = vec_of(bodies, i, BODY_ROW.factors)
     α3 = dot(w, before)
     if triple:
-        α3 = at(x, k + 2) - dot(vec_of(bodies, i, H_D + 6), a)
-    α2 = at(x, k + 1) - dot(vec_of(bodies, i, H_D + 3), a) - l23 * α3
-    α1 = at(x, k) - dot(vec_of(bodies, i, H_D), a) - l12 * α2 - l13 * α3
+        α3 = at(x, k + 2) - dot(vec_of(bodies, i, BODY_ROW.h_D + 6), a)
+    α2 = at(x, k + 1) - dot(vec_of(bodies, i, BODY_ROW.h_D + 3), a) - l23 * α3
+    α1 = at(x, k) - dot(vec_of(bodies, i, BODY_ROW.h_D), a) - l12 * α2 - l13 * α3
     α = place((α1, α2, α3), u, v, w)
     if triple:
         spread(hinges, k, sub(α, before), x)

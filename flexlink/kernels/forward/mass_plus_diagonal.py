@@ -3,8 +3,6 @@
 The type of the posture says which recursion it is for, as in `forward`. All numbers may be complex but the posture's.
 """
 
-from numba.extending import overload
-
 from flexlink.kernels.forward.mass_plus_diagonal_plane import (
     PlanePosture,
     displacement_in_plane,
@@ -19,54 +17,27 @@ from flexlink.kernels.forward.mass_plus_diagonal_space import (
     place_in_space,
     solve_in_space,
 )
-from flexlink.kernels.tools.compiler import INLINED
+from flexlink.kernels.tools.compiler import by_type
+from flexlink.kernels.tools.numbered import numbered
 
-PLACE = {PlanePosture: place_in_plane, SpacePosture: place_in_space}
-FACTOR = {PlanePosture: factor_in_plane, SpacePosture: factor_in_space}
-SOLVE = {PlanePosture: solve_in_plane, SpacePosture: solve_in_space}
-DISPLACEMENT = {PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space}
-A, INVERSE, FACTORS = 0, 1, 8  # where A and 1 / D of a hinge stand among its factors, and how many they are
+FACTORS = numbered("A inverse others:6")  # of a hinge: A, 1 / D, and what else each of the two keeps
 
 
+@by_type({PlanePosture: place_in_plane, SpacePosture: place_in_space})
 def place_bodies(q, posture):
     """Take on the posture of angles q (n,)."""
-    PLACE[type(posture)](q, posture)
 
 
+@by_type({PlanePosture: factor_in_plane, SpacePosture: factor_in_space})
 def factor(factors, posture):
     """Prepare `solve` for the diagonal A in the first column of `factors` (n, 8)."""
-    FACTOR[type(posture)](factors, posture)
 
 
+@by_type({PlanePosture: solve_in_plane, SpacePosture: solve_in_space})
 def solve(factors, r, x, posture):
     """Write x (n,) with (M + A) x = r, 0 at prescribed joints, M without rotors; after `factor`."""
-    SOLVE[type(posture)](factors, r, x, posture)
 
 
+@by_type({PlanePosture: displacement_in_plane, SpacePosture: displacement_in_space})
 def displacement(δ, posture):
     """Largest displacement [m] that small changes δ (n,) of the angles give to the far end of any segment."""
-    return DISPLACEMENT[type(posture)](δ, posture)
-
-
-@overload(place_bodies, jit_options=INLINED)
-def _place_bodies(q, posture):
-    algorithm = PLACE[posture.instance_class]
-    return lambda q, posture: algorithm(q, posture)  # noqa: PLW0108
-
-
-@overload(factor, jit_options=INLINED)
-def _factor(factors, posture):
-    algorithm = FACTOR[posture.instance_class]
-    return lambda factors, posture: algorithm(factors, posture)  # noqa: PLW0108
-
-
-@overload(solve, jit_options=INLINED)
-def _solve(factors, r, x, posture):
-    algorithm = SOLVE[posture.instance_class]
-    return lambda factors, r, x, posture: algorithm(factors, r, x, posture)  # noqa: PLW0108
-
-
-@overload(displacement, jit_options=INLINED)
-def _displacement(δ, posture):
-    algorithm = DISPLACEMENT[posture.instance_class]
-    return lambda δ, posture: algorithm(δ, posture)  # noqa: PLW0108

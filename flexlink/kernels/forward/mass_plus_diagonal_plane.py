@@ -14,18 +14,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.bodies.plane import INERTIA, MASS, RX, RY, SIGN, SX, SY, cos_sin_less_turns, planar_workspace
+from flexlink.kernels.bodies.plane import LINK, cos_sin_less_turns, planar_workspace
 from flexlink.kernels.tools.compiler import kernel, recursion
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 
-A, INVERSE, HX, HY, BETA, GAMMA = range(6)  # of the factors of a hinge: A, 1 / D, H, β = A / D and 1 − β
+FACTORS = numbered("A inverse hx hy β γ unused:2")  # of a hinge: A, 1 / D, H, β = A / D and 1 − β
 
 
 class PlanePosture(NamedTuple):
     """Posture of a chain in a plane, with its constants."""
 
     links: Any
-    given: Any
+    prescribed: Any
     trig: Any  # absolute angles, cosines, sines
     d: Any  # (n, 2) r turned by 90°
     h: Any  # (n, 2) m c turned by 90°
@@ -35,7 +36,7 @@ class PlanePosture(NamedTuple):
 def plane_posture(bodies, hinges, gravity):
     """Scratch of a planar chain."""
     n, work = len(hinges), planar_workspace(bodies, hinges, gravity)
-    return PlanePosture(work.links, work.given, work.trig, np.zeros((n, 2)), np.zeros((n, 2)))
+    return PlanePosture(work.links, work.prescribed, work.trig, np.zeros((n, 2)), np.zeros((n, 2)))
 
 
 @recursion
@@ -44,7 +45,7 @@ def place_in_plane(q, posture):
     links, trig = posture.links, posture.trig
     φ = 0.0
     for k in range(len(q)):
-        φ += links[k, SIGN] * q[k]
+        φ += links[k, LINK.sign] * q[k]
         trig[0, k] = φ
     if cos_sin_all(trig[0], trig[1], trig[2]):
         cos_sin_less_turns(q, links, trig, trig[0])
@@ -57,55 +58,56 @@ def turn_levers(posture):
     links, trig, d, h = posture.links, posture.trig, posture.d, posture.h
     for k in range(len(d)):
         c, s = trig[1, k], trig[2, k]
-        d[k, 0], d[k, 1] = -s * links[k, RX] - c * links[k, RY], c * links[k, RX] - s * links[k, RY]
-        h[k, 0], h[k, 1] = -s * links[k, SX] - c * links[k, SY], c * links[k, SX] - s * links[k, SY]
+        d[k, 0], d[k, 1] = -s * links[k, LINK.rx] - c * links[k, LINK.ry], c * links[k, LINK.rx] - s * links[k, LINK.ry]
+        h[k, 0], h[k, 1] = -s * links[k, LINK.sx] - c * links[k, LINK.sy], c * links[k, LINK.sx] - s * links[k, LINK.sy]
 
 
 @recursion
 def factor_in_plane(factors, posture):
     """From A in the first column of `factors` (n, 8) keep H, 1 / D, A / D and 1 − A / D in the others."""
-    links, given, d, h = posture.links, posture.given, posture.d, posture.h
+    links, prescribed, d, h = posture.links, posture.prescribed, posture.d, posture.h
     o = factors.dtype.type(0)
     Mxx = Mxy = Myy = j = gx = gy = o
     for k in range(len(factors) - 1, -1, -1):
-        dx, dy, m = d[k, 0], d[k, 1], links[k, MASS]
-        D = links[k, INERTIA] + j + 2.0 * (dx * gx + dy * gy)
+        dx, dy, m = d[k, 0], d[k, 1], links[k, LINK.mass]
+        D = links[k, LINK.inertia] + j + 2.0 * (dx * gx + dy * gy)
         D += dx * dx * Mxx + dy * dy * Myy + (2.0 * dx * dy) * Mxy
         Hx, Hy = h[k, 0] + gx + Mxx * dx + Mxy * dy, h[k, 1] + gy + Mxy * dx + Myy * dy
         Mxx, Myy = Mxx + m, Myy + m
-        if given[k]:
+        if prescribed[k]:
             j, gx, gy = D, Hx, Hy
         else:
-            inverse = 1.0 / (D + factors[k, A])
-            β = factors[k, A] * inverse
+            inverse = 1.0 / (D + factors[k, FACTORS.A])
+            β = factors[k, FACTORS.A] * inverse
             Mxx, Mxy, Myy = Mxx - Hx * Hx * inverse, Mxy - Hx * Hy * inverse, Myy - Hy * Hy * inverse
             j, gx, gy = β * D, β * Hx, β * Hy
-            factors[k, HX], factors[k, HY], factors[k, INVERSE] = Hx, Hy, inverse
-            factors[k, BETA], factors[k, GAMMA] = β, D * inverse
+            factors[k, FACTORS.hx], factors[k, FACTORS.hy], factors[k, FACTORS.inverse] = Hx, Hy, inverse
+            factors[k, FACTORS.β], factors[k, FACTORS.γ] = β, D * inverse
 
 
 @recursion
 def solve_in_plane(factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
-    links, given, d = posture.links, posture.given, posture.d
+    links, prescribed, d = posture.links, posture.prescribed, posture.d
     o = factors.dtype.type(0)
     fx = fy = n = o
     for k in range(len(factors) - 1, -1, -1):
         n += d[k, 0] * fx + d[k, 1] * fy
-        if not given[k]:
-            τ = links[k, SIGN] * r[k]
-            α = (τ - n) * factors[k, INVERSE]
+        if not prescribed[k]:
+            τ = links[k, LINK.sign] * r[k]
+            α = (τ - n) * factors[k, FACTORS.inverse]
             x[k] = α
-            n = factors[k, GAMMA] * τ + factors[k, BETA] * n
-            fx, fy = fx + factors[k, HX] * α, fy + factors[k, HY] * α
+            n = factors[k, FACTORS.γ] * τ + factors[k, FACTORS.β] * n
+            fx, fy = fx + factors[k, FACTORS.hx] * α, fy + factors[k, FACTORS.hy] * α
     ax = ay = before = o
     for k in range(len(factors)):
-        if given[k]:
+        if prescribed[k]:
             x[k] = o
         else:
-            pull = factors[k, HX] * ax + factors[k, HY] * ay
-            α = x[k] - factors[k, INVERSE] * pull
-            x[k], before = links[k, SIGN] * (α - factors[k, GAMMA] * before), α + factors[k, BETA] * before
+            pull = factors[k, FACTORS.hx] * ax + factors[k, FACTORS.hy] * ay
+            α = x[k] - factors[k, FACTORS.inverse] * pull
+            x[k] = links[k, LINK.sign] * (α - factors[k, FACTORS.γ] * before)
+            before = α + factors[k, FACTORS.β] * before
         ax, ay = ax + before * d[k, 0], ay + before * d[k, 1]
 
 
@@ -115,7 +117,7 @@ def displacement_in_plane(δ, posture):
     links, d = posture.links, posture.d
     φ = x = y = largest = 0.0
     for k in range(len(δ)):
-        φ += links[k, SIGN] * δ[k]
+        φ += links[k, LINK.sign] * δ[k]
         x, y = x + φ * d[k, 0], y + φ * d[k, 1]
         largest = max(largest, x * x + y * y)
     return math.sqrt(largest + (φ - φ))  # nan, which `max` passes by, if a δ is not finite

@@ -13,24 +13,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from flexlink.kernels.forward.articulated_layout import FIRST, STOP, TURNED
-from flexlink.kernels.forward.articulated_rows import (
-    MASS,
-    MOMENT,
-    MOUNT,
-    OWN_INERTIA,
-    REACH,
-    articulated_workspace,
-    axes_of,
-    inertia_of,
-)
+from flexlink.kernels.forward.articulated_layout import LAYOUT
+from flexlink.kernels.forward.articulated_rows import BODY_ROW, articulated_workspace, axes_of, inertia_of
 from flexlink.kernels.tools.compiler import kernel, recursion
 from flexlink.kernels.tools.lanes import put_vec_of, vec_of
+from flexlink.kernels.tools.numbered import numbered
 from flexlink.kernels.tools.sincos import cos_sin_all
 from flexlink.kernels.tools.sym3 import sym_add_dyad, sym_apply, sym_from_axes
 from flexlink.kernels.tools.vec3 import ZERO, X, Y, Z, add, add_scaled, cross, dot, pick, place, scale, turn_axes
 
-A, INVERSE, JE, HE = 0, 1, 2, 5  # of the factors of a hinge: A, 1 / D, J e and Hᵀ e
+FACTORS = numbered("A inverse Je:3 He:3")  # of a hinge: A, 1 / D, J e and Hᵀ e
 
 
 class SpacePosture(NamedTuple):
@@ -39,7 +31,7 @@ class SpacePosture(NamedTuple):
     layout: Any
     axes: Any
     rows: Any
-    given: Any
+    prescribed: Any
     trig: Any  # angles, cosines, sines
     e: Any  # (n, 3) hinge axes
     r: Any  # (bodies, 3) to the next hinge point
@@ -52,7 +44,7 @@ def space_posture(bodies, hinges, gravity):
     """Scratch of a chain in space."""
     n, m, work = len(hinges), len(bodies), articulated_workspace(bodies, hinges, gravity)
     return SpacePosture(
-        work.layout, work.axes, work.bodies, work.given, work.trig,
+        work.layout, work.axes, work.bodies, work.prescribed, work.trig,
         np.zeros((n, 3)), np.zeros((m, 3)), np.zeros((m, 3)), np.zeros((m, 6)),
     )  # fmt: skip
 
@@ -67,15 +59,15 @@ def place_in_space(q, posture):
     cos_sin_all(trig[0], trig[1], trig[2])
     x, y, z = X, Y, Z
     for i in range(len(layout)):
-        if layout[i, TURNED]:
-            u, v, w = axes_of(rows, i, MOUNT)
+        if layout[i, LAYOUT.turned]:
+            u, v, w = axes_of(rows, i, BODY_ROW.mount)
             x, y, z = place(u, x, y, z), place(v, x, y, z), place(w, x, y, z)
-        for k in range(layout[i, FIRST], layout[i, STOP]):
+        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
             put_vec_of(es, pick(axes[k], x, y, z), k, 0)
             x, y, z = turn_axes(axes[k], trig[1, k], trig[2, k], x, y, z)
-        put_vec_of(rs, place(vec_of(rows, i, REACH), x, y, z), i, 0)
-        put_vec_of(moments, place(vec_of(rows, i, MOMENT), x, y, z), i, 0)
-        I = sym_from_axes(x, y, z, inertia_of(rows, i, OWN_INERTIA))
+        put_vec_of(rs, place(vec_of(rows, i, BODY_ROW.reach), x, y, z), i, 0)
+        put_vec_of(moments, place(vec_of(rows, i, BODY_ROW.moment), x, y, z), i, 0)
+        I = sym_from_axes(x, y, z, inertia_of(rows, i, BODY_ROW.own_inertia))
         put_vec_of(inertias, (I[0], I[1], I[2]), i, 0)
         put_vec_of(inertias, (I[3], I[4], I[5]), i, 3)
 
@@ -83,11 +75,12 @@ def place_in_space(q, posture):
 @recursion
 def factor_in_space(factors, posture):
     """From A in the first column of `factors` (n, 8) keep J e, Hᵀ e and 1 / D in the others."""
-    layout, rows, given, es, rs = posture.layout, posture.rows, posture.given, posture.e, posture.r
+    layout, rows, prescribed, es, rs = posture.layout, posture.rows, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     J, M, H = (o, o, o, o, o, o), (o, o, o, o, o, o), ((o, o, o), (o, o, o), (o, o, o))
     for i in range(len(layout) - 1, -1, -1):
-        r, mc, m, I = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, MASS], inertia_of(posture.inertias, i, 0)
+        r, mc, m = vec_of(rs, i, 0), vec_of(posture.moments, i, 0), rows[i, BODY_ROW.mass]
+        I = inertia_of(posture.inertias, i, 0)
         d1, d2, d3 = (0.0, -r[2], r[1]), (r[2], 0.0, -r[0]), (-r[1], r[0], 0.0)  # unit vectors × r
         K1, K2, K3 = add(H[0], sym_apply(M, d1)), add(H[1], sym_apply(M, d2)), add(H[2], sym_apply(M, d3))
         J = (
@@ -97,14 +90,14 @@ def factor_in_space(factors, posture):
         )  # fmt: skip
         H = (add(K1, (0.0, -mc[2], mc[1])), add(K2, (mc[2], 0.0, -mc[0])), add(K3, (-mc[1], mc[0], 0.0)))
         M = (M[0] + m, M[1] + m, M[2] + m, M[3], M[4], M[5])
-        for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
-            if not given[k]:
+        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+            if not prescribed[k]:
                 e = vec_of(es, k, 0)
                 Je, He = sym_apply(J, e), place(e, H[0], H[1], H[2])
-                inverse = 1.0 / (dot(e, Je) + factors[k, A])
-                put_vec_of(factors, Je, k, JE)
-                put_vec_of(factors, He, k, HE)
-                factors[k, INVERSE] = inverse
+                inverse = 1.0 / (dot(e, Je) + factors[k, FACTORS.A])
+                put_vec_of(factors, Je, k, FACTORS.Je)
+                put_vec_of(factors, He, k, FACTORS.He)
+                factors[k, FACTORS.inverse] = inverse
                 u = scale(inverse, Je)
                 J, M = sym_add_dyad(J, -inverse, Je), sym_add_dyad(M, -inverse, He)
                 H = (add_scaled(H[0], -u[0], He), add_scaled(H[1], -u[1], He), add_scaled(H[2], -u[2], He))
@@ -113,23 +106,25 @@ def factor_in_space(factors, posture):
 @recursion
 def solve_in_space(factors, r, x, posture):
     """Write x with (M + A) x = r, 0 at prescribed joints."""
-    layout, given, es, rs = posture.layout, posture.given, posture.e, posture.r
+    layout, prescribed, es, rs = posture.layout, posture.prescribed, posture.e, posture.r
     o = factors.dtype.type(0)
     n, f = (o, o, o), (o, o, o)
     for i in range(len(layout) - 1, -1, -1):
         n = add(n, cross(vec_of(rs, i, 0), f))
-        for k in range(layout[i, STOP] - 1, layout[i, FIRST] - 1, -1):
-            if not given[k]:
-                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, INVERSE]
+        for k in range(layout[i, LAYOUT.stop] - 1, layout[i, LAYOUT.first] - 1, -1):
+            if not prescribed[k]:
+                T = (r[k] - dot(vec_of(es, k, 0), n)) * factors[k, FACTORS.inverse]
                 x[k] = T
-                n, f = add_scaled(n, T, vec_of(factors, k, JE)), add_scaled(f, T, vec_of(factors, k, HE))
+                n = add_scaled(n, T, vec_of(factors, k, FACTORS.Je))
+                f = add_scaled(f, T, vec_of(factors, k, FACTORS.He))
     α, a = (o, o, o), (o, o, o)
     for i in range(len(layout)):
-        for k in range(layout[i, FIRST], layout[i, STOP]):
-            if given[k]:
+        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
+            if prescribed[k]:
                 x[k] = o
             else:
-                x[k] -= factors[k, INVERSE] * (dot(vec_of(factors, k, JE), α) + dot(vec_of(factors, k, HE), a))
+                Je, He = vec_of(factors, k, FACTORS.Je), vec_of(factors, k, FACTORS.He)
+                x[k] -= factors[k, FACTORS.inverse] * (dot(Je, α) + dot(He, a))
                 α = add_scaled(α, x[k], vec_of(es, k, 0))
         a = add(a, cross(α, vec_of(rs, i, 0)))
 
@@ -140,7 +135,7 @@ def displacement_in_space(δ, posture):
     layout, es, rs = posture.layout, posture.e, posture.r
     φ, p, largest = ZERO, ZERO, 0.0
     for i in range(len(layout)):
-        for k in range(layout[i, FIRST], layout[i, STOP]):
+        for k in range(layout[i, LAYOUT.first], layout[i, LAYOUT.stop]):
             φ = add_scaled(φ, δ[k], vec_of(es, k, 0))
         p = add(p, cross(φ, vec_of(rs, i, 0)))
         largest = max(largest, dot(p, p))

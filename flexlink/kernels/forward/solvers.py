@@ -22,7 +22,7 @@ from flexlink.kernels.forward.articulated_rows import (
 )
 from flexlink.kernels.forward.planar import planar
 from flexlink.kernels.inputs.tip_wrench import put_wrench
-from flexlink.kernels.tools.compiler import INLINED, kernel, recursion
+from flexlink.kernels.tools.compiler import INLINED, by_type, kernel, recursion
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.kernels.tools.vec3 import ZERO, add_scaled, dot, vector
@@ -96,9 +96,7 @@ def take_torques(chain, wrench, q, qd, qdd, tau, torque, rne_work):
             tau[k] = torque[k] + elastic(chain.hinges[k], q[k]) + friction(chain.hinges[k], qd[k])
 
 
-ALGORITHMS = {PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense}  # by the scratch they work on
-
-
+@by_type({PlanarWork: planar, ArticulatedWork: articulated, DenseWork: dense})
 def forward_dynamics(wrench, q, qd, tau, qdd, work):
     """Write q̈ for drive torques `tau`, all (n,), and tip wrench (6,); returns a power [W].
 
@@ -111,13 +109,6 @@ def forward_dynamics(wrench, q, qd, tau, qdd, work):
     The power is q̇·(T_EX − T_FR) + m·ω: that of all that has no potential, as springs, gravity and a force on the tip
     have. Its integral is the work by which the energy changes.
     """
-    return ALGORITHMS[type(work)](wrench, q, qd, tau, qdd, work)
-
-
-@overload(forward_dynamics, jit_options=INLINED)
-def _forward_dynamics(wrench, q, qd, tau, qdd, work):
-    algorithm = ALGORITHMS[work.instance_class]
-    return lambda wrench, q, qd, tau, qdd, work: algorithm(wrench, q, qd, tau, qdd, work)  # noqa: PLW0108
 
 
 def forward_under(inputs, t, middle, q, qd, tau, qdd, work):

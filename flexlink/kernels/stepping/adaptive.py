@@ -19,38 +19,14 @@ from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodi
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
-from flexlink.kernels.stepping.error_norm import bending
+from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import ImplicitWork, between_stages, implicit_step
-from flexlink.kernels.stepping.step_state import (
-    ACCEPTED,
-    CEILING,
-    CONTRACTION,
-    DEFLECTION,
-    ERROR,
-    FAILED,
-    ITERATIONS,
-    KNOT,
-    LAST,
-    NOT_SOLVED,
-    PATIENCE,
-    POWER,
-    REFUSED,
-    REJECTED,
-    ROUNDING,
-    ROW,
-    SLOWEST,
-    STEP,
-    TAKEN,
-    TIME,
-    TOO_FAR_OFF,
-    TURNED,
-    WORK,
-)
+from flexlink.kernels.stepping.step_state import COUNT, REFUSAL, STEPPER
 from flexlink.kernels.tools.compiler import RECURSION, entry, inlined, kernel, recursion
+from flexlink.kernels.tools.numbered import numbered
 
-GOES_ON, ENDED, STUCK = range(3)  # how `advance` returns
-SAFETY, SHRINK, GROW = 0.9, 1 / 8, 5.0
-LEAST = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
+OUTCOME = numbered("goes_on ended stuck")  # of `advance`
+SAFETY, SHRINK = 0.9, 1 / 8  # of what the error allows; of h, at most
 NEARLY = 1.01  # steps up to the next knot that are taken in one
 AT_THE_END = 1e-9  # part of a step that is no time between its ends
 
@@ -92,38 +68,41 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
     (rows, n), W (rows,).
     """
     absolute, part, long, exact, left, p, smallest, largest = settings
-    tau, clock = np.zeros(len(state[0])), work.clock
+    tau, stepper = np.zeros(len(state[0])), work.stepper
+    least = 1e-3  # part of the error of a long step that any step may have: the shortest are few, after a jump
     for _ in range(most):
-        t, end = clock[TIME], knots[count[KNOT]]
-        ends = t + NEARLY * clock[STEP] >= end
-        h = end - t if ends else clock[STEP]
-        tolerance = (absolute + part * clock[DEFLECTION]) * min(1.0, max(LEAST, h / long))
-        accurate = min(exact, max(left * tolerance, clock[ROUNDING]))
+        t, end = stepper[STEPPER.time], knots[count[COUNT.knot]]
+        ends = t + NEARLY * stepper[STEPPER.step] >= end
+        h = end - t if ends else stepper[STEPPER.step]
+        tolerance = (absolute + part * stepper[STEPPER.deflection]) * min(1.0, max(least, h / long))
+        accurate = min(exact, max(left * tolerance, stepper[STEPPER.rounding]))
         error, iterations = take_step(t, h, inputs, state, (tolerance, accurate), work)
-        count[ITERATIONS] += iterations
+        count[COUNT.iterations] += iterations
         if not error < tolerance:
-            refuse(h, error / tolerance, p, clock, count)
-            if clock[STEP] <= smallest:
-                return STUCK
-            if count[FAILED] == count[PATIENCE]:
-                return GOES_ON
+            refuse(h, error / tolerance, p, stepper, count)
+            if stepper[STEPPER.step] <= smallest:
+                return OUTCOME.stuck
+            if count[COUNT.failed] == count[COUNT.max_failures]:
+                return OUTCOME.goes_on
             continue
         sample(t, h, inputs, state, work, count, samples, tau)
-        wanted = following(h, error / tolerance, p, iterations, clock)
-        clock[STEP] = min(largest, max(wanted, clock[STEP]) if h < clock[STEP] else wanted)
-        clock[TIME] = end if ends else t + h
-        count[TAKEN] += 1
-        take_on(state, work)
-        clock[DEFLECTION] = max(clock[DEFLECTION], deflection(state[0], tau, work))
+        wanted = following(h, error / tolerance, p, iterations, stepper)
+        if h < stepper[STEPPER.step]:
+            wanted = max(wanted, stepper[STEPPER.step])
+        stepper[STEPPER.step] = min(largest, wanted)
+        stepper[STEPPER.time] = end if ends else t + h
+        count[COUNT.steps] += 1
+        accept(state, work)
+        stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection(state[0], tau, work))
         if ends:
-            count[KNOT] += 1
+            count[COUNT.knot] += 1
             if absolute == math.inf:
-                forget(clock)
-            if count[KNOT] == len(knots):
+                forget(stepper)
+            if count[COUNT.knot] == len(knots):
                 sample_law(inputs.drive, end, end, state[0], state[1], tau)
-                return ENDED
+                return OUTCOME.ended
             begin(end, inputs, state, tau, forward)
-    return GOES_ON
+    return OUTCOME.goes_on
 
 
 @kernel
@@ -131,16 +110,17 @@ def first_step(work, state, settings, duration):
     """Set the deflection, and the first step to one in which q̈ moves no body by more than the error of a step."""
     absolute, part, largest = settings[0], settings[1], settings[7]
     q, qd, qdd = state[0], state[1], state[2]
-    bent, clock, τ = np.zeros(len(q)), work.clock, min(work.clock[SLOWEST], duration)
+    bent, stepper, τ = np.zeros(len(q)), work.stepper, min(work.stepper[STEPPER.inverse_ω1], duration)
     place_bodies(q, work.posture)
-    clock[DEFLECTION] = deflection(q, bent, work)
+    stepper[STEPPER.deflection] = deflection(q, bent, work)
     for k in range(len(q)):  # of an arm with slack springs: what q̇ and q̈ bend in 1 / ω₁
         bent[k] = qd[k] + τ * qdd[k]
-    clock[DEFLECTION] = max(clock[DEFLECTION], bending(τ, bent, work))
+    stepper[STEPPER.deflection] = max(stepper[STEPPER.deflection], deflection_norm(τ, bent, work))
     moves = displacement(qdd, work.posture)
-    clock[STEP] = min(largest, 0.01 * duration)
+    stepper[STEPPER.step] = min(largest, 0.01 * duration)
     if moves > 0.0:
-        clock[STEP] = min(clock[STEP], math.sqrt((absolute + part * clock[DEFLECTION]) / moves))
+        tolerance = absolute + part * stepper[STEPPER.deflection]
+        stepper[STEPPER.step] = min(stepper[STEPPER.step], math.sqrt(tolerance / moves))
 
 
 @recursion
@@ -165,51 +145,56 @@ def begin(t, inputs, state, tau, forward):
 
 
 @inlined
-def take_on(state, work):
+def accept(state, work):
     """The end of the step is the new state."""
     q, qd, qdd, done = state
     for k in range(len(q)):
         if work.chain.hinges[k].stiffness == 0.0 and not work.chain.hinges[k].prescribed:
-            work.clock[TURNED] += abs(work.new[0, k] - q[k])
+            work.stepper[STEPPER.angle_travelled] += abs(work.new[0, k] - q[k])
         q[k], qd[k], qdd[k] = work.new[0, k], work.new[1, k], work.new[2, k]
-    done[0], done[1] = work.clock[WORK], work.clock[POWER]
-    work.clock[ACCEPTED] = 1.0
+    done[0], done[1] = work.stepper[STEPPER.work], work.stepper[STEPPER.power]
+    work.stepper[STEPPER.accepted] = 1.0
 
 
 @entry
-def forget(clock):
+def forget(stepper):
     """The next step is as one that follows none."""
-    clock[LAST] = clock[ERROR] = clock[ACCEPTED] = clock[CONTRACTION] = clock[CEILING] = clock[REFUSED] = 0.0
+    stepper[STEPPER.last_step] = stepper[STEPPER.last_error] = stepper[STEPPER.accepted] = stepper[
+        STEPPER.contraction
+    ] = stepper[STEPPER.max_step] = stepper[STEPPER.refusal] = 0.0
 
 
 @recursion
-def refuse(h, error, p, clock, count):
+def refuse(h, error, p, stepper, count):
     """A shorter step, after one with an error, as a part of the tolerance, of 1 or more; nan: no step was found."""
     if math.isnan(error):
-        if clock[REFUSED] > 0.0:
-            clock[LAST] = 0.0
-        count[FAILED] += 1
-        clock[STEP], clock[CEILING], clock[REFUSED] = 0.4 * h, 0.7 * h, NOT_SOLVED
+        if stepper[STEPPER.refusal] > 0.0:
+            stepper[STEPPER.last_step] = 0.0
+        count[COUNT.failed] += 1
+        stepper[STEPPER.step], stepper[STEPPER.max_step], stepper[STEPPER.refusal] = 0.4 * h, 0.7 * h, REFUSAL.iteration
     else:
-        count[REJECTED] += 1
-        clock[STEP], clock[REFUSED] = h * max(SHRINK, SAFETY * error ** (-1.0 / p)), TOO_FAR_OFF
+        count[COUNT.rejected] += 1
+        stepper[STEPPER.step], stepper[STEPPER.refusal] = h * max(SHRINK, SAFETY * error ** (-1.0 / p)), REFUSAL.error
 
 
 @recursion
-def following(h, error, p, iterations, clock):
+def following(h, error, p, iterations, stepper):
     """Length of the step after one of length h with an error, as a part of the tolerance, below 1."""
     safety = SAFETY * 21.0 / (20.0 + iterations)
     error = max(error, 1e-10)
     factor = safety * error ** (-1.0 / p)
-    if clock[LAST] > 0.0 and clock[ERROR] > 0.0:
-        factor = min(factor, safety * h / clock[LAST] * (clock[ERROR] / (error * error)) ** (1.0 / p))
-    wanted = h * min(GROW, max(SHRINK, factor))
-    if clock[REFUSED] > 0.0:
+    if stepper[STEPPER.last_step] > 0.0 and stepper[STEPPER.last_error] > 0.0:
+        factor = min(
+            factor,
+            safety * h / stepper[STEPPER.last_step] * (stepper[STEPPER.last_error] / (error * error)) ** (1.0 / p),
+        )
+    wanted = h * min(5.0, max(SHRINK, factor))
+    if stepper[STEPPER.refusal] > 0.0:
         wanted = min(wanted, h)
-    if clock[CEILING] > 0.0:
-        wanted = min(wanted, clock[CEILING])
-        clock[CEILING] *= 1.5
-    clock[LAST], clock[ERROR], clock[REFUSED] = h, max(error, 0.01), 0.0
+    if stepper[STEPPER.max_step] > 0.0:
+        wanted = min(wanted, stepper[STEPPER.max_step])
+        stepper[STEPPER.max_step] *= 1.5
+    stepper[STEPPER.last_step], stepper[STEPPER.last_error], stepper[STEPPER.refusal] = h, max(error, 0.01), 0.0
     return wanted
 
 
@@ -217,11 +202,11 @@ def following(h, error, p, iterations, clock):
 def sample(t, h, inputs, state, work, count, samples, spare):
     """Fill in the samples up to the end of the step, t + h."""
     times, qs, qds, works = samples
-    while count[ROW] < len(times) and times[count[ROW]] <= t + (1.0 + AT_THE_END) * h:
-        row = count[ROW]
+    while count[COUNT.row] < len(times) and times[count[COUNT.row]] <= t + (1.0 + AT_THE_END) * h:
+        row = count[COUNT.row]
         works[row] = place(min(1.0, (times[row] - t) / h), h, state, work, qs[row], qds[row])
         follow(inputs.motion, times[row], qs[row], qds[row], spare)
-        count[ROW] += 1
+        count[COUNT.row] += 1
 
 
 @recursion
@@ -231,4 +216,4 @@ def place(x, h, state, work, angles, rates):
         return between(x, h, state, work, angles, rates)
     for k in range(len(angles)):
         angles[k], rates[k] = work.new[0, k], work.new[1, k]
-    return work.clock[WORK]
+    return work.stepper[STEPPER.work]

@@ -3,8 +3,8 @@
 L_i = q̇ + h Σ_j<i a_ij K_j        K_i = f(t + c_i h, q + h Σ_j<i a_ij L_j, L_i)
 q ← q + h Σ b_i L_i               q̇ ← q̇ + h Σ b_i K_i              K_s+1 = f(t + h, q, q̇)
 
-Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, weighed as in `thrown`; of
-two errors ε and ε₃, of which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
+Rows d of weights, one or two, give e_q = h Σ d_i L_i and e_v = h Σ d_i K_i, i = 1 … s + 1, weighed as in `error_norm`;
+of two errors ε and ε₃, of which the second is of lower order, what counts is ε² / √(ε² + ε₃² / 100) (Hairer, Nørsett &
 Wanner, Solving Ordinary Differential Equations I, II.10).
 """
 
@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 from flexlink.kernels.forward.mass_plus_diagonal import place_bodies
 from flexlink.kernels.forward.solvers import forward_under
 from flexlink.kernels.inputs.drive_torque import drive_torque, follow
-from flexlink.kernels.stepping.error_norm import error_of
+from flexlink.kernels.stepping.error_norm import step_error_norm
 from flexlink.kernels.stepping.runge_kutta import add_stage
-from flexlink.kernels.stepping.step_state import POWER, WORK
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion
 
 
@@ -36,14 +36,14 @@ class EmbeddedWork(NamedTuple):
     chain: Any
     forward: Any  # scratch of forward dynamics
     posture: Any
-    clock: Any  # see there
+    stepper: Any  # a `STEPPER`
     new: Any  # (3, n) q, q̇, q̈ at the end of the step
     K: Any  # (s + 1, n), and so L
     L: Any
     Q: Any  # (n,)
     tau: Any
     e: Any  # (2, n)
-    springs: Any  # see `thrown`
+    springs: Any  # see `error_norm`
 
 
 @recursion
@@ -57,10 +57,10 @@ def embedded_step(t, h, inputs, state, allowed, work):
     K, L, s = work.K, work.L, len(c)
     for k in range(len(q)):
         L[0, k], K[0, k] = qd[k], qdd[k]
-    work.clock[WORK] = done[0] + h * b[0] * done[1]
+    work.stepper[STEPPER.work] = done[0] + h * b[0] * done[1]
     for i in range(1, s):
-        work.clock[WORK] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
-    work.clock[POWER] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
+        work.stepper[STEPPER.work] += h * b[i] * evaluate(t, c[i], h, inputs, q, qd, A[i], i, work.Q, work)
+    work.stepper[STEPPER.power] = evaluate(t, 1.0, h, inputs, q, qd, b, s, work.new[0], work)
     for k in range(len(q)):
         work.new[1, k], work.new[2, k] = L[s, k], K[s, k]
     place_bodies(work.new[0], work.posture)
@@ -95,4 +95,4 @@ def error_by(row, h, work):
     for k in range(len(e_q)):
         if work.chain.hinges[k].prescribed:
             e_q[k] = e_v[k] = 0.0
-    return error_of(h, e_q, e_v, work)
+    return step_error_norm(h, e_q, e_v, work)

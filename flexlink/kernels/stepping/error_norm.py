@@ -18,8 +18,8 @@ that comes to nothing by itself becomes an impulse T k_d e_v, which throws bodie
 import math
 from typing import Any, NamedTuple
 
-from flexlink.kernels.forward.mass_plus_diagonal import A, displacement, factor, solve
-from flexlink.kernels.stepping.step_state import SLOWEST
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, solve
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion
 
 CLOSER = 1 / 8  # from one τ to the next
@@ -30,16 +30,16 @@ class Springs(NamedTuple):
 
     kp: Any  # (n,) a drive's gains, and so kd
     kd: Any
-    kick: Any  # (n,) T k_d of a sampled law
+    impulse: Any  # (n,) T k_d of a sampled law
     factors: Any  # (n, 8)
     r: Any  # (n,), and so δ
     δ: Any
 
 
 @recursion
-def error_of(h, e_q, e_v, work):
+def step_error_norm(h, e_q, e_v, work):
     """Error [m] of a step of length h with errors of its angles and rates (n,); `work`: scratch of the method."""
-    springs, longest = work.springs, max(h, work.clock[SLOWEST])
+    springs, longest = work.springs, max(h, work.stepper[STEPPER.inverse_ω1])
     at_once = displacement(e_q, work.posture)
     for k in range(len(e_v)):
         springs.δ[k] = longest * e_v[k]
@@ -50,25 +50,25 @@ def error_of(h, e_q, e_v, work):
         return math.nan
     τ, largest = longest, max(at_once, h * free)
     while τ * free > largest and τ > h:
-        largest = max(largest, thrown(τ, e_v, work))
+        largest = max(largest, displacement_norm(τ, e_v, work))
         τ *= CLOSER
     for k in range(len(e_v)):
-        if springs.kick[k] != 0.0:
-            return max(largest, kicked(longest, e_v, work))
+        if springs.impulse[k] != 0.0:
+            return max(largest, impulse_norm(longest, e_v, work))
     return largest
 
 
 @recursion
-def thrown(τ, e_v, work):
+def displacement_norm(τ, e_v, work):
     """Largest displacement [m] in a time τ."""
-    throw(τ, e_v, work)
+    displace(τ, e_v, work)
     return displacement(work.springs.δ, work.posture)
 
 
 @recursion
-def bending(τ, e_v, work):
+def deflection_norm(τ, e_v, work):
     """Largest displacement [m] in a time τ by the springs' angles alone."""
-    throw(τ, e_v, work)
+    displace(τ, e_v, work)
     for k in range(len(e_v)):
         if work.chain.hinges[k].stiffness == 0.0:
             work.springs.δ[k] = 0.0
@@ -76,12 +76,12 @@ def bending(τ, e_v, work):
 
 
 @recursion
-def throw(τ, e_v, work):
+def displace(τ, e_v, work):
     """δ of rates. Of dry friction nothing holds: its slope at rest would hide any rate."""
     factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
     for k in range(len(e_v)):
-        held = hold(τ, k, work)
-        factors[k, A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
+        held = implicit_rotor(τ, k, work)
+        factors[k, FACTORS.A], r[k] = work.chain.hinges[k].armature + held, -τ * held * e_v[k]
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     for k in range(len(e_v)):
@@ -89,18 +89,19 @@ def throw(τ, e_v, work):
 
 
 @recursion
-def kicked(τ, e_v, work):
+def impulse_norm(τ, e_v, work):
     """Largest displacement [m] in a time τ by what a sampled law makes of errors of the rates."""
     factors, r, δ = work.springs.factors, work.springs.r, work.springs.δ
     for k in range(len(e_v)):
-        factors[k, A], r[k] = work.chain.hinges[k].armature + hold(τ, k, work), τ * work.springs.kick[k] * e_v[k]
+        factors[k, FACTORS.A] = work.chain.hinges[k].armature + implicit_rotor(τ, k, work)
+        r[k] = τ * work.springs.impulse[k] * e_v[k]
     factor(factors, work.posture)
     solve(factors, r, δ, work.posture)
     return displacement(δ, work.posture)
 
 
 @inlined
-def hold(τ, k, work):
+def implicit_rotor(τ, k, work):
     """τ D + τ² K of a joint, its own and its drive's."""
     hinge, springs = work.chain.hinges[k], work.springs
     return τ * (hinge.damping + springs.kd[k] + τ * (hinge.stiffness + springs.kp[k]))

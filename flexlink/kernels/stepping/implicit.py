@@ -10,8 +10,8 @@ each complex pair suffices:
 
     (M + hλ D + h²λ² K) x = T⁻¹ R          K_i ← K_i + T x
 
-M with other rotors, which `shifted` solves in O(n). What is left out, stiffness of gravity and of rates, makes the
-iteration contract by 1e-3 to 0.2 at useful steps.
+M with other rotors, which `mass_plus_diagonal` solves in O(n). What is left out, stiffness of gravity and of rates,
+makes the iteration contract by 1e-3 to 0.2 at useful steps.
 
 Dense output at t + x h, by the polynomial q̈ through the stages, integrated once and twice:
 
@@ -23,7 +23,7 @@ has no part in it: after a jump of torque that is of vibrations that the step do
 
 Error (Hairer & Wanner, Solving Ordinary Differential Equations II, IV.8), γ₀ the real eigenvalue of A:
 
-    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both times (1 − hγ₀ J)⁻¹, weighed as in `thrown`
+    e_q = h (γ₀ q̇ + Σ d_i V_i)       e_v = h (γ₀ q̈ + Σ d_i K_i)       both (1 − hγ₀ J)⁻¹, weighed as in `error_norm`
 """
 
 import math
@@ -31,44 +31,19 @@ from typing import Any, NamedTuple
 
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.bodies.joint_torques import elastic, friction
-from flexlink.kernels.forward.mass_plus_diagonal import INVERSE, A, displacement, factor, place_bodies, solve
+from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
 from flexlink.kernels.inputs.drive_torque import drive_torque, follow
 from flexlink.kernels.inputs.tip_wrench import put_wrench
-from flexlink.kernels.stepping.error_norm import error_of
-from flexlink.kernels.stepping.step_state import (
-    ACCEPTED,
-    CONTRACTION,
-    LAST,
-    MOVED,
-    PASSES,
-    POWER,
-    REFUSED,
-    ROUNDING,
-    SLOWEST,
-    WORK,
-    WORST,
-)
+from flexlink.kernels.stepping.error_norm import step_error_norm
+from flexlink.kernels.stepping.step_state import STEPPER
 from flexlink.kernels.tools.compiler import inlined, recursion
+from flexlink.kernels.tools.numbered import numbered
 
-LIKELY = 0.3  # contraction that is taken for granted in the first iteration
-SIMILAR = 1.5  # the last step's contraction says nothing of a step more than so many times as long,
-FARTHER = 10.0  # nor of one whose first pass moves a body so many times as far
-UNSETTLED = (
-    100.0  # what dry friction may leave, beside what the iteration may: five times the error of a step, measured
-)
-ROUNDINGS = 200.0  # of the place of a body, which a step through all joints adds up
-STALLED = 0.5  # contraction from which an iteration that moves no more than rounding does has come to its end
-FARTHEST = 4.0  # K starts from 0 in a step more than so many times as long as the last
-OLD = 4.0  # the stages' powers are found once more if the last pass moved a body by more than so many times the step's
-# error: all steps together put W off by no more than if the forces acted farther by the tolerance
-SLIGHT = 1e-3  # of a fixed step: if it moved a body by more than this part of what the whole step does
-SLOW = 0.25  # contraction from which friction is suspected to turn round within the step
-
-
-K, BEFORE, ANGLES, RATES, RESIDUALS = range(5)  # of all stages: q̈, that of the last step that was accepted, q, q̇, R
-TAU, MIDDLE, RHS, SOLUTION, VECTORS = 0, 1, 3, 4, 5  # of all joints; of the middle of a step two
-COUPLING, TWICE = range(2)  # A and A²
-B, BA, C, D = range(4)  # b, b A, c and d
+FIRST_CONTRACTION = 0.3  # taken for granted in the first iteration
+STAGE = numbered("qdd last_qdd q qd residual")  # K of all stages, that of the last accepted step, Q, V, R
+VECTOR = numbered("tau q_middle qd_middle rhs solution")  # of all joints
+COUPLING = numbered("A A2")  # of stages: A and A²
+WEIGHT = numbered("b bA c d")
 
 
 class ImplicitMethod(NamedTuple):
@@ -93,12 +68,12 @@ class ImplicitWork(NamedTuple):
     chain: Any
     inverse: Any  # scratch of inverse dynamics
     posture: Any
-    clock: Any  # see there
+    stepper: Any  # a `STEPPER`
     new: Any  # (3, n) q, q̇, q̈ at the end of the step
     stages: Any  # (5, s, n)
     power: Any  # (s,)
     vectors: Any  # (5, n)
-    springs: Any  # see `thrown`
+    springs: Any  # see `error_norm`
     factors: Any  # (r, n, 8)
     pairs: Any  # (2, n) complex
     factors_pairs: Any  # (p, n, 8) complex
@@ -113,32 +88,37 @@ def implicit_step(t, h, inputs, state, allowed, work):
     """
     q, qd, qdd, done = state
     tolerance, accurate = allowed
-    angles, rates = work.vectors[MIDDLE], work.vectors[MIDDLE + 1]
+    angles, rates = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.qd_middle]
     predict(h, work)
     for k in range(len(q)):
         angles[k], rates[k] = q[k] + 0.5 * h * qd[k], qd[k]
-    follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[TAU])
+    follow(inputs.motion, t + 0.5 * h, angles, rates, work.vectors[VECTOR.tau])
     place_bodies(angles, work.posture)
     factor_all(h, rates, work)
+    roundings = 200.0 * work.stepper[STEPPER.rounding]  # of the place of a body, added up by a step through all joints
+    most = work.stepper[STEPPER.max_iterations]
+    stalled_at, slow_from = 0.5, 0.25  # contractions: rounding is all that moves; friction may turn round in the step
+    of_friction = 100.0 * accurate  # [m] may be left at joints with dry friction: five times a step's error, measured
     before = math.inf  # what the last pass moved
-    fresh, settled, contraction, error, iteration = True, False, LIKELY, math.nan, 0
+    fresh, settled, contraction, error, iteration = True, False, FIRST_CONTRACTION, math.nan, 0
     while not settled:
         residuals(t, h, inputs, q, qd, work)
         iteration += 1
         if not math.isnan(error):  # P_i are those of the stages now
             break
         moved = improve(h, work)
-        contraction = likely_contraction(h, moved, work.clock) if iteration == 1 else moved / before
-        stalled = iteration > 1 and contraction > STALLED and moved <= ROUNDINGS * work.clock[ROUNDING]
+        contraction = likely_contraction(h, moved, work.stepper) if iteration == 1 else moved / before
+        stalled = iteration > 1 and contraction > stalled_at and moved <= roundings
         near = contraction < 1.0 and moved * contraction <= accurate * (1.0 - contraction)
-        if stalled or (near and unsettled(h, work) <= UNSETTLED * accurate):
-            work.clock[CONTRACTION], work.clock[MOVED] = contraction, moved if iteration == 1 else before
+        if stalled or (near and unsettled(h, work) <= of_friction):
+            work.stepper[STEPPER.contraction] = contraction
+            work.stepper[STEPPER.displacement] = moved if iteration == 1 else before
             finish(t, h, inputs, q, qd, work)
             error = estimate(h, qd, qdd, tolerance, work)
             settled = math.isnan(error) or tells_work(moved, q, allowed, work) or not does_work(inputs, work)
-        elif not moved < math.inf or (iteration > 3 and contraction > 1.0) or iteration == work.clock[PASSES]:
+        elif not moved < math.inf or (iteration > 3 and contraction > 1.0) or iteration == most:
             return math.nan, iteration
-        elif fresh and iteration > 1 and contraction > SLOW:
+        elif fresh and iteration > 1 and contraction > slow_from:
             fresh = False
             slowest_rates(qd, rates, work)
             factor_all(h, rates, work)
@@ -148,16 +128,17 @@ def implicit_step(t, h, inputs, state, allowed, work):
 
 
 @inlined
-def likely_contraction(h, moved, clock):
+def likely_contraction(h, moved, stepper):
     """That of the first iteration, from the last step's (Hairer & Wanner, IV.8): it is about in proportion to h².
 
     Not where the iteration moves much farther than it did then: curvature contracts in proportion to that.
     """
-    known, last = clock[CONTRACTION], clock[LAST]
-    clock[CONTRACTION] = 0.0
-    if known == 0.0 or last == 0.0 or h > SIMILAR * last or moved > FARTHER * clock[MOVED]:
-        return LIKELY
-    return min(LIKELY, max(1.0, h / last) ** 2 * known**0.8)
+    known, last = stepper[STEPPER.contraction], stepper[STEPPER.last_step]
+    stepper[STEPPER.contraction] = 0.0
+    much_longer, much_farther = h > 1.5 * last, moved > 10.0 * stepper[STEPPER.displacement]
+    if known == 0.0 or last == 0.0 or much_longer or much_farther:
+        return FIRST_CONTRACTION
+    return min(FIRST_CONTRACTION, max(1.0, h / last) ** 2 * known**0.8)
 
 
 @inlined
@@ -172,15 +153,16 @@ def has_dry_friction(hinges):
 @inlined
 def predict(h, work):
     """K from the last step's polynomial; from 0 after none, or a much shorter one: h² would magnify stiff noise."""
-    c, qdd, before, last = work.method.weights[C], work.stages[K], work.stages[BEFORE], work.clock[LAST]
+    c, qdd, before = work.method.weights[WEIGHT.c], work.stages[STAGE.qdd], work.stages[STAGE.last_qdd]
+    last = work.stepper[STEPPER.last_step]
     s, n = qdd.shape
     for i in range(s):
         for k in range(n):
-            if work.clock[ACCEPTED] > 0.0:
+            if work.stepper[STEPPER.accepted] > 0.0:
                 before[i, k] = qdd[i, k]
             qdd[i, k] = 0.0
-    work.clock[ACCEPTED] = 0.0
-    if last > 0.0 and h <= FARTHEST * last:
+    work.stepper[STEPPER.accepted] = 0.0
+    if last > 0.0 and h <= 4.0 * last:
         for i in range(s):
             for j in range(s):
                 weight = 1.0
@@ -218,7 +200,8 @@ def shift_rotors(z, rates, factors, work):
     """A = rotors + z D + z² K."""
     for k in range(len(factors)):
         hinge = work.chain.hinges[k]
-        factors[k, A] = hinge.armature + z * (slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k]))
+        held = slope(work, k, rates[k]) + z * (hinge.stiffness + work.springs.kp[k])
+        factors[k, FACTORS.A] = hinge.armature + z * held
 
 
 @recursion
@@ -227,7 +210,7 @@ def slowest_rates(qd, rates, work):
     for k in range(len(qd)):
         least = qd[k]
         for i in range(work.stages.shape[1]):
-            rate = work.stages[RATES, i, k]
+            rate = work.stages[STAGE.qd, i, k]
             if least * rate <= 0.0:
                 least = 0.0
             elif abs(rate) < abs(least):
@@ -238,24 +221,24 @@ def slowest_rates(qd, rates, work):
 @recursion
 def residuals(t, h, inputs, q, qd, work):
     """R_i of all stages, and the power P_i of all that has no potential."""
-    A, c, qdd = work.method.A, work.method.weights[C], work.stages[K]
+    A, c, qdd = work.method.A, work.method.weights[WEIGHT.c], work.stages[STAGE.qdd]
     for i in range(len(c)):
-        Q, V, ti = work.stages[ANGLES, i], work.stages[RATES, i], t + c[i] * h
+        Q, V, ti = work.stages[STAGE.q, i], work.stages[STAGE.qd, i], t + c[i] * h
         for k in range(len(q)):
             Q[k], V[k] = q[k] + c[i] * h * qd[k], qd[k]
         for j in range(len(c)):
-            weight2, weight = h * h * A[TWICE, i, j], h * A[COUPLING, i, j]
+            weight2, weight = h * h * A[COUPLING.A2, i, j], h * A[COUPLING.A, i, j]
             for k in range(len(q)):
                 Q[k] += weight2 * qdd[j, k]
                 V[k] += weight * qdd[j, k]
         follow(inputs.motion, ti, Q, V, qdd[i])
-        work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[RESIDUALS, i], work)
+        work.power[i] = residual(ti, t + 0.5 * h, inputs, Q, V, qdd[i], work.stages[STAGE.residual, i], work)
 
 
 @recursion
 def residual(t, middle, inputs, q, qd, qdd, R, work):
     """Write f(t, q, q̇) − M q̈, 0 at prescribed joints; returns the power of all that has no potential."""
-    chain, tau = work.chain, work.vectors[TAU]
+    chain, tau = work.chain, work.vectors[VECTOR.tau]
     for k in range(len(q)):
         tau[k] = 0.0
     drive_torque(inputs.drive, t, middle, q, qd, tau)
@@ -277,10 +260,10 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
 @recursion
 def improve(h, work):
     """K += T x for all eigenvalues; returns how far this moves a body at the end of the step [m]."""
-    method, qdd, R = work.method, work.stages[K], work.stages[RESIDUALS]
-    r, x, z = work.vectors[RHS], work.vectors[SOLUTION], work.pairs
+    method, qdd, R = work.method, work.stages[STAGE.qdd], work.stages[STAGE.residual]
+    r, x, z = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.pairs
     s, n = qdd.shape
-    δq, δv = work.vectors[MIDDLE], work.vectors[TAU]
+    δq, δv = work.vectors[VECTOR.q_middle], work.vectors[VECTOR.tau]
     for k in range(n):
         δq[k] = δv[k] = 0.0
     for m in range(len(method.real)):
@@ -303,10 +286,10 @@ def improve(h, work):
             add_change(h, method, i, 2.0 * method.T_pairs[i, m], z[1], qdd[i], δq, δv)
     worst = 0
     for k in range(n):
-        δv[k] *= max(h, work.clock[SLOWEST])
+        δv[k] *= max(h, work.stepper[STEPPER.inverse_ω1])
         if abs(δv[k]) > abs(δv[worst]):
             worst = k
-    work.clock[WORST] = worst
+    work.stepper[STEPPER.worst_joint] = worst
     return max(displacement(δq, work.posture), displacement(δv, work.posture))
 
 
@@ -316,8 +299,8 @@ def add_change(h, method, i, weight, x, qdd, δq, δv):
     for k in range(len(x)):
         δ = (weight * x[k]).real
         qdd[k] += δ
-        δq[k] += h * h * method.weights[BA, i] * δ
-        δv[k] += h * method.weights[B, i] * δ
+        δq[k] += h * h * method.weights[WEIGHT.bA, i] * δ
+        δv[k] += h * method.weights[WEIGHT.b, i] * δ
 
 
 @inlined
@@ -326,7 +309,7 @@ def unsettled(h, work):
 
     The slope of friction at rest moves such a joint by next to nothing, however far it is from where it belongs.
     """
-    δ, largest = work.vectors[MIDDLE], 0.0
+    δ, largest = work.vectors[VECTOR.q_middle], 0.0
     if not has_dry_friction(work.chain.hinges):
         return largest
     for i in range(work.stages.shape[1]):
@@ -334,7 +317,7 @@ def unsettled(h, work):
             hinge, δ[k] = work.chain.hinges[k], 0.0
             if hinge.coulomb > 0.0 and not hinge.prescribed:
                 inertia = hinge.armature + inertia_beyond(k, work)
-                δ[k] = h * max(h, work.clock[SLOWEST]) * work.stages[RESIDUALS, i, k] / inertia
+                δ[k] = h * max(h, work.stepper[STEPPER.inverse_ω1]) * work.stages[STAGE.residual, i, k] / inertia
         largest = max(largest, displacement(δ, work.posture))
     return largest
 
@@ -343,20 +326,24 @@ def unsettled(h, work):
 def inertia_beyond(k, work):
     """What a joint turns [kg m²], its rotor apart, while joints further out are as stiff as the first factors say."""
     if len(work.factors) > 0:
-        return 1.0 / work.factors[0, k, INVERSE] - work.factors[0, k, A]
-    return abs(1.0 / work.factors_pairs[0, k, INVERSE] - work.factors_pairs[0, k, A])
+        return 1.0 / work.factors[0, k, FACTORS.inverse] - work.factors[0, k, FACTORS.A]
+    return abs(1.0 / work.factors_pairs[0, k, FACTORS.inverse] - work.factors_pairs[0, k, FACTORS.A])
 
 
 @inlined
 def tells_work(moved, q, allowed, work):
-    """Whether the stages' powers, found before the last pass moved a body so far, tell the work of the step."""
+    """Whether the stages' powers, found before the last pass moved a body so far, tell the work of the step.
+
+    They do if it is no farther than 4 times the step's error: all steps together put W off by no more than if the
+    forces acted farther by the tolerance. Of a fixed step 1e-3 of what the whole step moves a body by will do.
+    """
     tolerance, accurate = allowed
     if tolerance < math.inf:
-        return moved <= OLD * tolerance
-    δ = work.vectors[MIDDLE]
+        return moved <= 4.0 * tolerance
+    δ = work.vectors[VECTOR.q_middle]
     for k in range(len(q)):
         δ[k] = work.new[0, k] - q[k]
-    return moved <= max(OLD * accurate, SLIGHT * displacement(δ, work.posture))
+    return moved <= max(4.0 * accurate, 1e-3 * displacement(δ, work.posture))
 
 
 @inlined
@@ -374,12 +361,12 @@ def does_work(inputs, work):
 @recursion
 def finish(t, h, inputs, q, qd, work):
     """The end of the step; its q̈ is K_s, which is that of a method with b = (a_s1 … a_ss)."""
-    weights, qdd, new = work.method.weights, work.stages[K], work.new
+    weights, qdd, new = work.method.weights, work.stages[STAGE.qdd], work.new
     s = len(qdd)
     for k in range(len(q)):
         new[0, k], new[1, k], new[2, k] = q[k] + h * qd[k], qd[k], qdd[s - 1, k]
     for i in range(s):
-        weight2, weight = h * h * weights[BA, i], h * weights[B, i]
+        weight2, weight = h * h * weights[WEIGHT.bA, i], h * weights[WEIGHT.b, i]
         for k in range(len(q)):
             new[0, k] += weight2 * qdd[i, k]
             new[1, k] += weight * qdd[i, k]
@@ -389,16 +376,16 @@ def finish(t, h, inputs, q, qd, work):
 @inlined
 def add_up_work(h, done, work):
     """W at the end of the step, and the power there."""
-    work.clock[WORK], work.clock[POWER] = done[0], work.power[len(work.power) - 1]
+    work.stepper[STEPPER.work], work.stepper[STEPPER.power] = done[0], work.power[len(work.power) - 1]
     for i in range(len(work.power)):
-        work.clock[WORK] += h * work.method.weights[B, i] * work.power[i]
+        work.stepper[STEPPER.work] += h * work.method.weights[WEIGHT.b, i] * work.power[i]
 
 
 @recursion
 def between_stages(x, h, state, work, angles, rates):
     """Write q and q̇ at a part x of the step that was just taken from `state`; returns W there."""
     q, qd, done = state[0], state[1], state[3]
-    dense, qdd, W = work.method.dense, work.stages[K], done[0]
+    dense, qdd, W = work.method.dense, work.stages[STAGE.qdd], done[0]
     s, n = qdd.shape
     for k in range(n):
         angles[k], rates[k] = q[k] + x * h * qd[k], qd[k]
@@ -430,13 +417,13 @@ def estimate(h, qd, qdd, tolerance, work):
     if has_dry_friction(work.chain.hinges):
         shift_rotors(hγ, work.new[1], work.factors[0], work)
         factor(work.factors[0], work.posture)
-    e_q, e_v = vectors[MIDDLE], vectors[MIDDLE + 1]
+    e_q, e_v = vectors[VECTOR.q_middle], vectors[VECTOR.qd_middle]
     for k in range(len(qd)):
         e_q[k], e_v[k] = hγ * qd[k], hγ * qdd[k] if math.isfinite(qdd[k]) else 0.0  # M of a start may be singular
         for i in range(work.stages.shape[1]):
-            e_q[k] += h * work.method.weights[D, i] * work.stages[RATES, i, k]
-            e_v[k] += h * work.method.weights[D, i] * work.stages[K, i, k]
-    error, times = math.inf, 2 if work.clock[REFUSED] > 0.0 or work.clock[LAST] == 0.0 else 1
+            e_q[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qd, i, k]
+            e_v[k] += h * work.method.weights[WEIGHT.d, i] * work.stages[STAGE.qdd, i, k]
+    error, times = math.inf, 2 if work.stepper[STEPPER.refusal] > 0.0 or work.stepper[STEPPER.last_step] == 0.0 else 1
     while times > 0 and error >= tolerance:
         error, times = damped_error(h, hγ, e_q, e_v, work), times - 1
     return error
@@ -448,10 +435,10 @@ def damped_error(h, hγ, e_q, e_v, work):
 
     (M + A) y = −hγ₀ D e_v − (hγ₀)² K e_v − hγ₀ K e_q,  e_v ← e_v + y,  e_q ← e_q + hγ₀ e_v.
     """
-    r, y, factors = work.vectors[RHS], work.vectors[SOLUTION], work.factors[0]
+    r, y, factors = work.vectors[VECTOR.rhs], work.vectors[VECTOR.solution], work.factors[0]
     for k in range(len(r)):
         hinge = work.chain.hinges[k]
-        r[k] = -(factors[k, A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
+        r[k] = -(factors[k, FACTORS.A] - hinge.armature) * e_v[k] - hγ * (hinge.stiffness + work.springs.kp[k]) * e_q[k]
     solve(factors, r, y, work.posture)
     for k in range(len(r)):
         if work.chain.hinges[k].prescribed:
@@ -459,4 +446,4 @@ def damped_error(h, hγ, e_q, e_v, work):
         else:
             e_v[k] += y[k]
             e_q[k] += hγ * e_v[k]
-    return error_of(h, e_q, e_v, work)
+    return step_error_norm(h, e_q, e_v, work)

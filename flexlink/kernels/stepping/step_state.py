@@ -1,19 +1,27 @@
-"""What goes from step to step of a run with steps of any length: numbers of its clock, and counts."""
+"""What goes from step to step of a run with steps of any length: numbers of its stepper, and counts."""
 
-TIME, STEP, LAST, ERROR, CEILING, REFUSED, ACCEPTED, WORST = range(8)
-# t and the next h; length of the last accepted step and its error as a part of what it may be (0: nothing is
-# remembered); largest h after the iteration failed (0: any); why the last step was refused (0: it was not); whether the
-# last stages are those of an accepted step; the joint that moved most in the last iteration.
+from flexlink.kernels.tools.numbered import numbered
 
-DEFLECTION, SLOWEST, PASSES, ROUNDING, WORK, POWER, CONTRACTION, MOVED, TURNED, CLOCK_SIZE = range(8, 18)
-# The largest deflection so far [m]; 1 / ω₁ [s], ω₁ the lowest frequency; most iterations, and what rounding
-# moves a body by in one [m]; of the step that was just taken the work up to its end, the power there, and by how much
-# its iteration contracted (0: not known) after a pass that moved a body so far [m]; the angle that all free joints
-# went through, forth and back [rad].
-
-TAKEN, REJECTED, FAILED, ITERATIONS, KNOT, ROW, PATIENCE, COUNTS = range(8)
-# Steps, steps refused for their error and for their iteration, passes of it, numbers of the next knot and sample; how
-# many iterations may fail before Python is asked.
-
-TOO_FAR_OFF, NOT_SOLVED = 1.0, 2.0
-# Why a step was refused: for its error, and for an iteration that did not end.
+STEPPER = numbered(
+    "time step",  # t, and the next h
+    "last_step last_error",  # of the last accepted one, its error as a part of what it may be; 0: none is remembered
+    "max_step",  # largest h after the iteration failed; 0: any
+    "refusal",  # why the last step was refused, a `REFUSAL`; 0: it was not
+    "accepted",  # whether the last stages are those of an accepted step
+    "worst_joint",  # that moved most in the last iteration
+    "deflection",  # the largest so far [m]
+    "inverse_ω1",  # 1 / ω₁ [s], ω₁ the lowest frequency
+    "max_iterations",  # of one step
+    "rounding",  # what it moves a body by in one iteration [m]
+    "work power",  # up to the end of the step that was just taken, and there
+    "contraction displacement",  # of its iteration (0: not known), after one that moved a body so far [m]
+    "angle_travelled",  # by all free joints, forth and back [rad]
+)
+COUNT = numbered(
+    "steps rejected failed",  # taken; refused for their error, and for their iteration
+    "iterations",
+    "knot row",  # numbers of the next knot and sample
+    "max_failures",  # of iterations before Python is asked
+)
+REFUSAL = numbered("none error iteration")
+"""Why a step was refused: not at all; for its error; for an iteration that did not end."""

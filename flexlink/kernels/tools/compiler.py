@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numba
 from numba.core import event
+from numba.extending import overload
 
 from flexlink.kernels.tools.machine_code import BORROWS, NO_C, ONLY_KERNELS, keep_on_disk, refuse_python
 
@@ -64,6 +66,27 @@ def entry(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """A formula: a recursion that is expanded where it is called, so that loops can become vector instructions."""
     return _compile(function, forceinline=True, **BORROWS, **ONLY_KERNELS)
+
+
+def by_type(algorithms: dict[type, Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Let the type of the last argument, a scratch, say which of some functions is called in place of another.
+
+    A kernel that is compiled calls that one, and no code is made for the others.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Callable[..., Any]:
+        @functools.wraps(function)
+        def call(*arguments: Any) -> Any:
+            return algorithms[type(arguments[-1])](*arguments)
+
+        @overload(call, jit_options=INLINED)
+        def choose(*arguments):
+            algorithm = algorithms[arguments[-1].instance_class]
+            return lambda *arguments: algorithm(*arguments)  # noqa: PLW0108
+
+        return call
+
+    return decorate
 
 
 def _compile(function: Callable[..., Any], **options: Any) -> Any:
