@@ -319,7 +319,7 @@ def test_the_case_of_the_study_judges_advice_by_a_truth_of_its_own() -> None:
         tolerances=(1e-2,), grid=(25,),
     )  # fmt: skip
     rows = {row.quantity: row.value for row in kind.run(replace(case, scenes=()), only)}
-    assert rows["cells checked_scene"] == rows["cells met"] == 1
+    assert rows["cells judged"] == rows["cells met"] == 1
     assert rows["met, but is not"] == 0
     assert rows["cost over the grid's cheapest"] >= 1
     assert {*rows} <= {*case.quantity}

@@ -43,10 +43,10 @@ def made(study: Study) -> Part | None:
 
 def _first(found: Modes) -> str:
     if "elastic" not in found.kinds:
-        return "None of them is elastic: loads, not springs, hold the arm."
+        return "No mode is elastic: loads hold the arm, not springs."
     k = found.kinds.index("elastic")
     ratio = number(float(found.damping_ratios[k]))
-    return f"The first elastic frequency is {number(float(found.hertz[k]))} Hz, with a damping ratio of {ratio}."
+    return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
 
 
 def _line(found: Modes, k: int) -> tuple[Cell, ...]:
