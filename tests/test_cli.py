@@ -229,7 +229,7 @@ def test_the_first_frequency_is_the_same_in_info_modes_and_the_report(paper: str
         assert line in capsys.readouterr().out.splitlines()
     part = vibration.made(Study(fl.load_scene(Path(paper))))
     assert part is not None
-    assert "The first elastic frequency is 6.06 Hz" in part.sentences[0]
+    assert "First elastic frequency: 6.06 Hz" in part.sentences[0]
 
 
 def test_info_and_modes_tell_pendulum_modes_from_elastic_ones(paper: str, capsys) -> None:

@@ -37,6 +37,7 @@ def test_levels_of_an_order_have_their_limit_whatever_their_ratio(order: float) 
     assert sum(found.weights) == pytest.approx(1.0)
     assert change_of_limit(levels(order, 2, 3, 5), order) == pytest.approx(0.0, abs=1e-16)
     assert observed_order(levels(order, 2, 4, 8)) == pytest.approx(order)
+    assert observed_order(levels(order, 1, 3, 9)) == pytest.approx(order)
 
 
 def test_the_change_of_a_limit_bounds_its_error_where_the_order_is_another() -> None:

@@ -110,8 +110,9 @@ class Advisor:
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
         estimate = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        swings = f"(vibration of {estimate.hertz:.3g} Hz)" if np.isfinite(estimate.hertz) else ""
-        self.lines = [line("rigid", f"estimated error at most {length(estimate.error)} {swings}")]
+        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "unknown, and large"
+        vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
+        self.lines = [line("rigid", f"estimated error {size}{vibration}")]
         if estimate.error >= CLEARLY_RIGID * tolerance:
             return None
         error = estimate.error * max(1.0, rigid.growth(self.runner, strict, estimate.error) / rigid.MODEST_GROWTH)
@@ -227,7 +228,7 @@ class Advisor:
         first = line("motion", f"tip travels {length(travel)}; tolerance {part}{length(tolerance)}")
         own = f", with {length(limit.error)} of the reference" if limit else ", at most"
         took = f"advice took {self.runner.count} runs, {time(self.runner.seconds)}"
-        last = line("error", f"{length(error)}{own}; run time {time(outcome.seconds)}; {took}")
+        last = line("error", f"{length(error)}{own}; CPU time {time(outcome.seconds)}; {took}")
         met = error <= tolerance
         return Advice(
             met, self.runner.scene_of(model, outcome.stepping), error, tolerance, travel, outcome.seconds, limit, holds,

@@ -41,7 +41,7 @@ def made(study: Study) -> Part | None:
 
 def _first(found: Modes) -> str:
     if "elastic" not in found.kinds:
-        return "No mode is elastic: gravity, not springs, holds the arm."
+        return "No mode is elastic: loads hold the arm, not springs."
     k = found.kinds.index("elastic")
     ratio = number(float(found.damping_ratios[k]))
     return f"First elastic frequency: {number(float(found.hertz[k]))} Hz, damping ratio {ratio}."
