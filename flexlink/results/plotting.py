@@ -19,13 +19,12 @@ if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
 
 LEGEND_ENTRIES = 8  # more do not fit beside a panel
-PANEL = 1.9  # height [in]
 
 
 def plot_trajectory(run: RunSamples) -> Figure:
     """All `PANELS` that have something to show, against time, each with its legend beside it."""
     shown = [panel for panel, has_content in PANELS if has_content(run)]
-    figure = Figure(figsize=(8.4, PANEL * len(shown) + 0.7), layout="constrained")
+    figure = Figure(figsize=(8.4, 1.9 * len(shown) + 0.7), layout="constrained")
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False).ravel()
     figure.suptitle(run.chain.name)
     for draw, panel in zip(shown, axes, strict=True):

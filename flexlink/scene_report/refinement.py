@@ -27,17 +27,11 @@ Array = NDArray[np.float64]
 FACTORS = (0.5, 2.0, 4.0)
 """Of the scene's hinges, in the cuts beside its own."""
 
-OF_TRAVEL = 1e-5
+STEP_ERROR = 1e-5
 """Part of the tip's travel that the steps of runs with other cuts may be off by: it hides in no error of a cut."""
 
 ENOUGH = 0.01
 """Part of the tip's travel: a limit that is not known so well is none, and a model that is off by more is doubted."""
-
-FALLS = 1.5
-"""Times by which the change from cut to cut must fall at least for an order to be told by it."""
-
-OF_STEPS, OF_TOLERANCE = (2.0, 0.5), (10.0, 0.1)
-"""Of the scene's steps, or of its tolerance, in the runs beside its own."""
 
 
 class Choice(NamedTuple):
@@ -78,7 +72,7 @@ class Refinement:
     @cached_property
     def strict(self) -> Stepping:
         """Steps whose errors are small beside those of cuts."""
-        return Stepping("auto", tolerance=OF_TRAVEL * self.study.travel)
+        return Stepping("auto", tolerance=STEP_ERROR * self.study.travel)
 
     @property
     def says_state(self) -> bool:
@@ -113,7 +107,7 @@ class Refinement:
         if len(cuts) == 2:
             return Limit(cuts[-1].tip, far(last), math.nan)
         before = far(cuts[-2].tip - cuts[-3].tip)
-        if before < FALLS * far(last):
+        if before < 1.5 * far(last):  # the changes fall too slowly to show an order
             return Limit(cuts[-1].tip, max(before, far(last)), math.nan)
         order = min(math.log2(before / far(last)), 4.0) if far(last) > 0 else 4.0
         change = last / (2.0**order - 1)
@@ -139,7 +133,7 @@ class Refinement:
     @property
     def factors(self) -> tuple[float, float]:
         """Of the scene's steps, or of its tolerance: coarser, finer."""
-        return OF_TOLERANCE if self.scene.run.controlled else OF_STEPS
+        return (10.0, 0.1) if self.scene.run.controlled else (2.0, 0.5)
 
     @cached_property
     def of_steps(self) -> float:
