@@ -12,20 +12,19 @@ from itertools import groupby
 
 from flexlink.pages.style import BLUE, INK, PAPER
 
-DEFINITION = re.compile(r'<path id="(\w[\w-]*)"[^>]*/>|<clipPath id="(\w+)">.*?</clipPath>', re.DOTALL)
 USE = re.compile(r'(<use href="[^"]*"(?: [xy]="[^"]*")*)( style="[^"]*")?/>')
-COLOURS = ((INK, "currentColor"), (PAPER, "var(--ground)"), (BLUE, "var(--blue)"))
 
 
 def inline(svg: str, title: str, definitions: dict[str, str]) -> str:
     """The `svg` element for a page; what other figures may use, too, joins `definitions`."""
     svg = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     svg = svg.replace("xlink:href", "href").replace("DejaVuSans", "D")
-    for colour, own in COLOURS:
+    for colour, own in ((INK, "currentColor"), (PAPER, "var(--ground)"), (BLUE, "var(--blue)")):
         svg = svg.replace(colour, own)
     svg = re.sub(r' transform="translate\((\S+) 0\)"/>', r' x="\1"/>', svg)
     svg = re.sub(r'(?<= d=")[^"]*|(?<= [xy]=")[^"]*', lambda part: _short(part[0]), svg)
-    svg = DEFINITION.sub(lambda found: _shared(found, definitions), svg)
+    definition = re.compile(r'<path id="(\w[\w-]*)"[^>]*/>|<clipPath id="(\w+)">.*?</clipPath>', re.DOTALL)
+    svg = definition.sub(lambda found: _shared(found, definitions), svg)
     svg = re.sub(r'<g id="[^"]*"', "<g", svg)
     svg = re.sub(r"<defs>.*?</defs>", "", re.sub(r"\n\s*", "", svg))
     svg = re.sub(rf"(?:{USE.pattern}){{2,}}", _same_style_once, svg)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 JOIN = "\N{NO-BREAK SPACE}"
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -19,7 +18,8 @@ def number(value: float | None, digits: int = 3) -> str:
     if not 1e-3 <= abs(value) < 1e4:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
-        power = "10" + str(int(exponent)).translate(SUPERSCRIPT)
+        superscripts = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+        power = "10" + str(int(exponent)).translate(superscripts)
         return power if mantissa == "1" else f"{mantissa}{JOIN}×{JOIN}{power}"
     return f"{value:.{digits}g}" if abs(value) < 10**digits else f"{value:.0f}"
 

@@ -15,8 +15,6 @@ from flexlink.pages.chapter import Shown
 from flexlink.pages.inline import inline
 from flexlink.pages.style import RC
 
-PNG_DPI = 160
-
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
@@ -43,10 +41,10 @@ class Picture:
     csv: str
 
     def save_png(self, path: Path) -> None:
-        """Write a PNG of `PNG_DPI` dots an inch."""
+        """Write a PNG of 160 dots an inch."""
 
         def write(file: Path) -> None:
-            self.figure.savefig(file, format="png", dpi=PNG_DPI, metadata={"Software": None})
+            self.figure.savefig(file, format="png", dpi=160, metadata={"Software": None})
 
         with mpl.rc_context(RC):
             write_whole(path, write)

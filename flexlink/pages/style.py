@@ -12,14 +12,13 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from flexlink.pages.numbers import number
 
 WIDTH = 4.4  # in; on a 360 px screen the page shows this at 3/4, so that 11.5 pt reads as 9 pt
-SMALL, LETTERS, HANDLE = 10.0, 56, 5  # pt; letters of that size that fit in the width, and what a line's sample takes
-BESIDE_AXIS = 0.8  # of the width, that a panel has beside the numbers on its axis
 INK, PAPER = "#1c2024", "#fefefe"  # text and ground of the files; the page replaces both by its own
 
 # Okabe and Ito's palette (2008), which stays apart for the common kinds of colour blindness
 BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9"
 GREY = "#8a8f94"
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
+NAMED_CURVES = 6  # of a panel; more do not fit into its legend
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 RC: dict[str, Any] = {
@@ -86,10 +85,11 @@ def legend_over(axes: Axes, *, figure: Figure | None = None) -> None:
     handles, labels = axes.get_legend_handles_labels()
     if not labels:
         return
-    room = LETTERS if figure is not None else BESIDE_AXIS * LETTERS
-    columns = max(1, min(int(room / (max(map(len, labels)) + HANDLE)), len(labels)))
+    letters = 56 if figure is not None else 45  # that fit into the width of a figure, and of a panel beside its axis
+    handle = 5  # letters that the sample of a line takes
+    columns = max(1, min(int(letters / (max(map(len, labels)) + handle)), len(labels)))
     look: dict[str, Any] = {
-        "ncols": columns, "frameon": False, "columnspacing": 1.0, "handletextpad": 0.5, "fontsize": SMALL,
+        "ncols": columns, "frameon": False, "columnspacing": 1.0, "handletextpad": 0.5, "fontsize": 10.0,
         "borderaxespad": 0.2,
     }  # fmt: skip
     if figure is None:

@@ -27,21 +27,6 @@ from flexlink.scene_report.measured import Measured
 
 Array = NDArray[np.float64]
 
-FIRST = 0.01
-"""Of the number's unit, the first change."""
-
-PASSES = 6
-"""Runs with one number, at most."""
-
-CLOSE = 0.1
-"""Of the spread, a step that is not worth another run."""
-
-LITTLE = 0.02
-"""Part of the mean square difference that a number must explain by its first slope to be followed."""
-
-FARTHEST = 0.9
-"""Of the number's unit, that one step may go; what is positive stays so."""
-
 
 class Tried(NamedTuple):
     """A number that may be wrong: its path, what it is, and its value in the scene."""
@@ -213,8 +198,9 @@ def _least_squares(
 ) -> Point | None:
     """The best change that was found; None without one."""
     best: Point | None = None
-    x, r, there = 0.0, before, FIRST
-    for trial in range(PASSES):
+    largest_step = 0.9  # what is positive stays so
+    x, r, there = 0.0, before, 0.01
+    for trial in range(6):
         run = run_at(there)
         if run is None:
             there = (x + there) / 2
@@ -222,13 +208,13 @@ def _least_squares(
         new = residual(run)
         slope = (new - r) / (there - x)
         steepness = float(slope @ slope)
-        if not steepness or (trial == 0 and (slope @ r) ** 2 < LITTLE * steepness * (r @ r)):
+        if not steepness or (trial == 0 and (slope @ r) ** 2 < 0.02 * steepness * (r @ r)):
             return None
-        step = min(max(-float(slope @ new) / steepness, -FARTHEST), FARTHEST)
+        step = min(max(-float(slope @ new) / steepness, -largest_step), largest_step)
         spread = float(np.linalg.norm(slope * new)) / steepness  # White's, whatever each column's noise
         if best is None or new @ new < best.residual @ best.residual:
             best = Point(there, run, new, spread)
-        if abs(step) <= CLOSE * spread:
+        if abs(step) <= 0.1 * spread:  # not worth another run
             break
         x, r, there = there, new, max(there + step, (there - 1) / 2)
     return best

@@ -19,7 +19,6 @@ from flexlink.describe.spec import short_list
 Array = NDArray[np.float64]
 
 TIME = "t [s]"
-LARGEST = 100_000_000  # bytes
 UNITS = {
     "[deg]": ("[rad]", math.pi / 180), "[deg/s]": ("[rad/s]", math.pi / 180), "[mm]": ("[m]", 1e-3),
     "[µm]": ("[m]", 1e-6), "[um]": ("[m]", 1e-6), "[ms]": ("[s]", 1e-3),
@@ -51,7 +50,7 @@ def read_measured(path: Path, known: Mapping[str, object]) -> Measured:
         increase, or nothing measured.
     """
     try:
-        text = read_regular(path, largest=LARGEST, error=DataFileError).decode("utf-8-sig")
+        text = read_regular(path, largest=100_000_000, error=DataFileError).decode("utf-8-sig")
         heads, *lines = [line for line in csv.reader(io.StringIO(text)) if any(cell.strip() for cell in line)]
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFileError(f"{path}: is not CSV: {error}") from None

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 FACTORS = (0.5, 2.0, 4.0)
 """Of the scene's hinges, in the cuts beside its own."""
 
-OF_TRAVEL = 1e-5
+STEP_ERROR = 1e-5
 """Part of the tip's travel that the steps of runs with other cuts may be off by: it hides in no error of a cut."""
 
 ENOUGH = 0.01
@@ -71,7 +71,7 @@ class Refinement:
     @cached_property
     def strict(self) -> Stepping:
         """Steps whose errors are small beside those of cuts."""
-        return Stepping("auto", tolerance=OF_TRAVEL * self.study.travel)
+        return Stepping("auto", tolerance=STEP_ERROR * self.study.travel)
 
     @property
     def says_state(self) -> bool:
@@ -131,7 +131,7 @@ class Refinement:
     @property
     def factors(self) -> tuple[float, float]:
         """Of the scene's steps, or of its tolerance: coarser, finer."""
-        return OF_TOLERANCE if self.scene.run.controlled else OF_STEPS
+        return (10.0, 0.1) if self.scene.run.controlled else (2.0, 0.5)
 
     @cached_property
     def of_steps(self) -> float:

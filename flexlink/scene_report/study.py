@@ -29,12 +29,6 @@ Array = NDArray[np.float64]
 FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
 """Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""
 
-SOME = 1e6
-"""Roundings of a place from which on a motion is one."""
-
-BUDGET = 3.0
-"""CPU time that one run beside the scene's own may take [s]."""
-
 
 @dataclasses.dataclass(frozen=True)
 class Study:
@@ -82,7 +76,7 @@ class Study:
     @cached_property
     def runner(self) -> ModelRunner:
         """Where other models of the scene are run, with a budget."""
-        return ModelRunner(self.scene, BUDGET)
+        return ModelRunner(self.scene, 3.0)  # s of CPU time for one run
 
     @property
     def run(self) -> Trajectory:
@@ -104,8 +98,8 @@ class Study:
 
     @cached_property
     def moves(self) -> bool:
-        """Whether the tip gets anywhere, beyond rounding."""
-        return self.travel > SOME * rounding.of_position(self.chain)
+        """Whether the tip travels more than a million times the rounding error of its position."""
+        return self.travel > 1e6 * rounding.of_position(self.chain)
 
     @cached_property
     def bent_by(self) -> Array:

@@ -28,7 +28,6 @@ Progress = Callable[[float], None]
 
 FORMATS = (".gif", ".mp4", ".html")
 COLOURS: dict[str, Colour] = {"moment": "moment", "strain": "strain"}
-GIF_CLOCK = 100  # ticks a second, in whole numbers of which a GIF's frames last
 
 
 class InterruptedFilmError(KeyboardInterrupt):
@@ -56,9 +55,11 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
     require_film(path)
     fps, width = positive("fps", fps), integer("width", width, 320, 3840)
     if path.suffix == ".gif":
-        fps = GIF_CLOCK / max(round(GIF_CLOCK / fps), 2)
+        ticks = 100  # a second, in whole numbers of which a GIF's frames last
+        fps = ticks / max(round(ticks / fps), 2)
     magnify, speed = positive("magnify", magnify), positive("speed", speed)
-    return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width + width % 2)  # videos: even
+    width += width % 2  # videos: even
+    return Shot(path, magnify, require_one_of("colour", colour, COLOURS), fps, speed, width)
 
 
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> Path:

@@ -17,8 +17,6 @@ from flexlink.results.pictures.projection import Projected, Window
 Image = NDArray[np.uint8]
 
 DPI = 100
-PAPER, FAINT = "#ffffff", "#d7dbdf"
-LOWEST, HIGHEST = 0.45, 1.0  # height of the scene by its width
 
 
 class Drawing:
@@ -28,10 +26,10 @@ class Drawing:
         self.film, self.projected = film, Projected(film)
         window = self.projected.window
         aspect = (window.top - window.bottom) / (window.right - window.left)
-        self.scene_height = round(width * min(max(aspect, LOWEST), HIGHEST))
+        self.scene_height = round(width * min(max(aspect, 0.45), 1.0))
         self.size = width, self.scene_height + HEAD + FOOT + (self.scene_height + HEAD + FOOT) % 2  # videos: even
         self.window = window.filled(self.scene_height / width)
-        self.figure = Figure(figsize=(self.size[0] / DPI, self.size[1] / DPI), dpi=DPI, facecolor=PAPER)
+        self.figure = Figure(figsize=(self.size[0] / DPI, self.size[1] / DPI), dpi=DPI, facecolor="white")
         self.canvas = FigureCanvasAgg(self.figure)
         self.axes = self.figure.add_axes((0, FOOT / self.size[1], 1, self.scene_height / self.size[1]))
         self._set_window(self.window)
@@ -56,7 +54,7 @@ class Drawing:
         self.axes.set_axis_off()
 
     def _still(self) -> None:
-        floor = LineCollection(list(self.projected.floor[..., :2]), colors=FAINT, linewidths=0.7, zorder=0)
+        floor = LineCollection(list(self.projected.floor[..., :2]), colors="#d7dbdf", linewidths=0.7, zorder=0)
         self.axes.add_collection(floor, autolim=False)
         half = self.projected.base_half
         self._base = Rectangle((-half, -half), 2 * half, 2 * half, color=BASE, animated=True)  # above the links
@@ -69,7 +67,7 @@ class Drawing:
         (self._trace,) = self.axes.plot([], [], color=TRACE, linewidth=0.9, alpha=0.75, animated=True)
         (self._line,) = self.axes.plot([], [], color="0.45", linewidth=2.0, solid_joinstyle="round", animated=True)
         self._links = PolyCollection([], linewidths=0.6, animated=True)
-        self._joints = PatchCollection([], facecolor=PAPER, edgecolor=INK, linewidth=1.1, animated=True)
+        self._joints = PatchCollection([], facecolor="white", edgecolor=INK, linewidth=1.1, animated=True)
         self._ball = Circle((0.0, 0.0), projected.ball_radius or 1e-9, facecolor=GREY, edgecolor=INK, animated=True)
         self._ball.set_visible(film.outline.ball > 0)
         for collection in (self._links, self._joints):

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_FRAMES = 3000  # two minutes; more would not fit into memory as a GIF
-TRACE_POINTS = 1500
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -94,7 +93,8 @@ def film_of(run: RunSamples, *, magnify: float, colour: Colour, fps: float, spee
     rows = _rows(run, fps, speed)
     shown = _picked(run, rows)
     bent = _magnified(run, magnify)
-    along = np.unique(np.linspace(0, len(run.t) - 1, min(len(run.t), TRACE_POINTS)).round().astype(int))
+    trace_points = min(len(run.t), 1500)
+    along = np.unique(np.linspace(0, len(run.t) - 1, trace_points).round().astype(int))
     R, p = _placed(run, bent[rows])
     outline = outline_of(scene, run.chain)
     true = (R, p) if magnify == 1 else _placed(run, run.q[rows])

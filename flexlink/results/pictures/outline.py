@@ -17,9 +17,6 @@ from flexlink.describe.scene import Scene
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-STATIONS = 24  # along a link at least, for its colour
-STEEL = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
-
 
 class Outline(NamedTuple):
     """Stations along the arm's links, from the base outward; bodies are counted from 1, 0 is the base.
@@ -53,7 +50,8 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
     arm, found = scene.arm, [piece for piece in pieces(scene) if piece.length > 0]
     rows = [row for k, piece in enumerate(found) for row in _stations(arm, found, k, piece)]
     link, body, place, axes, across, is_round, number, part = zip(*rows, strict=True) if rows else [()] * 8
-    ball = (3 * arm.tip.mass / (4 * math.pi * STEEL)) ** (1 / 3)
+    steel = 7850.0  # kg/m³; a payload is drawn as a ball of steel of its mass
+    ball = (3 * arm.tip.mass / (4 * math.pi * steel)) ** (1 / 3)
     joints = np.array([chain.body(int(k)) + 1 for k in chain.active], dtype=np.int64)
     return Outline(
         np.array(link, dtype=np.int64), np.array(body, dtype=np.int64), np.reshape(place, (-1, 3)),
@@ -65,7 +63,8 @@ def outline_of(scene: Scene, chain: Chain) -> Outline:
 
 def _stations(arm: Arm, found: list[Piece], k: int, piece: Piece) -> list[tuple[object, ...]]:
     link = arm.links[piece.link - 1]
-    steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * STATIONS))
+    stations = 24  # along a link at least, for its colour
+    steps = max(1, math.ceil((piece.part[1] - piece.part[0]) * stations))
     ends_here = k + 1 == len(found) or found[k + 1].link != piece.link
     rows: list[tuple[object, ...]] = []
     for u in np.arange(steps + ends_here) / steps:

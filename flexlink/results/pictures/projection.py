@@ -13,10 +13,8 @@ from flexlink.results.pictures.view import View
 
 Array = NDArray[np.float64]
 
-THINNEST = 0.0022, 0.010  # half the width of a link, and radius of a joint or ball, at least, of the window's size
 AROUND = 0.06  # of the window's size that stays free around the arm
 JOINT, BASE = 1.15, 1.3  # radius of a joint, by half the width of its link; half the side of the base, by the joint's
-NICE = (1.0, 2.0, 5.0, 10.0)
 
 
 class Window(NamedTuple):
@@ -90,7 +88,7 @@ class Projected:
     @functools.cached_property
     def thinnest(self) -> tuple[float, float]:
         """Half the width of a link, and radius of a ball, that are still seen [m]."""
-        return THINNEST[0] * self.window.size, THINNEST[1] * self.window.size
+        return 0.0022 * self.window.size, 0.010 * self.window.size
 
     @functools.cached_property
     def spans(self) -> NDArray[np.intp]:
@@ -190,4 +188,4 @@ def _level(view: View) -> Array:
 def nice(length: float) -> float:
     """The next of 1, 2, 5 × 10ⁿ from `length` on."""
     power = 10.0 ** np.floor(np.log10(max(length, 1e-12)))
-    return float(next(step * power for step in NICE if step * power >= length * (1 - 1e-9)))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= length * (1 - 1e-9)))

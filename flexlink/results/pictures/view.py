@@ -15,8 +15,6 @@ from flexlink.chain.chain import Chain
 
 Array = NDArray[np.float64]
 
-ELEVATION, AZIMUTH = math.radians(22.0), math.radians(-62.0)
-"""Of an axonometric view: how far above the horizon, and from where around the vertical, the eye is."""
 LYING = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
 
 
@@ -50,8 +48,9 @@ def view_of(chain: Chain) -> View:
         return View(_across(chain.axes[0], vertical, bool(gravity)), False, vertical)
     first = _level(vertical)
     second = np.cross(vertical, first)
-    sideways = math.cos(AZIMUTH) * first + math.sin(AZIMUTH) * second
-    towards = math.cos(ELEVATION) * sideways + math.sin(ELEVATION) * vertical
+    elevation, azimuth = math.radians(22.0), math.radians(-62.0)  # of the eye, above the horizon and about the vertical
+    sideways = math.cos(azimuth) * first + math.sin(azimuth) * second
+    towards = math.cos(elevation) * sideways + math.sin(elevation) * vertical
     right = np.cross(vertical, sideways)
     return View(np.array([right, np.cross(towards, right), towards]), True, vertical)
 

@@ -16,11 +16,7 @@ from flexlink.pages.verdict import State, Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
-SAMPLES = 60  # states
-EVALUATIONS = 8_000
-"""Of the equation of motion in an engine's run, at most: in Python one takes a tenth of a millisecond."""
-
-OTHERS = tuple(name for name in ENGINES if name != "native")
+STATES = 60  # at which terms are compared
 
 
 def made(study: Study) -> Part:
@@ -28,7 +24,7 @@ def made(study: Study) -> Part:
     diagnoses, without = _diagnoses(study)
     runs, of_runs, why = _runs(study)
     sentences = [
-        f"Every installed engine loads this arm from its exported file. Terms are compared at {SAMPLES} states, half "
+        f"Every installed engine loads this arm from its exported file. Terms are compared at {STATES} states, half "
         "of them random; the largest difference is divided by the rounding bound, so up to 1 means equal.",
         "Terms: mass matrix M; torques of gravity T_G, of gravity with centrifugal and Coriolis forces T_GC, of "
         "springs T_FL, of friction T_FR; accelerations q̈.",
@@ -48,9 +44,11 @@ def made(study: Study) -> Part:
 def _diagnoses(study: Study) -> tuple[list[Diagnosis], list[str]]:
     found: list[Diagnosis] = []
     without = []
-    for name in OTHERS:
+    for name in ENGINES:
+        if name == "native":
+            continue
         try:
-            found += compare(study.scene, engines=[name], samples=SAMPLES).diagnoses
+            found += compare(study.scene, engines=[name], samples=STATES).diagnoses
         except MissingDependencyError:
             without.append(f"{name} is not installed: python -m pip install 'flexlink[{ENGINES[name].extra}]'.")
         except FlexlinkError as error:
@@ -80,7 +78,8 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
 def _affordable(study: Study) -> float:
     """As much of the run [s], in whole samples, as engines do in so many evaluations."""
     run = in_fixed_steps(study.scene, study.chain)[0].run
-    samples = int(EVALUATIONS / method(run.method).stages * run.step / run.sample)
+    evaluations = 8_000  # of an engine’s run; from Python one takes a tenth of a millisecond
+    samples = int(evaluations / method(run.method).stages * run.step / run.sample)
     return min(run.duration, max(samples, 1) * run.sample)
 
 

@@ -14,9 +14,6 @@ from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
 
-GOOD = 1e-3
-"""Part of the energy exchanged that may be lost or made without a doubt; from a tenth on a run ends as an error."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
@@ -34,7 +31,8 @@ def made(study: Study) -> Part | None:
         "Energy error = E − E(0) − W. E: kinetic, gravity and elastic energy. W: work of drives, friction, damping and "
         "tip wrench, integrated with the run’s own method. The error comes from the time steps and from rounding."
     )
-    state: State = "pass" if share <= GOOD or bool((imbalance <= _rounding(run)).all()) else "doubt"
+    good = 1e-3  # of the energy exchanged; from a tenth on a run ends as an error
+    state: State = "pass" if share <= good or bool((imbalance <= _rounding(run)).all()) else "doubt"
     verdict = Verdict("Energy", state, "balanced" if state == "pass" else "poorly balanced", text)
     return Part((text, explained), (verdict,), (_picture(study),))
 

@@ -6,12 +6,10 @@ import numpy as np
 
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, legend_over, stacked_axes
+from flexlink.pages.style import CYCLE, NAMED_CURVES, legend_over, stacked_axes
 from flexlink.pages.tables import Cell, Table, columns_csv
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
-
-NAMED = 6
 
 
 def made(study: Study) -> Part:
@@ -68,12 +66,12 @@ def _picture(study: Study, driven: list[int]) -> Picture:
     for place, body in enumerate(_cuts(study)):
         name = f"bending {_place(study, body)} [N m]"
         columns[name] = np.linalg.norm(run.loads.moment[:, body, 1:], axis=1)
-        label = _place(study, body) if place < NAMED else None
+        label = _place(study, body) if place < NAMED_CURVES else None
         axes[0].plot(run.t, columns[name], color=CYCLE[place % len(CYCLE)], label=label)
     axes[0].set_ylabel("bending [N m]")
     for place, k in enumerate(driven):
         columns[f"drive {chain.joint_name(k)} [N m]"] = run.tau[:, k]
-        label = chain.joint_name(k) if place < NAMED else None
+        label = chain.joint_name(k) if place < NAMED_CURVES else None
         axes[1].plot(run.t, run.tau[:, k], color=CYCLE[place % len(CYCLE)], label=label)
         axes[1].set_ylabel("drive [N m]")
     for panel in axes:

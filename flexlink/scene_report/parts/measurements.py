@@ -16,13 +16,6 @@ from flexlink.scene_report.measured import read_measured
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
-DRAWN = 4  # columns
-EXPLAINS = 0.5
-"""Part of the mean square difference from which on a number explains it."""
-
-CLEARLY = 2.0
-"""Times less that must be left than with the next number for a number to be told from it."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
@@ -36,7 +29,7 @@ def made(study: Study) -> Part | None:
             f"run ({study.run.t[0]:g} … {study.run.t[-1]:g} s): use the times of the scene (initial.time).",
         ))  # fmt: skip
     fits = beside.fits
-    best = fits[0] if fits and fits[0].explained > EXPLAINS else None
+    best = fits[0] if fits and fits[0].explained > 0.5 else None  # of the mean square difference
     first = (
         f"{study.against.name}: {plural(len(beside.measured), 'column')}, {len(beside.t)} samples from "
         f"{number(float(beside.t[0]))} to {number(float(beside.t[-1]))} s"
@@ -69,10 +62,11 @@ def _of_the_numbers(fits: Sequence[Fit], best: Fit | None) -> list[str]:
         f"Best explanation: {best.number.what} {_change(best)}, {_value(best)} instead of "
         f"{number(best.number.value)}; {_share(best.left)} of the difference remains."
     ]
+    clearly = 2.0  # times less must remain than with a rival for a parameter to be the cause
     rivals = [
         f"{fit.number.what} ({_change(fit)}; {_share(fit.left)} remains)"
         for fit in fits[1:]
-        if fit.left < CLEARLY * best.left
+        if fit.left < clearly * best.left
     ]
     if rivals:
         sentences.append(f"Nearly as good, so that the cause is uncertain: {', '.join(rivals)}.")
@@ -146,7 +140,8 @@ def _numbers(fits: Sequence[Fit]) -> Table:
 
 
 def _drawn(beside: Comparison) -> list[str]:
-    return list(beside.measured)[:DRAWN]
+    """The first columns; more panels are too many for a page."""
+    return list(beside.measured)[:4]
 
 
 def _overlay(study: Study, beside: Comparison, best: Fit | None) -> Picture:

@@ -8,16 +8,13 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.dynamics.placement import frames
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, GREY, colour_along, legend_over, stacked_axes
+from flexlink.pages.style import CYCLE, GREY, NAMED_CURVES, colour_along, legend_over, stacked_axes
 from flexlink.pages.tables import columns_csv, table_csv
 from flexlink.pages.verdict import Verdict
 from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 from flexlink.scene_report.views import draw_shadow, panels
-
-POSTURES = 9  # in the picture of the arm
-NAMED = 6  # curves of one panel with a name
 
 
 def made(study: Study) -> Part:
@@ -47,7 +44,7 @@ def _rows(study: Study) -> list[tuple[float, ...]]:
 
 def _postures(study: Study) -> Picture:
     run, chain = study.run, study.chain
-    chosen = np.unique(np.linspace(0, len(run.t) - 1, POSTURES).astype(int))
+    chosen = np.unique(np.linspace(0, len(run.t) - 1, 9).astype(int))
     points = np.array([frames(chain, run.q[k]).points for k in chosen])
     views = views_of(chain, points)
     figure, axes = panels(views, np.concatenate([points.reshape(-1, 3), run.tip]))
@@ -68,7 +65,7 @@ def _in_time(study: Study) -> Picture:
     columns = {"t [s]": run.t}
     for place, k in enumerate(chain.active.tolist()):
         name, angle = chain.joint_name(k), np.degrees(run.q[:, k])
-        axes[0].plot(run.t, angle, color=CYCLE[place % len(CYCLE)], label=name if place < NAMED else None)
+        axes[0].plot(run.t, angle, color=CYCLE[place % len(CYCLE)], label=name if place < NAMED_CURVES else None)
         columns[f"{name} [deg]"] = angle
     axes[0].set_ylabel("joint angle [deg]")
     for k, axis in enumerate("xyz"):

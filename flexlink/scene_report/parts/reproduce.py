@@ -11,8 +11,6 @@ from flexlink.pages.tables import Cell, Table
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
-PACKAGES = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
-
 
 def made(study: Study) -> Part:
     """The chapter."""
@@ -21,7 +19,8 @@ def made(study: Study) -> Part:
         ("made", date.isoformat()), ("system", system()), ("processor", processor()),
         ("cores", str(os.cpu_count() or "")), ("python", platform.python_version()),
     ]  # fmt: skip
-    lines += [(name, version or "not installed") for name, version in versions(PACKAGES).items()]
+    packages = ("flexlink", "numpy", "scipy", "numba", "pin", "mujoco", "exudyn", "drake", "matplotlib", "jinja2")
+    lines += [(name, version or "not installed") for name, version in versions(packages).items()]
     sentences = (
         f"Command: {study.command}" if study.command else "Made with flexlink.report(scene, folder).",
         "Only input: the scene below, also in scene.toml beside this page.",

@@ -19,7 +19,7 @@ from flexlink.results.settling import overshoot, residual_vibration, settling_ti
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
 
-WITHIN = (1e-2, 1e-3, 1e-4)
+TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Parts of the tip's travel within which the arm counts as settled."""
 
 
@@ -73,7 +73,7 @@ def _targets(scene: Scene, chain: Chain) -> Array:
 def _table(study: Study, target: Array, end: float) -> Table:
     heads = ("tolerance [m]", "part of the travel", "settling time [s]")
     lines = []
-    for part in WITHIN:
+    for part in TOLERANCES:
         time = settling_time(study.run, target=target, tolerance=part * study.travel, after=end)
         lines.append((part * study.travel, part, time if math.isfinite(time) else "not reached"))
     return Table("settling", f"Settling time, counted from {number(end)} s", heads, tuple(lines))
@@ -86,7 +86,7 @@ def _picture(study: Study, target: Array, end: float) -> Picture:
     seen = off > 0
     axes.plot(run.t[seen], off[seen], color=BLUE)
     axes.axvline(end, color=INK, linestyle="--", linewidth=1.0)
-    for part in WITHIN:
+    for part in TOLERANCES:
         axes.axhline(part * study.travel, color=GREY, linewidth=0.8)
     axes.set(yscale="log", xlabel="time [s]", ylabel="distance to target [m]")
     tidy_logs(axes)

@@ -19,12 +19,6 @@ from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Array, Study
 from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
-ROUNDING = 1e-12
-"""Part of the largest number that nobody wants to read."""
-
-VISIBLE = 0.08
-"""Part of the arm's reach that the tip is drawn to sag by at least, the deflection magnified."""
-
 
 def made(study: Study) -> Part:
     """The chapter."""
@@ -74,7 +68,8 @@ def _buckling(study: Study) -> str:
 def _picture(study: Study, size: float) -> Picture:
     chain, rest = study.chain, study.rest
     straight, bent = (frames(chain, q).points for q in (unbent(chain, rest.q), rest.q))
-    scale = max(1.0, _round(VISIBLE * study.reach / size))
+    visible = 0.08  # of the reach: the tip is drawn to sag by at least as much
+    scale = max(1.0, _round(visible * study.reach / size))
     shown = straight + scale * (bent - straight)
     both = np.stack([straight, shown])
     views = views_of(chain, both)
@@ -93,7 +88,7 @@ def _picture(study: Study, size: float) -> Picture:
 
 def _without_rounding(values: Array) -> Array:
     """What is as small as rounding of the largest one, as zero."""
-    return np.where(np.abs(values) > ROUNDING * np.abs(values).max(initial=0.0), values, 0.0)
+    return np.where(np.abs(values) > 1e-12 * np.abs(values).max(initial=0.0), values, 0.0)
 
 
 def _round(value: float) -> float:

@@ -9,18 +9,17 @@ from flexlink.pages.verdict import Verdict
 from flexlink.scene_report.part import Part
 from flexlink.scene_report.study import Study
 
-SAMPLES = 100  # states
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
     if study.against is None or study.measurements:
         return None
-    (found,) = compare(study.scene, file=study.against, samples=SAMPLES).diagnoses
+    states = 100
+    (found,) = compare(study.scene, file=study.against, samples=states).diagnoses
     first, *why = str(found).splitlines()
     sentences = (
         f"{study.against.name}, read by {found.engine}, is compared with this scene: parameters of every joint and "
-        f"body in one frame, and terms of the equation of motion at {SAMPLES} states. Differences of terms are divided "
+        f"body in one frame, and terms of the equation of motion at {states} states. Differences of terms are divided "
         "by the rounding bound: up to 1 means equal.",
         f"{first}.",
         *(line.strip() for line in why),

@@ -17,10 +17,6 @@ from flexlink.scene_report.study import Study
 
 from matplotlib.figure import Figure  # isort: skip
 
-DRAWN, LISTED = 4, 12
-BENT = 0.12
-"""Part of the arm's reach that a mode is drawn with."""
-
 
 def made(study: Study) -> Part | None:
     """The chapter."""
@@ -35,7 +31,7 @@ def made(study: Study) -> Part | None:
     )
     heads = ("mode", "frequency [Hz]", "damping ratio", "kind", "tip moves most along")
     lines = tuple(_line(found, k) for k in range(len(found.eigenvalues)))
-    table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > LISTED)
+    table = Table("modes", "Natural frequencies", heads, lines, to_look_up=len(lines) > 12)
     return Part(tuple(filter(None, sentences)), pictures=(_picture(study, found),), tables=(table,))
 
 
@@ -54,7 +50,8 @@ def _line(found: Modes, k: int) -> tuple[Cell, ...]:
 
 
 def _picture(study: Study, found: Modes) -> Picture:
-    shown = min(DRAWN, len(found.eigenvalues))
+    amplitude = 0.12 * study.reach
+    shown = min(4, len(found.eigenvalues))
     figure = Figure(figsize=(WIDTH, 2.3 * ((shown + 1) // 2)), layout="constrained")
     axes = np.atleast_1d(figure.subplots((shown + 1) // 2, 2, squeeze=False)).ravel()
     lines: list[tuple[object, ...]] = []
@@ -63,7 +60,7 @@ def _picture(study: Study, found: Modes) -> Picture:
         if k >= shown:
             continue
         path = found.paths[k].real if np.abs(found.paths[k].real).max() > 0 else found.paths[k].imag
-        bent = found.points + BENT * study.reach / (np.abs(path).max() or 1.0) * path
+        bent = found.points + amplitude / (np.abs(path).max() or 1.0) * path
         view = view_of_motion(study.chain, found.points, bent)
         panel.plot(*view.flat(found.points), color=GREY, linewidth=1.0)
         panel.plot(*view.flat(bent), color=BLUE, marker=".", markersize=4)
