@@ -62,8 +62,8 @@ def test_the_cheapest_run_that_meets_an_error_is_named_with_its_model(found):
         met = series.columns["CPU time [s]"][series.columns["error"] <= each.varied["error"]]
         assert each.value == pytest.approx(1e3 * met.min())
         assert each.timed
-    assert speed_models.Run(next(cut_of("z")), 0.1, 1.0).said == "T1, 1 hinges by paper, RK4, step 0.001"
-    assert speed_models.Run(next(cut_of("rigid")), 0.1, 1.0).said == "rigid, RK4, step 0.001"
+    assert speed_models.Run(next(cut_of("z")), 0.1, 1.0).in_words == "T1, 1 hinges by paper, RK4, step 0.001"
+    assert speed_models.Run(next(cut_of("rigid")), 0.1, 1.0).in_words == "rigid, RK4, step 0.001"
 
 
 def cut_of(flex: str):
