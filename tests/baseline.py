@@ -136,7 +136,7 @@ def digests() -> dict[str, str]:
             found |= {f"{name}: {key}": value for key, value in part}
     for path in sorted((ROOT / "validation" / "sweeps").glob("*.toml")):
         rows = fl.sweep(path)
-        found[f"sweep {path.stem}"] = digest(json.dumps([list(map(repr, row)) for row in rows]))
+        found[f"sweep {path.stem}"] = digest(json.dumps([list(map(repr, part)) for part in (rows.columns, rows.rows)]))
     return found
 
 
