@@ -25,9 +25,6 @@ from flexlink.describe.links import link_number
 from flexlink.describe.spec import truncated
 from flexlink.kernels.layout import ChainArrays
 
-EPS = float(np.finfo(np.float64).eps)
-
-
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
 
@@ -127,7 +124,7 @@ class Chain:
         turns = 1 + int(self.bodies["turned"].sum())
         x, y, z = direction
         across = self.axes @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # axis × direction
-        return bool(np.abs(across).max() <= 16 * turns * EPS)
+        return bool(np.abs(across).max() <= 16 * turns * np.finfo(np.float64).eps)
 
     @functools.cached_property
     def is_planar(self) -> bool:

@@ -65,11 +65,12 @@ class Scene(Spec, frozen=True):
             "drive.effort": self.drive.effort,
             **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
         }
+        of_locked_joints_too = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
         for key, values in per_link.items():
             if values is not None and len(values) != links:
                 raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
-                if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
+                if link.joint.locked and values and values[k] and key not in of_locked_joints_too:
                     where = self.arm.path(k + 1, key)
                     raise SceneError(f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         if not self.run.controlled:
@@ -258,7 +259,11 @@ class Scene(Spec, frozen=True):
         """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
-        return toml_of({key: document[key] for key in ORDER if key in document})
+        order = (
+            "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench",
+            "run",
+        )  # fmt: skip
+        return toml_of({key: document[key] for key in order if key in document})
 
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
@@ -269,10 +274,6 @@ class Scene(Spec, frozen=True):
             for key, value in parts.items()
             if (keys is None or key in keys) and value is not None
         }
-
-
-OF_LOCKED_TOO = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
-"""Numbers per link that may be said of a link whose joint is locked."""
 
 
 def _outside_limits(link: Link, angle: float) -> str:
@@ -367,9 +368,5 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 _OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
-ORDER = (
-    "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench", "run",
-)  # fmt: skip
-"""Of the tables of a file that `to_toml` writes."""
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -11,13 +11,14 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array, T
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -26,8 +27,6 @@ ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 """Marks the annotation of a list with one number per link: paths lead to its items by the links' names or numbers."""
 PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
 PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
-
-T = TypeVar("T")
 
 BRIEF = reprlib.Repr()
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
@@ -49,7 +48,6 @@ class _Validated(threading.local):
 
 
 VALIDATED = _Validated()
-UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
 
 
 class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True):
@@ -84,10 +82,6 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
             if getattr(self, field.name) != default_of(field)
         ]
         return f"{type(self).__name__}({', '.join(said)})"
-
-
-SOUND = (str, int, NoneType, Spec)
-"""What needs no look for numbers that are not finite: it holds none, or has been looked through."""
 
 
 def default_of(field: msgspec.structs.FieldInfo) -> object:
@@ -311,14 +305,14 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
     """Keys to an item that is not finite, or has no order, at or below a value, and last what is wrong with it."""
     if isinstance(value, float):
         return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
-    if isinstance(value, SOUND):
+    if isinstance(value, (str, int, NoneType, Spec)):  # holds no float, or was checked before
         return None
-    if isinstance(value, UNORDERED):
+    if isinstance(value, (set, frozenset)):
         return (f"{truncated(value)}: a set has no order; expected a list",)
     items: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Mapping):
         items = value.items()
-    elif isinstance(value, SEQUENCES):
+    elif isinstance(value, (list, tuple)):
         items = enumerate(value)
     for key, item in items:
         flaw = _flaw(item)
@@ -344,7 +338,7 @@ def require_increasing(name: str, times: Sequence[float]) -> None:
             )
 
 
-def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArray[np.float64]:
+def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
     """`value` as a float64 array of its own, row by row.
 
     Raises

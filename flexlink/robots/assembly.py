@@ -19,11 +19,6 @@ from flexlink.describe.spec import Vector3, short_list, truncated
 from flexlink.robots.flexible import FlexibleLink, Made, bent, payload
 from flexlink.robots.serial import Part, SerialPath
 
-NOISE_DEG = 1e-13
-"""What rounding leaves on an angle that is written in nine digits behind the point; few eps of half a turn."""
-ACCURACY = 1e-4
-"""Of a run, as a part of the reach: steps follow from it, whether or not the links bend."""
-
 
 def origins_beyond(way: SerialPath) -> list[Array]:
     """By part, where the next joint, or of the last part the tip, is in its frame [m]."""
@@ -61,7 +56,7 @@ def assembled(
         ),
         gravity=gravity,
         initial=InitialState(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
-        run=RunSettings(relative_tolerance=ACCURACY),
+        run=RunSettings(relative_tolerance=1e-4),
     )
     return scene, made
 
@@ -117,7 +112,8 @@ def _mount(origin: Pose, before: Array) -> Mount:
 def _tidy(degrees: float) -> float:
     """An angle without the rounding that made 89.99999999999999 of a right one."""
     near = round(degrees, 9)
-    return (near if abs(degrees - near) < NOISE_DEG else degrees) + 0.0
+    rounding = 1e-13  # few eps of half a turn
+    return (near if abs(degrees - near) < rounding else degrees) + 0.0
 
 
 def _tip(way: SerialPath, before: Array) -> list[Link]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
@@ -16,12 +18,7 @@ from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 
-NO_NUMBERS: Mapping[str, float] = {}
-NO_BEAMS: Mapping[str, FlexibleLink] = {}
-DOWN = (0.0, 0.0, -9.81)
-"""Gravity [m/s²] in the frame of a robot's root, whose Z points up."""
-LEAST = 0.01
-"""Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -60,11 +57,11 @@ def import_urdf(
     *,
     base: str | None = None,
     tip: str | None = None,
-    posture: Mapping[str, float] = NO_NUMBERS,
-    locked: Mapping[str, float] = NO_NUMBERS,
-    flexible: Mapping[str, FlexibleLink] = NO_BEAMS,
-    armature: Mapping[str, float] = NO_NUMBERS,
-    gravity: Vector3 = DOWN,
+    posture: Mapping[str, float] = NOTHING,
+    locked: Mapping[str, float] = NOTHING,
+    flexible: Mapping[str, FlexibleLink] = NOTHING,
+    armature: Mapping[str, float] = NOTHING,
+    gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:
     """Read a robot from a URDF file and make a scene of the path between two of its links.
 
@@ -87,7 +84,7 @@ def import_urdf(
     armature
         Rotor inertias by joint [kg m²], seen at the joint; URDF has none.
     gravity
-        Acceleration [m/s²] in the root's frame.
+        Acceleration [m/s²] in the root's frame, whose Z points up.
 
     Returns
     -------
@@ -180,12 +177,13 @@ def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
 
 def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
     """The largest beam of each link."""
+    least = 0.01  # below, the joints are too close, or not beside the body's mass
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
     notes = [
         f"{part.link}: at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg can be modelled as a "
         "bending beam from joint to joint"
         for part in way.parts
-        if share.get(part.link, 0.0) >= LEAST
+        if share.get(part.link, 0.0) >= least
     ]
-    others = [part.link for part in way.parts if share.get(part.link, 0.0) < LEAST]
+    others = [part.link for part in way.parts if share.get(part.link, 0.0) < least]
     return [*notes, f"too compact for a beam from joint to joint: {short_list(others)}"] if others else notes

@@ -16,7 +16,6 @@ from flexlink.common.types import Array
 from flexlink.describe.spec import short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
-TURNING = {"revolute", "continuous"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +49,7 @@ class TreeJoint:
     @property
     def turns(self) -> bool:
         """Whether it is a hinge."""
-        return self.kind in TURNING
+        return self.kind in {"revolute", "continuous"}
 
     def pose(self, position: float) -> Pose:
         """The child's frame in the parent's at a position; floating and planar joints stay where they are at 0."""

@@ -16,8 +16,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.vibration.modal import natural_frequencies
 
-CLOSE = 1e-6
-
 
 def clamped_frequency(scene: Scene, link: str) -> float:
     """First frequency [Hz] of a link clamped at its joint, everything beyond it rigid, where it starts, no gravity."""
@@ -47,6 +45,6 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     stiff = msgspec.structs.replace(material, young=young)
     found = scene.varied({"material": scene.arm.materials | {name: stiff}})  # no path: the name may hold any character
     reached = clamped_frequency(found, link)
-    if not abs(reached / hertz - 1) <= CLOSE:
+    if not abs(reached / hertz - 1) <= 1e-6:
         raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz")
     return found

@@ -22,9 +22,6 @@ import numpy as np
 Polynomial = list[Fraction]  # lowest power first
 Tableau = tuple[list[list[Fraction]], list[Fraction], list[Fraction]]
 
-BITS = 256
-"""Numbers are multiples of 2^−256, 60 digits behind those of float64: what solves and powers of A lose is nothing."""
-
 ORDER: dict[str, Callable[[int], int]] = {"Gauss": lambda s: 2 * s, "Radau IIA": lambda s: 2 * s - 1}
 """Order of each family by number of stages."""
 
@@ -84,4 +81,5 @@ def _value(p: Polynomial, x: Fraction) -> Fraction:
 
 
 def _rounded(x: Fraction) -> Fraction:
-    return Fraction(round(x * 2**BITS), 2**BITS)
+    """To a multiple of 2^−256, 60 digits behind those of float64: what solves and powers of A lose is nothing."""
+    return Fraction(round(x * 2**256), 2**256)

@@ -17,17 +17,11 @@ from flexlink.describe import data_files
 from flexlink.describe.schemes import collocation
 from flexlink.describe.spec import Spec, truncated
 
-COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
-"""Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
-
 CLOSE = Fraction(1, 10**15)
 """How far sums of coefficients may be from what they must be: decimals are rounded."""
 
 MOST_STAGES = 9
 """Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
-
-WORST_CONDITION = 1e7
-"""Of the eigenvectors of A: Newton's corrections pass through them and keep 9 digits, where one would do."""
 
 
 class Modes(NamedTuple):
@@ -208,7 +202,8 @@ def method(name: str) -> Method:
 
 
 def _check_number(where: str, x: str) -> None:
-    if not COEFFICIENT.fullmatch(x):
+    # short exponents: a Fraction of "1e999999999" would take all the memory there is
+    if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
         raise SceneError(f"{where}: {truncated(x)}: a coefficient is a decimal or a fraction such as '1/6'")
 
 
@@ -258,7 +253,7 @@ def _modes(method: Method) -> Modes:
     exact, b, _ = method.exact
     A = _float64(exact)
     λ, T = np.linalg.eig(A)
-    if not np.linalg.cond(T) < WORST_CONDITION:
+    if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
         raise SceneError("A: no basis of eigenvectors (a diagonal that repeats has none); take another method")
     wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
     if wrong.size:
