@@ -263,9 +263,9 @@ def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) ->
 def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
     """`Chain.axes`, read-only, from the turns of the bodies that are turned, how many are before each hinge, axes."""
     rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
-    found: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
-    found.flags.writeable = False
-    return found
+    axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
+    axes_in_base.flags.writeable = False
+    return axes_in_base
 
 
 def _hinge_name(coordinate: Coordinate) -> str:

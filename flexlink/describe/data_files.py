@@ -85,10 +85,10 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
             f"{did_you_mean(name, known)}"
         )
     try:
-        found: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
+        description: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
-    return found
+    return description
 
 
 @functools.lru_cache(maxsize=256)

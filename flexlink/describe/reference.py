@@ -67,9 +67,9 @@ class Reference(Spec, frozen=True):
             value = getattr(self, name)
             missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
             if missing or odd:
-                said = ": missing;" if missing else f" = {truncated(value)}:"
+                state = ": missing;" if missing else f" = {truncated(value)}:"
                 takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
-                raise SceneError(f"{name}{said} profile {self.profile!r} takes {takes}")
+                raise SceneError(f"{name}{state} profile {self.profile!r} takes {takes}")
         if self.times is None:
             self._check_time_of_move()
         else:
@@ -168,7 +168,7 @@ class Reference(Spec, frozen=True):
         if self.duration is not None:
             return profiles.PLAIN[self.profile]
         limits = [getattr(self, name) for name in LIMITS]
-        own = profiles.Limits(*(math.inf if given is None else given[link] for given in limits))
+        own = profiles.Limits(*(math.inf if values is None else values[link] for values in limits))
         return profiles.FASTEST[self.profile](distance, own)
 
     def _table(self, times: Row, links: list[int]) -> ReferenceTrajectory:
@@ -200,8 +200,8 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple
         low, high = limits or (-math.inf, math.inf)
         for angle in extremes:
             if max(low - angle, angle - high) > rounding * np.abs(extremes).max():
-                said = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {angle:.9g} deg: {said}")
+                reason = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {angle:.9g} deg: {reason}")
 
 
 def _smooth(t: Array, known: list[Array]) -> Array:

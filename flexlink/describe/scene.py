@@ -98,8 +98,8 @@ class Scene(Spec, frozen=True):
             for name in ("kp", "kd"):
                 gains = getattr(self.drive, name)
                 if gains is not None and gains[number - 1]:
-                    said = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                    raise SceneError(f"{said}: the motion of {motion.link!r} is prescribed; only 0 fits")
+                    gain = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
+                    raise SceneError(f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits")
 
     def _check_grid(self) -> None:
         """Fixed steps end where the run starts, and where a held row gives way to the next."""
@@ -196,9 +196,9 @@ class Scene(Spec, frozen=True):
             They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
         """
         if self.wrench.varies:
-            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
+            cause = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
             raise SceneError(
-                f"wrench.{said}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
+                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
             )
         return np.array([*self.wrench.force, *self.wrench.moment])
 

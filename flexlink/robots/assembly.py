@@ -16,7 +16,7 @@ from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.flexible import FlexibleLink, Made, bent, payload
+from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload
 from flexlink.robots.serial import Part, SerialPath
 
 
@@ -31,7 +31,7 @@ def assembled(
     flexible: Mapping[str, FlexibleLink],
     armature: Mapping[str, float],
     gravity: Vector3,
-) -> tuple[Scene, list[Made]]:
+) -> tuple[Scene, list[ImportedLink]]:
     """The scene, and the links that it is made of; their Young's modulus is still that of their material.
 
     Raises
@@ -41,9 +41,9 @@ def assembled(
     SceneError, ArgumentError
         As in `bent`; or a negative armature.
     """
-    made = list(_made(way, flexible, armature))
-    _check_last(made[-1].link)
-    links = [one.link for one in made]
+    parts = list(_imported_links(way, flexible, armature))
+    _check_last(parts[-1].link)
+    links = [one.link for one in parts]
     links += _tip(way, _stop(links[-1]))
     starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
     scene = Scene(
@@ -51,28 +51,30 @@ def assembled(
         about=f"{name} from {way.base} to {way.tip}, imported from URDF",
         arm=Arm(
             links=tuple(links),
-            materials={one.link.name: one.material for one in made if one.material is not None},
-            sections={one.link.name: one.section for one in made if one.section is not None},
+            materials={one.link.name: one.material for one in parts if one.material is not None},
+            sections={one.link.name: one.section for one in parts if one.section is not None},
         ),
         gravity=gravity,
         initial=InitialState(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
         run=RunSettings(relative_tolerance=1e-4),
     )
-    return scene, made
+    return scene, parts
 
 
-def _made(way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]) -> Iterator[Made]:
+def _imported_links(
+    way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
+) -> Iterator[ImportedLink]:
     """Link by link."""
     at = np.zeros(3)  # where the link before ends, in the frame of its part
     for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
-        made = Made(_rigid(part, at, armature.get(part.joint.name, 0.0)))
+        imported = ImportedLink(_rigid(part, at, armature.get(part.joint.name, 0.0)))
         if part.link in flexible:
             try:
-                made = bent(part, made.link, flexible[part.link], beyond)
+                imported = bent(part, imported.link, flexible[part.link], beyond)
             except SceneError as error:
                 raise SceneError(f"flexible: link {truncated(part.link)}: {error}") from None
-        at = _stop(made.link)
-        yield made
+        at = _stop(imported.link)
+        yield imported
 
 
 def _stop(link: Link) -> Array:

@@ -66,12 +66,12 @@ def folder() -> Path:
 def known_arms() -> dict[str, KnownArm]:
     """All arms of the table, by name; those with flexible links also rigid."""
     table: dict[str, KnownArm] = decode(read_toml(Path(__file__).parent / "data" / "arms.toml"), dict[str, KnownArm])
-    found: dict[str, KnownArm] = {}
+    arms: dict[str, KnownArm] = {}
     for name, arm in table.items():
-        found[name] = msgspec.structs.replace(arm, flexible={})
+        arms[name] = msgspec.structs.replace(arm, flexible={})
         if arm.flexible:
-            found[f"{name}_flexible"] = arm
-    return found
+            arms[f"{name}_flexible"] = arm
+    return arms
 
 
 def known_arm(name: str) -> KnownArm:

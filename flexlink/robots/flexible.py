@@ -48,7 +48,7 @@ class FlexibleLink(Spec, frozen=True):
             raise SceneError("section: missing; give section or frequency_hz")
 
 
-class Made(NamedTuple):
+class ImportedLink(NamedTuple):
     """A link of a scene; of one that bends, its own material and section, what is to be said, and what is in doubt."""
 
     link: Link
@@ -74,7 +74,7 @@ def slender_mass(part: Part, next_origin: Array) -> float:
     return largest_mass(part.body, thin.moved(_pose(line)))
 
 
-def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> Made:
+def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> ImportedLink:
     """Make a rigid link flexible.
 
     Parameters
@@ -122,8 +122,8 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    said = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
-    return Made(link, material, section, f"{part.link}: {said}", _warning(part, largest))
+    description = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
+    return ImportedLink(link, material, section, f"{part.link}: {description}", _warning(part, largest))
 
 
 def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:

@@ -108,7 +108,7 @@ def import_urdf(
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
-    scene, made = assembled(robot.name, way, flexible, armature, gravity)
+    scene, parts = assembled(robot.name, way, flexible, armature, gravity)
     for part in way.parts:
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
@@ -117,8 +117,8 @@ def import_urdf(
         part.link: slender_mass(part, beyond) for part, beyond in zip(way.parts, origins_beyond(way), strict=True)
     }
     stated = {*posture, *locked}
-    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in made)), *_beams(way, largest)]
-    warnings = [*filter(None, (one.warning for one in made)), *_left_behind(robot, way)]
+    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in parts)), *_beams(way, largest)]
+    warnings = [*filter(None, (one.warning for one in parts)), *_left_behind(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
@@ -160,8 +160,8 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
         if limits is not None and limits[0] == limits[1]:
             notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal: ignored")
     if way.held:
-        said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        notes.append(f"fixed at [rad, m]: {short_list(said)}")
+        positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
+        notes.append(f"fixed at [rad, m]: {short_list(positions)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
     notes.append("ignored: " + ", ".join(["limits of effort and velocity", *left_out]))
     return notes

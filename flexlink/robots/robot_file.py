@@ -69,11 +69,11 @@ def _robot(root: ET.Element) -> Robot:
             raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
         if any(len(value) > longest for value in element.attrib.values()):
             raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters")
-    found = root.findall("link")
-    if len(found) > most_links:
-        raise DataFileError(f"{len(found)} links; at most {most_links} are read")
+    elements = root.findall("link")
+    if len(elements) > most_links:
+        raise DataFileError(f"{len(elements)} links; at most {most_links} are read")
     links: dict[str, SpatialInertia] = {}
-    for element in found:
+    for element in elements:
         links[_new_name(element, links)] = _body(element)
     joints: dict[str, TreeJoint] = {}
     for element in root.findall("joint"):
@@ -104,24 +104,24 @@ def _said(element: ET.Element) -> str:
 
 
 def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
-    found = parent.findall(tag)
-    if len(found) > 1:
-        raise DataFileError(f"{about}: <{tag}> is given {len(found)} times")
-    return found[0] if found else None
+    elements = parent.findall(tag)
+    if len(elements) > 1:
+        raise DataFileError(f"{about}: <{tag}> is given {len(elements)} times")
+    return elements[0] if elements else None
 
 
 def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
-    found = _one(parent, tag, about)
-    if found is None:
+    child = _one(parent, tag, about)
+    if child is None:
         raise DataFileError(f"{about}: <{tag}>: missing")
-    return found
+    return child
 
 
 def _text(element: ET.Element, key: str, about: str) -> str:
-    found = element.get(key)
-    if found is None:
+    text = element.get(key)
+    if text is None:
         raise DataFileError(f"{about}: <{element.tag} {key}>: missing")
-    return found
+    return text
 
 
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:

@@ -50,10 +50,10 @@ def _legendre(s: int) -> Polynomial:
 def _zeros(p: Polynomial) -> list[Fraction]:
     """The zeros on [0, 1], all simple, ascending: those that float64 finds, then Newton's method."""
     slope = derivative(p)
-    found = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
+    zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
     for _doubling_of_digits in range(6):  # 8 → 512 bits
-        found = [_rounded(x - evaluate(p, x) / evaluate(slope, x)) for x in found]
-    return found
+        zeros = [_rounded(x - evaluate(p, x) / evaluate(slope, x)) for x in zeros]
+    return zeros
 
 
 def _rounded(x: Fraction) -> Fraction:
