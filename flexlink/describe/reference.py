@@ -118,7 +118,7 @@ class Reference(Spec, frozen=True):
 
         Returns
         -------
-        Course
+        ReferenceTrajectory
             One angle per link asked for; called with times, it gives angles, rates and accelerations.
 
         Raises

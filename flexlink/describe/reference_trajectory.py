@@ -59,7 +59,8 @@ class ReferenceTrajectory:
 
     def __repr__(self) -> str:
         m, p, d = self.coefficients.shape
-        return f"<Course of {d} angles: {m} pieces of degree {p - 1}, {self.knots[0]:g} to {self.knots[-1]:g} s>"
+        first, last = self.knots[0], self.knots[-1]
+        return f"<ReferenceTrajectory of {d} angles: {m} pieces of degree {p - 1}, {first:g} to {last:g} s>"
 
     def restated(self, knots: Array) -> Array:
         """Coefficients about other knots, each of which begins no later than the piece here that holds it ends.

@@ -46,7 +46,8 @@ class ImportResult:
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<Imported {self.scene.name!r}: {len(self.path.parts)} joints from {self.path.base} to {self.path.tip}>"
+        path = self.path
+        return f"<ImportResult {self.scene.name!r}: {len(path.parts)} joints from {path.base} to {path.tip}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
@@ -88,7 +89,7 @@ def import_urdf(
 
     Returns
     -------
-    Imported
+    ImportResult
         The scene, and what was done.
 
     Raises
