@@ -84,7 +84,7 @@ def test_friction_start_and_rotors_are_carried_over(robot) -> None:
 
 def test_what_is_imported_is_shown_in_a_line(robot) -> None:
     _, path, imported = robot(0)
-    assert repr(imported) == "<Imported 'random': 3 joints from p1 to p9>"
+    assert repr(imported) == "<ImportResult 'random': 3 joints from p1 to p9>"
     assert repr(read_robot(path)) == "<Robot 'random': 28 links, 27 joints>"
 
 

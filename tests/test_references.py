@@ -264,7 +264,7 @@ def test_a_course_of_ones_own_is_checked() -> None:
     ):
         with pytest.raises(fl.errors.ArgumentError, match=message):
             fl.ReferenceTrajectory(knots, c)
-    assert repr(still([1.0, 2.0])) == "<Course of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
+    assert repr(still([1.0, 2.0])) == "<ReferenceTrajectory of 2 angles: 1 pieces of degree 0, 0 to 0 s>"
 
 
 def driven(reference: fl.Reference, **fields: object) -> fl.Scene:

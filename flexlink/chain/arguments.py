@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError
-from flexlink.common.types import Array
+from flexlink.common.types import Array, T
 from flexlink.describe.spec import did_you_mean, numbers, to_builtin, truncated
 from flexlink.kernels.tools.finite import is_finite
 
-T = TypeVar("T")
 FLOAT64 = np.dtype(np.float64)
 NO_WRENCH = np.zeros(6)
 

@@ -15,9 +15,6 @@ from flexlink.common.types import Array
 from flexlink.describe.rigid_body import RigidBody
 from flexlink.kernels.layout import BODY
 
-RIGHT, BELOW = np.triu_indices(3, 1)
-"""Of the elements above a diagonal; the other way round they are those below."""
-
 
 class Piece(NamedTuple):
     """A straight piece of a link between two of its hinges, x along it: what there is to be seen of an arm.
@@ -56,7 +53,8 @@ def recorded(bodies: list[Body]) -> NDArray[np.void]:
     """The bodies as an array of dtype `BODY`."""
     records = np.array([body.record() for body in bodies], dtype=BODY)
     I = records["inertia"]
-    I[:, BELOW, RIGHT] = I[:, RIGHT, BELOW]  # R I Rᵀ is symmetric up to rounding only
+    row, column = np.triu_indices(3, 1)  # of the elements above the diagonal
+    I[:, column, row] = I[:, row, column]  # R I Rᵀ is symmetric up to rounding only
     records["turned"] = (records["rotation"] != HERE.R).any(axis=(1, 2))
     return records
 

@@ -27,9 +27,6 @@ from flexlink.describe.spec import truncated
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.layout import ChainArrays
 
-EPS = float(np.finfo(np.float64).eps)
-
-
 Joints = str | int | Iterable[str | int | np.integer[Any] | np.bool_]
 """Joints of a chain: see `Chain.joint_indices`."""
 
@@ -169,7 +166,7 @@ class Chain:
         turns = 1 + int(self.bodies["turned"].sum())
         x, y, z = direction
         across = self.axes @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])  # axis × direction
-        return bool(np.abs(across).max() <= 16 * turns * EPS)
+        return bool(np.abs(across).max() <= 16 * turns * np.finfo(np.float64).eps)
 
     @functools.cached_property
     def is_planar(self) -> bool:
@@ -308,9 +305,9 @@ def _joint_names(links: tuple[str, ...], coordinates: tuple[Coordinate, ...]) ->
 def _axes(turns: bytes, before: bytes, axes: bytes) -> Array:
     """`Chain.axes`, read-only, from the turns of the bodies that are turned, how many are before each hinge, axes."""
     rotations = np.array([*accumulate(np.frombuffer(turns).reshape(-1, 3, 3), np.matmul, initial=np.eye(3))])
-    found: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
-    found.flags.writeable = False
-    return found
+    axes_in_base: Array = rotations[np.frombuffer(before, np.intp), :, np.frombuffer(axes, np.int64)]
+    axes_in_base.flags.writeable = False
+    return axes_in_base
 
 
 def _hinge_name(coordinate: Coordinate) -> str:

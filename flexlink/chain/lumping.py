@@ -24,11 +24,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.lumping_rules import LumpingRule, lumping_rule
 from flexlink.kernels.layout import HINGE
 
-TWIST, GEAR = 1, 3  # axes of coordinates
-LIMITS = {"lower", "upper"}
-BUT_LIMITS = [k for k, field in enumerate(HINGE.names or ()) if field not in LIMITS]
-"""Columns of an array of hinges, whose fields are one number each."""
-
+TWIST = 1  # axis of a coordinate
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(4)
 
 
@@ -109,10 +105,12 @@ def _walked(scene: Scene) -> Builder:
 
 def _check_finite(name: str, array: NDArray[np.void]) -> None:
     finite = np.isfinite(array.view(np.float64))  # whole numbers seen so are, too; only limits need not be
-    if finite.all() or (array.dtype == HINGE and finite.reshape(len(array), -1)[:, BUT_LIMITS].all()):
+    fields, limits = array.dtype.names or (), {"lower", "upper"}
+    numbers = [k for k, field in enumerate(fields) if field not in limits]  # columns: a field of a hinge is one number
+    if finite.all() or (array.dtype == HINGE and finite.reshape(len(array), -1)[:, numbers].all()):
         return
-    for field in array.dtype.names or ():
-        if field not in LIMITS and not np.isfinite(array[field]).all():
+    for field in fields:
+        if field not in limits and not np.isfinite(array[field]).all():
             raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
 
 
@@ -146,7 +144,7 @@ def _add_joint(builder: Builder, link: Link, number: int, locked_deg: float, pre
             armature=joint.armature, lower=lower, upper=upper, prescribed=prescribed,
         )  # fmt: skip
     if joint.gear_stiffness is not None:
-        builder.add_hinge(Coordinate(number, 0, GEAR), axis, joint.gear_stiffness, joint.gear_damping)
+        builder.add_hinge(Coordinate(number, 0, axis=3), axis, joint.gear_stiffness, joint.gear_damping)
     builder.turn(turn.T)
     builder.add_payload(link.hub)
 

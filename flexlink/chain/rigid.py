@@ -64,9 +64,9 @@ class SpatialInertia(NamedTuple):
     def moments(self) -> Array:
         """∫ (1, x)(1, x)ᵀ dm, shape (4, 4): mass, first moment [kg m], second moment about the origin [kg m²]."""
         point = np.array([1.0, *self.center])
-        found = self.mass * np.outer(point, point)
-        found[1:, 1:] += self.covariance
-        return found
+        moments = self.mass * np.outer(point, point)
+        moments[1:, 1:] += self.covariance
+        return moments
 
 
 NOTHING = SpatialInertia(0.0, np.zeros(3), np.zeros((3, 3)))

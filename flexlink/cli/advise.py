@@ -34,12 +34,12 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     tip = float(options.tip) if _is_number(options.tip) else options.tip
     with prefix_errors(options.scene):
-        found = advise(scene, tip, deflection=options.deflection, band=options.band, budget=options.budget)
-    print(found)
+        advice = advise(scene, tip, deflection=options.deflection, band=options.band, budget=options.budget)
+    print(advice)
     if options.out is not None:
-        write_or_keep(options.out, lambda place: write_text(place, found.scene.to_toml()))
+        write_or_keep(options.out, lambda place: write_text(place, advice.scene.to_toml()))
         print(f"scene: {options.out}")
-    return 0 if found.met else 1
+    return 0 if advice.met else 1
 
 
 def _is_number(text: str) -> bool:

@@ -56,10 +56,10 @@ def run_command(options: argparse.Namespace) -> int:
 def _compare_runs(scene: Scene, options: argparse.Namespace) -> int:
     bar = Progress(scene.name)
     with prefix_errors(options.scene):
-        found = compare_trajectories(scene, engines=options.engines, duration=options.duration, progress=bar)
+        comparison = compare_trajectories(scene, engines=options.engines, duration=options.duration, progress=bar)
     bar.clear()
-    print(found)
-    return 0 if found.passed else 1
+    print(comparison)
+    return 0 if comparison.passed else 1
 
 
 def _refuse_without_effect(options: argparse.Namespace) -> None:

@@ -78,11 +78,11 @@ def _asked(robot: Robot, known: KnownArm, options: argparse.Namespace) -> dict[s
 
 def _positions(robot: Robot, option: str, texts: Sequence[str]) -> dict[str, float]:
     """Positions [rad, m] by joint of what is written in degrees and metres."""
-    found = {}
+    positions = {}
     for name, value in assignments(option, texts, "elbow=90").items():
         number = finite(value)
         if number is None:
             raise ArgumentError(f"{option} {name}={value}: expected a finite number [deg; of a slide m]")
         slides = name in robot.joints and robot.joints[name].kind == "prismatic"
-        found[name] = number if slides else math.radians(number)
-    return found
+        positions[name] = number if slides else math.radians(number)
+    return positions

@@ -34,16 +34,16 @@ def run_command(options: argparse.Namespace) -> int:
     scene = varied_scene(options.scene, options.set)
     building()  # what is missing is said before the work
     with prefix_errors(options.scene):
-        found = report(
+        page = report(
             scene, options.out, against=options.against, command=_command(),
             progress=lambda line: print(line, file=sys.stderr, flush=True),
         )  # fmt: skip
-    for verdict in found.verdicts:
+    for verdict in page.verdicts:
         print(f"{verdict.about}: {verdict.word}. {verdict.text}")
-    for failure in found.failures:
+    for failure in page.failures:
         print(f"not computed: {failure}")
-    print(f"report: {found.page}")
-    return 0 if found.passed else 1
+    print(f"report: {page.page}")
+    return 0 if page.passed else 1
 
 
 def _command() -> str:

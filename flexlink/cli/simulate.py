@@ -61,8 +61,8 @@ def add_options(command: argparse.ArgumentParser) -> None:
 def run_command(options: argparse.Namespace) -> int:
     """Run a scene, show how far it is, deliver what was asked for."""
     settings = {f"run.{name}": getattr(options, name) for name in RunSettings.__struct_fields__}
-    said = {path: value for path, value in settings.items() if value is not None}
-    scene = varied_scene(options.scene, options.set, said)
+    changes = {path: value for path, value in settings.items() if value is not None}
+    scene = varied_scene(options.scene, options.set, changes)
     if options.out is not None:
         output_format(options.out)
         require_writable(options.out)

@@ -66,9 +66,9 @@ def run_command(options: argparse.Namespace) -> int:
 def _planned(options: argparse.Namespace) -> Plan:
     """The plan of a file that can be carried out, with what `--set` sets for all members."""
     sweep = load_sweep(options.sweep)
-    said = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
+    changes = assignments("--set", options.set, "run.step=1e-4", "PATH=VALUE")
     with prefix_errors(options.sweep):
-        plan = Plan(replace(sweep, set={**sweep.set, **said}))
+        plan = Plan(replace(sweep, set={**sweep.set, **changes}))
         preflight(plan)
     return plan
 

@@ -15,7 +15,6 @@ from flexlink.common.errors import DataFileError
 LARGEST = 5_000_000  # bytes; a robot of a thousand links has half a megabyte
 MOST_ELEMENTS = 200_000  # attributes counted, too; together some 100 MB
 DEEPEST = 1000  # nested elements; MuJoCo reads 500
-NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
 
 
 def parse(text: str | bytes, what: str) -> ET.Element:
@@ -58,7 +57,8 @@ def numbers_of(text: str) -> list[float] | None:
     Python's own `float` also takes `1_0`, `nan` and digits of any script, which other programs refuse.
     """
     words = text.split()
-    return [float(word) for word in words] if all(map(NUMBER.fullmatch, words)) else None
+    number = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)  # no digit in two ways: linear time
+    return [float(word) for word in words] if all(map(number.fullmatch, words)) else None
 
 
 class _Elements(ET.TreeBuilder):

@@ -1,8 +1,11 @@
-"""Types of arrays by what they hold."""
+"""Types of arrays by what they hold, and a type variable."""
+
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+T = TypeVar("T")
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Indices = NDArray[np.int64]

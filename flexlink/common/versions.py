@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 
 def versions(packages: Iterable[str]) -> dict[str, str]:
     """Installed versions; "" for what is absent."""
-    found = {}
+    versions = {}
     for name in packages:
         try:
-            found[name] = importlib.metadata.version(name)
+            versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
-            found[name] = ""
-    return found
+            versions[name] = ""
+    return versions
 
 
 def processor() -> str:

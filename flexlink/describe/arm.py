@@ -61,13 +61,13 @@ class Section(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         wanted = SHAPES[self.shape][1]
-        given = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
-        for name in given:
+        dimensions = [n for n in self.__struct_fields__ if n != "shape" and getattr(self, n) is not None]
+        for name in dimensions:
             if name not in wanted:
                 allowed = ", ".join(wanted)
                 raise SceneError(f"{name} = {getattr(self, name)!r}: a {self.shape} takes {allowed}")
         for name in wanted:
-            if name not in given:
+            if name not in dimensions:
                 raise SceneError(f"{name}: missing; a {self.shape} needs {', '.join(wanted)}")
         if self.outer is not None and self.inner is not None and self.inner >= self.outer:
             raise SceneError(f"inner = {self.inner!r}: must be smaller than outer = {self.outer!r}")
@@ -82,8 +82,8 @@ class Section(Spec, frozen=True):
             properties = {"area or second moment": math.inf}
         for name, value in properties.items():
             if not 0 < value < math.inf:
-                given = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
-                raise SceneError(f"{given}: {name} = {value!r} is beyond the numbers of float64")
+                values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
+                raise SceneError(f"{values}: {name} = {value!r} is beyond the numbers of float64")
 
     @property
     def properties(self) -> SectionProperties:
@@ -212,11 +212,11 @@ class Link(Spec, frozen=True):
 def _beam(line: tuple[Vector3, Vector3] | None, stop: Vector3, up: Vector3 | None, axis: Vector3) -> Line:
     """Read-only: links of one geometry share it."""
     if line is None and not any(stop):
-        found = Line(np.zeros(3), 0.0, np.eye(3))
+        beam = Line(np.zeros(3), 0.0, np.eye(3))
     else:
-        found = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
-    found.start.flags.writeable = found.frame.flags.writeable = False
-    return found
+        beam = line_of(line or ((0.0, 0.0, 0.0), stop), up, unit("axis", axis))
+    beam.start.flags.writeable = beam.frame.flags.writeable = False
+    return beam
 
 
 class Arm(Spec, frozen=True):

@@ -108,8 +108,8 @@ class Drive(Spec, frozen=True):
             if (getattr(self, name) is not None) != (name in wanted):
                 takes, value = ", ".join(wanted) or "nothing else", getattr(self, name)
                 takes = takes.replace("target_deg", "target_deg or reference")
-                said = ": missing;" if value is None else f" = {truncated(value)}:"
-                raise SceneError(f"{name}{said} drive kind {self.kind!r} takes {takes}")
+                state = ": missing;" if value is None else f" = {truncated(value)}:"
+                raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
         check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
             raise SceneError(f"gravity = {self.gravity!r}: takes drive kind 'pd'")
@@ -321,8 +321,8 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     SceneError
         Both are given.
     """
-    said = {path for path, value in changes.items() if value is not None}
-    tolerances, step = said & {"run.tolerance", "run.relative_tolerance"}, "run.step" in said
+    changed = {path for path, value in changes.items() if value is not None}
+    tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
         raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too")
     gone: list[str] = []

@@ -6,16 +6,14 @@ import functools
 import os
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
 from flexlink.common.files import read_regular
+from flexlink.common.types import T
 from flexlink.describe.spec import decode, did_you_mean, truncated
 
-T = TypeVar("T")
-
 DATA = Path(__file__).parent / "data"
-LARGEST_FILE = 1_000_000  # bytes; a description is text that a person can read
 
 
 def require_path(name: str, value: object) -> Path:
@@ -40,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         The file is missing, unreadable, a pipe (which may never say anything), larger than 1 MB, empty, not UTF-8 or
         not TOML.
     """
-    data = read_regular(path, largest=LARGEST_FILE, error=SceneError)
+    data = read_regular(path, largest=1_000_000, error=SceneError)
     try:
         text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
@@ -87,10 +85,10 @@ def load(folder: str, key: str, name: str, kind: type[T]) -> T:
             f"{did_you_mean(name, known)}"
         )
     try:
-        found: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
+        description: T = _of_user(name, kind) if is_user_file(name) else _of_ours(folder, name, cast("Any", kind))
     except (SceneError, OSError, ValueError) as error:
         raise DataFileError(f"{key} = {truncated(name)}: {error}") from None
-    return found
+    return description
 
 
 @functools.lru_cache(maxsize=256)

@@ -12,9 +12,6 @@ from flexlink.common.products import dot
 from flexlink.common.types import Array
 from flexlink.describe.spec import Vector3, truncated
 
-PARALLEL = 1e-6
-"""Radians below which two directions are the same one: files of robots state angles to some ten digits."""
-
 
 def unit(key: str, vector: Vector3 | Array) -> Array:
     """The direction of a vector, shape (3,); coordinate axes are exact.
@@ -76,7 +73,7 @@ def _across(x: Array, direction: Array) -> Array | None:
 
     Taken across twice: where the two nearly line up, the first time leaves eps / angle along x.
     """
-    if math.hypot(*np.cross(x, direction)) < PARALLEL:
+    if math.hypot(*np.cross(x, direction)) < 1e-6:  # parallel: files of robots state angles to some ten digits
         return None
     for _ in range(2):
         across = direction - dot(direction, x) * x

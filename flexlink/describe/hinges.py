@@ -22,14 +22,14 @@ def hinges_of(arm: Arm) -> list[tuple[Array, Array]]:
     DataFileError
         A rule's own file is not valid.
     """
-    found = []
+    hinges = []
     for k, link in enumerate(arm.links, 1):
         try:
-            found.append(_hinges_of(link))
+            hinges.append(_hinges_of(link))
         except (ArgumentError, SceneError, DataFileError) as error:
             kind = DataFileError if isinstance(error, DataFileError) else SceneError
             raise kind(f"{arm.path(k)}.{error}") from None
-    return found
+    return hinges
 
 
 def _hinges_of(link: Link) -> tuple[Array, Array]:
@@ -50,8 +50,8 @@ def _hinges_of(link: Link) -> tuple[Array, Array]:
 def _stands_alone(link: Link) -> bool:
     """Whether a hinge at the root of the beam has a fixed place or inertia on its other side."""
     joint = link.joint
-    held = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
-    return held or link.hub.about(joint.direction) > 0
+    supported = joint.gear_stiffness is None and bool(joint.locked or joint.armature)
+    return supported or link.hub.about(joint.direction) > 0
 
 
 def _hinges(rule: LumpingRule, link: Link) -> tuple[Array, Array]:

@@ -13,11 +13,6 @@ import numpy as np
 
 from flexlink.common.types import Array
 
-QUINTIC = ((0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0))
-"""s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, about 0 and, so that little cancels at the end, about 1/2."""
-QUINTIC_PEAKS = 15 / 8, 10 / math.sqrt(3), 60.0
-"""Largest s' T, s'' T², s''' T³."""
-
 
 class Limits(NamedTuple):
     """Largest rate, acceleration and jerk of a joint, inf where there is no limit."""
@@ -39,7 +34,9 @@ class Quintic(NamedTuple):
     @property
     def pieces(self) -> tuple[Array, Array]:
         """Knots from 0 on [s], shape (3,), and coefficients (2, 6)."""
-        return self.duration * np.array([0.0, 0.5, 1.0]), np.array(QUINTIC) / self.duration ** np.arange(6)
+        # s = 10 x³ − 15 x⁴ + 6 x⁵, x = t/T, about 0 and, so that little cancels at the end, about 1/2
+        s = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (0.5, 1.875, 0.0, -5.0, 0.0, 6.0)])
+        return self.duration * np.array([0.0, 0.5, 1.0]), s / self.duration ** np.arange(6)
 
 
 class Ramps(NamedTuple):
@@ -85,7 +82,8 @@ Shape = Quintic | Ramps
 
 def fastest_quintic(distance: float, limits: Limits) -> Quintic:
     """The fastest quintic over a distance > 0 within limits."""
-    parts = [peak * distance / limit for peak, limit in zip(QUINTIC_PEAKS, limits, strict=True)]
+    peaks = 15 / 8, 10 / math.sqrt(3), 60.0  # largest s' T, s'' T², s''' T³
+    parts = [peak * distance / limit for peak, limit in zip(peaks, limits, strict=True)]
     return Quintic(max(part ** (1 / order) for order, part in enumerate(parts, 1)))
 
 

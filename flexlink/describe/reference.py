@@ -19,22 +19,15 @@ from flexlink.describe.spec import NonNegative, PerLink, Positive, PositivePerLi
 Row = tuple[float, ...]
 
 LIMITS = ("max_rate_deg", "max_acceleration_deg", "max_jerk_deg")
-MOVE = ("from_deg", "start", "duration")
 TAKES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "quintic": (("to_deg",), (*MOVE, *LIMITS)),
-    "trapezoidal": (("to_deg",), (*MOVE, *LIMITS[:2])),
-    "s_curve": (("to_deg",), (*MOVE, *LIMITS)),
+    "quintic": (("to_deg",), ("from_deg", "start", "duration", *LIMITS)),
+    "trapezoidal": (("to_deg",), ("from_deg", "start", "duration", *LIMITS[:2])),
+    "s_curve": (("to_deg",), ("from_deg", "start", "duration", *LIMITS)),
     "linear": (("times", "angle_deg"), ()),
     "smooth": (("times", "angle_deg"), ("rate_deg", "acceleration_deg")),
     "hold": (("times", "angle_deg"), ()),
 }
 """What each profile needs, and what it may have."""
-ON_TIME = 8 * np.finfo(float).eps
-"""Held rows begin earlier by this part, more than a sample's time may be off by: a sample then sees what follows."""
-ROUNDING = MOST_IMPULSES * np.finfo(float).eps
-"""Of an angle that a reference reaches: the sum of as many."""
-SETS_THE_TIME = {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}
-"""Of which limits a move without duration needs one: without that of the acceleration a trapezoid would be a jump."""
 
 
 class Reference(Spec, frozen=True):
@@ -74,9 +67,9 @@ class Reference(Spec, frozen=True):
             value = getattr(self, name)
             missing, odd = name in needs and value is None, name not in (*needs, *may) and value not in (None, 0.0)
             if missing or odd:
-                said = ": missing;" if missing else f" = {truncated(value)}:"
+                state = ": missing;" if missing else f" = {truncated(value)}:"
                 takes = ", ".join(needs) + (f", and may have {', '.join(may)}" if may else "")
-                raise SceneError(f"{name}{said} profile {self.profile!r} takes {takes}")
+                raise SceneError(f"{name}{state} profile {self.profile!r} takes {takes}")
         if self.times is None:
             self._check_time_of_move()
         else:
@@ -84,7 +77,8 @@ class Reference(Spec, frozen=True):
 
     def _check_time_of_move(self) -> None:
         limits = [name for name in LIMITS if getattr(self, name) is not None]
-        needed = SETS_THE_TIME[self.profile]
+        # without a limit of the acceleration a trapezoid would be a jump
+        needed = {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
         if self.duration is not None and limits:
             raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give one of both")
         if self.duration is None and not set(limits) & set(needed):
@@ -124,7 +118,7 @@ class Reference(Spec, frozen=True):
 
         Returns
         -------
-        Course
+        ReferenceTrajectory
             One angle per link asked for; called with times, it gives angles, rates and accelerations.
 
         Raises
@@ -174,7 +168,7 @@ class Reference(Spec, frozen=True):
         if self.duration is not None:
             return profiles.PLAIN[self.profile]
         limits = [getattr(self, name) for name in LIMITS]
-        own = profiles.Limits(*(math.inf if given is None else given[link] for given in limits))
+        own = profiles.Limits(*(math.inf if values is None else values[link] for values in limits))
         return profiles.FASTEST[self.profile](distance, own)
 
     def _table(self, times: Row, links: list[int]) -> ReferenceTrajectory:
@@ -184,7 +178,8 @@ class Reference(Spec, frozen=True):
         if len(t) == 1:
             return still(angles[0])
         if self.profile == "hold":
-            return ReferenceTrajectory(t * (1 - ON_TIME), angles[:, None])
+            on_time = 8 * np.finfo(float).eps  # more than a sample's time may be off by: a sample sees what follows
+            return ReferenceTrajectory(t * (1 - on_time), angles[:, None])
         if self.profile == "linear":
             return from_rest_to_rest(
                 t, np.stack([angles[:-1], np.diff(angles, axis=0) / np.diff(t)[:, None]], 1), angles[-1]
@@ -200,12 +195,13 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple
     SceneError
         The message names the link, the angle reached and the limits.
     """
+    rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
     for (name, limits), *extremes in zip(joints, *np.degrees(course.extremes()), strict=True):
         low, high = limits or (-math.inf, math.inf)
         for angle in extremes:
-            if max(low - angle, angle - high) > ROUNDING * np.abs(extremes).max():
-                said = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
-                raise SceneError(f"reaches {angle:.9g} deg: {said}")
+            if max(low - angle, angle - high) > rounding * np.abs(extremes).max():
+                reason = f"outside limits_deg = {[low, high]} of the joint of {name!r}"
+                raise SceneError(f"reaches {angle:.9g} deg: {reason}")
 
 
 def _smooth(t: Array, known: list[Array]) -> Array:

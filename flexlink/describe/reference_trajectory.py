@@ -16,11 +16,6 @@ from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.spec import numbers
 
-NEAR = 16 * np.finfo(float).eps
-"""Times that differ by less, of the largest, are one: sums of the same delays in another order."""
-MOST_PIECES = 100_000
-"""Of a sum of delayed courses: beyond, putting them together takes minutes and gigabytes."""
-
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class ReferenceTrajectory:
@@ -64,7 +59,8 @@ class ReferenceTrajectory:
 
     def __repr__(self) -> str:
         m, p, d = self.coefficients.shape
-        return f"<Course of {d} angles: {m} pieces of degree {p - 1}, {self.knots[0]:g} to {self.knots[-1]:g} s>"
+        first, last = self.knots[0], self.knots[-1]
+        return f"<ReferenceTrajectory of {d} angles: {m} pieces of degree {p - 1}, {first:g} to {last:g} s>"
 
     def restated(self, knots: Array) -> Array:
         """Coefficients about other knots, each of which begins no later than the piece here that holds it ends.
@@ -94,9 +90,10 @@ class ReferenceTrajectory:
             raise ArgumentError(
                 f"times, weights: shapes {t.shape}, {a.shape}; expected finite numbers, (k,) both, k > 0"
             )
-        if len(t) * len(self.knots) > MOST_PIECES:
+        most = 100_000  # beyond, putting them together takes minutes and gigabytes
+        if len(t) * len(self.knots) > most:
             raise ArgumentError(
-                f"{len(t)} impulses on {len(self.knots)} pieces are {len(t) * len(self.knots)}; at most {MOST_PIECES}"
+                f"{len(t)} impulses on {len(self.knots)} pieces are {len(t) * len(self.knots)}; at most {most}"
             )
         copies = [self.delayed(delay) for delay in t]
         knots = common_knots(copies)
@@ -172,8 +169,9 @@ def common_knots(courses: Sequence[ReferenceTrajectory]) -> Array:
 
 
 def apart(knots: Array) -> NDArray[np.bool_]:
-    """Which knots are not one with the next."""
-    return np.asarray(np.diff(knots, append=np.inf) > NEAR * np.abs(knots).max(initial=0.0))
+    """Which knots differ from the next by more than rounding: sums of the same delays in another order."""
+    rounding = 16 * np.finfo(float).eps
+    return np.asarray(np.diff(knots, append=np.inf) > rounding * np.abs(knots).max(initial=0.0))
 
 
 def _values(c: Array, x: Array, shape: tuple[int, ...]) -> tuple[Array, Array, Array]:

@@ -67,11 +67,12 @@ class Scene(Spec, frozen=True):
             "drive.effort": self.drive.effort,
             **{f"drive.torques[{k}]": row for k, row in enumerate(self.drive.torques or ())},
         }
+        of_locked_joints_too = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
         for key, values in per_link.items():
             if values is not None and len(values) != links:
                 raise SceneError(f"{key} = {truncated(values)}: expected one number per link, {links}")
             for k, link in enumerate(self.arm.links):
-                if link.joint.locked and values and values[k] and key not in OF_LOCKED_TOO:
+                if link.joint.locked and values and values[k] and key not in of_locked_joints_too:
                     where = self.arm.path(k + 1, key)
                     raise SceneError(f"{where} = {values[k]!r}: the joint of {link.name!r} is locked; only 0 fits")
         if not self.run.controlled:
@@ -122,8 +123,8 @@ class Scene(Spec, frozen=True):
             for name in ("kp", "kd"):
                 gains = getattr(self.drive, name)
                 if gains is not None and gains[number - 1]:
-                    said = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
-                    raise SceneError(f"{said}: the motion of {motion.link!r} is prescribed; only 0 fits")
+                    gain = f"{self.arm.path(number, f'drive.{name}')} = {gains[number - 1]!r}"
+                    raise SceneError(f"{gain}: the motion of {motion.link!r} is prescribed; only 0 fits")
 
     def _check_grid(self) -> None:
         """Fixed steps end where the run starts, and where a held row gives way to the next."""
@@ -220,9 +221,9 @@ class Scene(Spec, frozen=True):
             They are not constant there: `Trajectory.tip_wrench` holds what acted in a run.
         """
         if self.wrench.varies:
-            said = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
+            cause = "frame = 'tip'" if self.wrench.frame == "tip" else f"times = {truncated(self.wrench.times)}"
             raise SceneError(
-                f"wrench.{said}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
+                f"wrench.{cause}: is not constant in frame 0; Trajectory.tip_wrench holds it at the samples"
             )
         return np.array([*self.wrench.force, *self.wrench.moment])
 
@@ -284,7 +285,11 @@ class Scene(Spec, frozen=True):
         """This scene as a TOML document that `load_scene` reads back equal; defaults are left out, but for gravity."""
         document: dict[str, Any] = without_defaults(self, always=frozenset({"gravity"}))
         document |= document.pop("arm")
-        return toml_of({key: document[key] for key in ORDER if key in document})
+        order = (
+            "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench",
+            "run",
+        )  # fmt: skip
+        return toml_of({key: document[key] for key in order if key in document})
 
     def save(self, path: str | Path) -> Path:
         """Write `to_toml` into a file that `load_scene` reads back equal; it appears whole or not at all.
@@ -309,10 +314,6 @@ class Scene(Spec, frozen=True):
             for key, value in parts.items()
             if (keys is None or key in keys) and value is not None
         }
-
-
-OF_LOCKED_TOO = {"initial.joint_deg", "drive.target_deg", "drive.effort"}
-"""Numbers per link that may be said of a link whose joint is locked."""
 
 
 def _outside_limits(link: Link, angle: float) -> str:
@@ -407,9 +408,5 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
 
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 _OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
-ORDER = (
-    "name", "about", "gravity", "material", "section", "link", "tip", "initial", "drive", "motion", "wrench", "run",
-)  # fmt: skip
-"""Of the tables of a file that `to_toml` writes."""
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}
 """What stands at each key of a scene's file, which is flat: the arm's keys stand beside the scene's own."""

@@ -92,8 +92,8 @@ class InputShaper(Spec, frozen=True):
     @classmethod
     def at(cls, poles: ArrayLike, kind: str = "ZVD") -> InputShaper:
         """The shaper for complex poles λ, Im λ > 0, as `pd_poles` gives them [1/s]."""
-        given = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
-        return cls(kind=kind, poles=tuple((λ.real, λ.imag) for λ in given.tolist()))
+        vibrations = np.atleast_1d(np.asarray(poles, dtype=np.complex128))
+        return cls(kind=kind, poles=tuple((λ.real, λ.imag) for λ in vibrations.tolist()))
 
     @property
     def rule(self) -> ShaperRule:

@@ -11,13 +11,14 @@ import reprlib
 import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, cast, get_args, get_origin
 
 import msgspec
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.types import Array, T
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0)]
@@ -27,29 +28,22 @@ ONE_PER_LINK = msgspec.Meta(extra={"one per": "link"})
 PerLink = Annotated[tuple[float, ...], ONE_PER_LINK]
 PositivePerLink = Annotated[tuple[Positive, ...], ONE_PER_LINK]
 
-T = TypeVar("T")
-
 BRIEF = reprlib.Repr()
 BRIEF.maxtuple = BRIEF.maxlist = BRIEF.maxdict = 6
 BRIEF.maxstring, BRIEF.maxother = 60, 400
 
 
-class _Validated(threading.local):
-    """Whether what this thread builds a description of has been checked, type by type and number by number."""
-
-    now = False
-
-    def build(self, make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
-        """Make it; what it is made of is not checked again."""
-        before, self.now = self.now, True
-        try:
-            return make(*arguments, **fields)
-        finally:
-            self.now = before
+_thread = threading.local()  # `validated`: whether what this thread builds has been checked, number by number
 
 
-VALIDATED = _Validated()
-UNORDERED, SEQUENCES = (set, frozenset), (list, tuple)
+def build_validated(make: Callable[..., T], *arguments: Any, **fields: Any) -> T:
+    """Make a description of values that have been checked, and are not checked again; what they are together is."""
+    before = getattr(_thread, "validated", False)
+    _thread.validated = True
+    try:
+        return make(*arguments, **fields)
+    finally:
+        _thread.validated = before
 
 
 class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True, cache_hash=True):
@@ -62,7 +56,7 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
     """
 
     def __post_init__(self) -> None:
-        if VALIDATED.now:
+        if getattr(_thread, "validated", False):
             return
         for field in fields_of(type(self)):
             try:
@@ -78,22 +72,18 @@ class Spec(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True
 
     def __repr__(self) -> str:
         """What is not as by default, long texts and tables cut."""
-        said = [
+        fields = [
             f"{field.name}={BRIEF.repr(getattr(self, field.name))}"
             for field in msgspec.structs.fields(self)
             if getattr(self, field.name) != default_of(field)
         ]
-        return f"{type(self).__name__}({', '.join(said)})"
-
-
-SOUND = (str, int, NoneType, Spec)
-"""What needs no look for numbers that are not finite: it holds none, or has been looked through."""
+        return f"{type(self).__name__}({', '.join(fields)})"
 
 
 def default_of(field: msgspec.structs.FieldInfo) -> object:
     """What a field holds where nothing is said; of a required one msgspec's NODEFAULT."""
-    made = field.default_factory
-    return field.default if made is msgspec.NODEFAULT else made()
+    factory = field.default_factory
+    return field.default if factory is msgspec.NODEFAULT else factory()
 
 
 @functools.cache
@@ -147,14 +137,9 @@ def decode(raw: object, kind: type[T] | Any, path: str = "") -> T:
     if get_origin(kind) is dict and isinstance(raw, dict):  # a table of named things: keep the name in the path
         return {key: decode(item, get_args(kind)[1], f"{path}.{key}") for key, item in raw.items()}  # type: ignore[return-value]
     try:
-        return VALIDATED.build(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
+        return build_validated(msgspec.convert, raw, kind)  # type: ignore[no-any-return]
     except msgspec.ValidationError as error:
         raise SceneError(_explain(raw, kind, path, error)) from None
-
-
-def build_validated(kind: type[T], **fields: Any) -> T:
-    """A `Spec` of fields each of which has been decoded, or stood in another one; what they are together is checked."""
-    return VALIDATED.build(kind, **fields)
 
 
 def _explain(raw: object, kind: Any, path: str, error: msgspec.ValidationError) -> str:
@@ -311,14 +296,14 @@ def _flaw(value: object) -> tuple[Any, ...] | None:
     """Keys to an item that is not finite, or has no order, at or below a value, and last what is wrong with it."""
     if isinstance(value, float):
         return None if math.isfinite(value) else (f"{value!r}: must be a finite number",)
-    if isinstance(value, SOUND):
+    if isinstance(value, (str, int, NoneType, Spec)):  # holds no float, or was checked before
         return None
-    if isinstance(value, UNORDERED):
+    if isinstance(value, (set, frozenset)):
         return (f"{truncated(value)}: a set has no order; expected a list",)
     items: Iterable[tuple[Any, object]] = ()
     if isinstance(value, Mapping):
         items = value.items()
-    elif isinstance(value, SEQUENCES):
+    elif isinstance(value, (list, tuple)):
         items = enumerate(value)
     for key, item in items:
         flaw = _flaw(item)
@@ -344,7 +329,7 @@ def require_increasing(name: str, times: Sequence[float]) -> None:
             )
 
 
-def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> NDArray[np.float64]:
+def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
     """`value` as a float64 array of its own, row by row.
 
     Raises

@@ -28,9 +28,6 @@ from flexlink.describe.spec import (
 
 PATH = re.compile(r"""(?:"[^"]+"|'[^']+'|[^."']+)(?:\.(?:"[^"]+"|'[^']+'|[^."']+))*""")
 PART = re.compile(r"""(?<=")[^"]+(?=")|(?<=')[^']+(?=')|[^."']+""")
-OF_FLEXIBLE_LINKS = {"flex", "segments", "lumping", "damping", "friction"}
-OF_BEAMS = {"material", "section", "section_tip", "up"}
-ALSO_OF_LOCKED = ["axis"], ["locked"], ["gear_stiffness"], ["gear_damping"], ["limits_deg"]
 
 
 def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: Mapping[str, object]) -> dict[str, Any]:
@@ -169,11 +166,12 @@ class _Change:
         free = [not get_in(link, "joint", "locked") for link in self.links]
         if above != "link":
             return [True] * len(free) if above == "initial.joint_deg" else free
-        if below and below[0] in OF_FLEXIBLE_LINKS:
+        if below and below[0] in {"flex", "segments", "lumping", "damping", "friction"}:
             return [(get_in(link, "flex") or "rigid") != "rigid" for link in self.links]
-        if below and below[0] in OF_BEAMS:
+        if below and below[0] in {"material", "section", "section_tip", "up"}:
             return [get_in(link, "material") is not None for link in self.links]
-        return free if below[:1] == ["joint"] and below[1:] not in ([], *ALSO_OF_LOCKED) else [True] * len(free)
+        with_locked_joint = {"", "axis", "locked", "gear_stiffness", "gear_damping", "limits_deg"}
+        return free if below[:1] == ["joint"] and ".".join(below[1:]) not in with_locked_joint else [True] * len(free)
 
 
 def get_in(table: Any, *keys: str) -> Any:

@@ -10,10 +10,6 @@ from typing import Any
 
 from flexlink.describe.spec import Spec, default_of, fields_of
 
-BARE = re.compile(r"[A-Za-z0-9_-]+")
-WIDTH = 120
-"""Characters of a line; a longer list has one item a line."""
-
 
 def without_defaults(value: Any, always: frozenset[str] = frozenset()) -> Any:
     """What a description says that is not so by default, as dicts, lists, texts and numbers.
@@ -65,12 +61,12 @@ def _are_tables(value: object) -> bool:
 
 
 def _lines(table: Mapping[str, Any]) -> list[str]:
-    """One line a key, the signs = below each other; a list that is too long for a line goes over several."""
+    """One line a key, with aligned signs; a list beyond 120 characters has one item a line."""
     width = max((len(_key(key)) for key in table), default=0)
     lines = []
     for key, value in table.items():
         line = f"{_key(key):<{width}} = {_value(value)}"
-        if len(line) > WIDTH and isinstance(value, list):
+        if len(line) > 120 and isinstance(value, list):
             line = "\n".join([f"{_key(key):<{width}} = [", *(f"    {_value(item)}," for item in value), "]"])
         lines.append(line)
     return lines
@@ -87,7 +83,7 @@ def _value(value: Any) -> str:
 
 
 def _key(name: str) -> str:
-    return name if BARE.fullmatch(name) else _value(name)
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
 
 
 def _number(value: float) -> str:

@@ -16,13 +16,8 @@ from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.joint import Joint, Mount
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.flexible import FlexibleLink, Made, bent, payload
+from flexlink.robots.flexible import FlexibleLink, ImportedLink, bent, payload
 from flexlink.robots.serial import Part, SerialPath
-
-NOISE_DEG = 1e-13
-"""What rounding leaves on an angle that is written in nine digits behind the point; few eps of half a turn."""
-ACCURACY = 1e-4
-"""Of a run, as a part of the reach: steps follow from it, whether or not the links bend."""
 
 
 def origins_beyond(way: SerialPath) -> list[Array]:
@@ -36,7 +31,7 @@ def build_validated(
     flexible: Mapping[str, FlexibleLink],
     armature: Mapping[str, float],
     gravity: Vector3,
-) -> tuple[Scene, list[Made]]:
+) -> tuple[Scene, list[ImportedLink]]:
     """The scene, and the links that it is made of; their Young's modulus is still that of their material.
 
     Raises
@@ -46,9 +41,9 @@ def build_validated(
     SceneError, ArgumentError
         As in `bent`; or a negative armature.
     """
-    made = list(_made(way, flexible, armature))
-    _check_last(made[-1].link)
-    links = [one.link for one in made]
+    parts = list(_imported_links(way, flexible, armature))
+    _check_last(parts[-1].link)
+    links = [one.link for one in parts]
     links += _tip(way, _stop(links[-1]))
     starts = [math.degrees(way.positions[part.joint.name]) for part in way.parts]
     scene = Scene(
@@ -56,28 +51,30 @@ def build_validated(
         about=f"{name} from {way.base} to {way.tip}, imported from URDF",
         arm=Arm(
             links=tuple(links),
-            materials={one.link.name: one.material for one in made if one.material is not None},
-            sections={one.link.name: one.section for one in made if one.section is not None},
+            materials={one.link.name: one.material for one in parts if one.material is not None},
+            sections={one.link.name: one.section for one in parts if one.section is not None},
         ),
         gravity=gravity,
         initial=InitialState(joint_deg=tuple(starts + [0.0] * (len(links) - len(starts)))),
-        run=RunSettings(relative_tolerance=ACCURACY),
+        run=RunSettings(relative_tolerance=1e-4),
     )
-    return scene, made
+    return scene, parts
 
 
-def _made(way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]) -> Iterator[Made]:
+def _imported_links(
+    way: SerialPath, flexible: Mapping[str, FlexibleLink], armature: Mapping[str, float]
+) -> Iterator[ImportedLink]:
     """Link by link."""
     at = np.zeros(3)  # where the link before ends, in the frame of its part
     for part, beyond in zip(way.parts, origins_beyond(way), strict=True):
-        made = Made(_rigid(part, at, armature.get(part.joint.name, 0.0)))
+        imported = ImportedLink(_rigid(part, at, armature.get(part.joint.name, 0.0)))
         if part.link in flexible:
             try:
-                made = bent(part, made.link, flexible[part.link], beyond)
+                imported = bent(part, imported.link, flexible[part.link], beyond)
             except SceneError as error:
                 raise SceneError(f"flexible: link {truncated(part.link)}: {error}") from None
-        at = _stop(made.link)
-        yield made
+        at = _stop(imported.link)
+        yield imported
 
 
 def _stop(link: Link) -> Array:
@@ -117,7 +114,8 @@ def _mount(origin: Pose, before: Array) -> Mount:
 def _tidy(degrees: float) -> float:
     """An angle without the rounding that made 89.99999999999999 of a right one."""
     near = round(degrees, 9)
-    return (near if abs(degrees - near) < NOISE_DEG else degrees) + 0.0
+    rounding = 1e-13  # few eps of half a turn
+    return (near if abs(degrees - near) < rounding else degrees) + 0.0
 
 
 def _tip(way: SerialPath, before: Array) -> list[Link]:

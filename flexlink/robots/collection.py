@@ -16,7 +16,6 @@ from flexlink.robots.flexible import FlexibleLink
 from flexlink.robots.importing import ImportResult, import_urdf
 
 PACKAGE = "example-robot-data"
-TABLE = Path(__file__).parent / "data" / "arms.toml"
 
 
 class KnownArm(Spec, frozen=True):
@@ -66,13 +65,13 @@ def folder() -> Path:
 
 def known_arms() -> dict[str, KnownArm]:
     """All arms of the table, by name; those with flexible links also rigid."""
-    table: dict[str, KnownArm] = decode(read_toml(TABLE), dict[str, KnownArm])
-    found: dict[str, KnownArm] = {}
+    table: dict[str, KnownArm] = decode(read_toml(Path(__file__).parent / "data" / "arms.toml"), dict[str, KnownArm])
+    arms: dict[str, KnownArm] = {}
     for name, arm in table.items():
-        found[name] = msgspec.structs.replace(arm, flexible={})
+        arms[name] = msgspec.structs.replace(arm, flexible={})
         if arm.flexible:
-            found[f"{name}_flexible"] = arm
-    return found
+            arms[f"{name}_flexible"] = arm
+    return arms
 
 
 def known_arm(name: str) -> KnownArm:

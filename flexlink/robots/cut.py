@@ -18,10 +18,6 @@ import numpy as np
 
 from flexlink.chain.rigid import NOTHING, Pose, SpatialInertia, body_with
 
-FLAT = 1e-12
-"""Extent of a body in some direction, squared and over that in others, below which it has none: what is left of the
-digits of files where a plate or a rod was meant."""
-
 
 def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
     """The most mass [kg] that a beam of this shape, of any mass itself, can take from a link.
@@ -35,8 +31,9 @@ def largest_mass(link: SpatialInertia, beam: SpatialInertia) -> float:
     size = np.sqrt(np.where(np.diag(J) > 0, np.diag(J), 1.0))
     squares, axes = np.linalg.eigh(J / np.outer(size, size))
     J1 = axes.T @ (J1 / np.outer(size, size)) @ axes
-    there = squares > FLAT
-    if (np.diag(J1)[~there] > FLAT * np.trace(J1)).any():  # the beam is thick where the link is not
+    flat = 1e-12  # relative squared extent of a plate or a rod, after the rounding of files
+    there = squares > flat
+    if (np.diag(J1)[~there] > flat * np.trace(J1)).any():  # the beam is thick where the link is not
         return 0.0
     scale = np.sqrt(squares[there])
     λ = np.linalg.eigvalsh(J1[np.ix_(there, there)] / np.outer(scale, scale))[-1]

@@ -18,13 +18,6 @@ from flexlink.describe.spec import Positive, Spec, Vector3, truncated
 from flexlink.robots.cut import cut, largest_mass
 from flexlink.robots.serial import Part
 
-SLENDER, WALL = 10, 20
-"""Of a beam of which only the frequency is given: a tube of a tenth of its length, its wall a twentieth of that."""
-SHARE = 0.5
-"""Part of the largest mass that a beam of unknown mass gets."""
-LITTLE = 0.1
-"""Part of a link's mass below which it is said that a beam can have no more of it."""
-
 
 class FlexibleLink(Spec, frozen=True):
     """Of one link: where its beam runs, what it is made of, and how it is cut into segments.
@@ -55,7 +48,7 @@ class FlexibleLink(Spec, frozen=True):
             raise SceneError("section: missing; give section or frequency_hz")
 
 
-class Made(NamedTuple):
+class ImportedLink(NamedTuple):
     """A link of a scene; of one that bends, its own material and section, what is to be said, and what is in doubt."""
 
     link: Link
@@ -81,7 +74,7 @@ def slender_mass(part: Part, next_origin: Array) -> float:
     return largest_mass(part.body, thin.moved(_pose(line)))
 
 
-def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> Made:
+def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) -> ImportedLink:
     """Make a rigid link flexible.
 
     Parameters
@@ -129,19 +122,19 @@ def bent(part: Part, rigid: Link, flexible: FlexibleLink, next_origin: Array) ->
         end=payload(end.moved(Pose(np.eye(3), -np.array(ends[1])))),
     )
     material = msgspec.structs.replace(flexible.material, density=mass / volume)
-    said = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
-    return Made(link, material, section, f"{part.link}: {said}", _warning(part, largest))
+    description = f"beam of {mass:.4g} kg and {line.length:.4g} m, from the link's {part.body.mass:.4g} kg"
+    return ImportedLink(link, material, section, f"{part.link}: {description}", _warning(part, largest))
 
 
 def _mass(flexible: FlexibleLink, volume: float, largest: float) -> float:
     if flexible.mass is None and flexible.section is not None:
         return flexible.material.density * volume
-    return flexible.mass or SHARE * largest
+    return flexible.mass or 0.5 * largest
 
 
 def _warning(part: Part, largest: float) -> str:
     share = largest / part.body.mass
-    if share >= LITTLE:
+    if share >= 0.1:
         return ""
     return f"{part.link}: only {share:.1%} of its mass fit into a beam along this line; check line"
 
@@ -181,8 +174,9 @@ def rounded_down(value: float) -> str:
 
 
 def _tube(length: float) -> Section:
-    outer = length / SLENDER
-    return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / WALL))
+    """A tube of a tenth of its length, its wall a twentieth of that."""
+    outer = length / 10
+    return Section(shape="tube", outer=outer, inner=outer * (1 - 2 / 20))
 
 
 def _prism(section: Section, mass: float, line: Line) -> SpatialInertia:

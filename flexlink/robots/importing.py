@@ -5,23 +5,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.assembly import build_validated, origins_beyond
+from flexlink.robots.assembly import origins_beyond
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.robot_file import read_robot
 from flexlink.robots.serial import SerialPath, finite, serial
 from flexlink.robots.tuning import tuned
 
-NO_NUMBERS: Mapping[str, float] = {}
-NO_BEAMS: Mapping[str, FlexibleLink] = {}
-DOWN = (0.0, 0.0, -9.81)
-"""Gravity [m/s²] in the frame of a robot's root, whose Z points up."""
-LEAST = 0.01
-"""Part of a link's mass below which no beam is told of: the joints are too close, or not beside the body's mass."""
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -49,7 +46,8 @@ class ImportResult:
     warnings: tuple[str, ...]
 
     def __repr__(self) -> str:
-        return f"<Imported {self.scene.name!r}: {len(self.path.parts)} joints from {self.path.base} to {self.path.tip}>"
+        path = self.path
+        return f"<ImportResult {self.scene.name!r}: {len(path.parts)} joints from {path.base} to {path.tip}>"
 
     def __str__(self) -> str:
         return "\n".join(self.notes)
@@ -60,11 +58,11 @@ def import_urdf(
     *,
     base: str | None = None,
     tip: str | None = None,
-    posture: Mapping[str, float] = NO_NUMBERS,
-    locked: Mapping[str, float] = NO_NUMBERS,
-    flexible: Mapping[str, FlexibleLink] = NO_BEAMS,
-    armature: Mapping[str, float] = NO_NUMBERS,
-    gravity: Vector3 = DOWN,
+    posture: Mapping[str, float] = NOTHING,
+    locked: Mapping[str, float] = NOTHING,
+    flexible: Mapping[str, FlexibleLink] = NOTHING,
+    armature: Mapping[str, float] = NOTHING,
+    gravity: Vector3 = (0.0, 0.0, -9.81),
 ) -> ImportResult:
     """Read a robot from a URDF file and make a scene of the path between two of its links.
 
@@ -87,11 +85,11 @@ def import_urdf(
     armature
         Rotor inertias by joint [kg m²], seen at the joint; URDF has none.
     gravity
-        Acceleration [m/s²] in the root's frame.
+        Acceleration [m/s²] in the root's frame, whose Z points up.
 
     Returns
     -------
-    Imported
+    ImportResult
         The scene, and what was done.
 
     Raises
@@ -111,7 +109,7 @@ def import_urdf(
     way = serial(robot, base, tip, posture, locked)
     _check_links(way, flexible)
     _check_joints(way, armature)
-    scene, made = build_validated(robot.name, way, flexible, armature, gravity)
+    scene, parts = assembled(robot.name, way, flexible, armature, gravity)
     for part in way.parts:
         hertz = flexible[part.link].frequency_hz if part.link in flexible else None
         if hertz is not None:
@@ -120,8 +118,8 @@ def import_urdf(
         part.link: slender_mass(part, beyond) for part, beyond in zip(way.parts, origins_beyond(way), strict=True)
     }
     stated = {*posture, *locked}
-    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in made)), *_beams(way, largest)]
-    warnings = [*filter(None, (one.warning for one in made)), *_left_behind(robot, way)]
+    notes = [*_notes(robot, way, stated), *filter(None, (one.remark for one in parts)), *_beams(way, largest)]
+    warnings = [*filter(None, (one.warning for one in parts)), *_left_behind(robot, way)]
     return ImportResult(scene, way, largest, tuple(notes), tuple(warnings))
 
 
@@ -163,8 +161,8 @@ def _notes(robot: Robot, way: SerialPath, stated: set[str]) -> list[str]:
         if limits is not None and limits[0] == limits[1]:
             notes.append(f"{part.joint.name}: limits {limits[0]:g} and {limits[1]:g} are equal: ignored")
     if way.held:
-        said = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
-        notes.append(f"fixed at [rad, m]: {short_list(said)}")
+        positions = [f"{name} at {way.positions[name]:.4g}" for name in way.held]
+        notes.append(f"fixed at [rad, m]: {short_list(positions)}")
     left_out = [f"{count} {name}" for name, count in robot.left_out.items()]
     notes.append("ignored: " + ", ".join(["limits of effort and velocity", *left_out]))
     return notes
@@ -180,12 +178,13 @@ def _left_behind(robot: Robot, way: SerialPath) -> list[str]:
 
 def _beams(way: SerialPath, largest: Mapping[str, float]) -> list[str]:
     """The largest beam of each link."""
+    least = 0.01  # below, the joints are too close, or not beside the body's mass
     share = {part.link: largest[part.link] / part.body.mass for part in way.parts if part.body.mass}
     notes = [
         f"{part.link}: at most {rounded_down(largest[part.link])} of its {part.body.mass:.4g} kg can be modelled as a "
         "bending beam from joint to joint"
         for part in way.parts
-        if share.get(part.link, 0.0) >= LEAST
+        if share.get(part.link, 0.0) >= least
     ]
-    others = [part.link for part in way.parts if share.get(part.link, 0.0) < LEAST]
+    others = [part.link for part in way.parts if share.get(part.link, 0.0) < least]
     return [*notes, f"too compact for a beam from joint to joint: {short_list(others)}"] if others else notes

@@ -16,7 +16,6 @@ from flexlink.common.types import Array
 from flexlink.describe.spec import short_list, truncated
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
-TURNING = {"revolute", "continuous"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +49,7 @@ class TreeJoint:
     @property
     def turns(self) -> bool:
         """Whether it is a hinge."""
-        return self.kind in TURNING
+        return self.kind in {"revolute", "continuous"}
 
     def pose(self, position: float) -> Pose:
         """The child's frame in the parent's at a position; floating and planar joints stay where they are at 0."""
@@ -110,23 +109,23 @@ class Robot:
     @functools.cached_property
     def above(self) -> dict[str, TreeJoint]:
         """The joint on which each link but the root hangs."""
-        found: dict[str, TreeJoint] = {}
+        parents: dict[str, TreeJoint] = {}
         for joint in self.joints.values():
-            other = found.setdefault(joint.child, joint)
+            other = parents.setdefault(joint.child, joint)
             if other is not joint:
                 both = f"{truncated(other.name)} and {truncated(joint.name)}"
                 raise DataFileError(
                     f"link {truncated(joint.child)} is the child of two joints, {both}; closed loops are not supported"
                 )
-        return found
+        return parents
 
     @functools.cached_property
     def below(self) -> dict[str, list[TreeJoint]]:
         """The joints that hang on each link."""
-        found: dict[str, list[TreeJoint]] = {link: [] for link in self.links}
+        children: dict[str, list[TreeJoint]] = {link: [] for link in self.links}
         for joint in self.joints.values():
-            found[joint.parent].append(joint)
-        return found
+            children[joint.parent].append(joint)
+        return children
 
     @functools.cached_property
     def root(self) -> str:
@@ -135,20 +134,20 @@ class Robot:
 
     def outward(self, base: str, stop: Sequence[str] = ()) -> list[str]:
         """`base` and all links beyond it, each after the one that it hangs on, but not beyond the joints `stop`."""
-        found = [base]
-        for link in found:  # grows on the way
-            found += [joint.child for joint in self.below[link] if joint.name not in stop]
-        return found
+        links = [base]
+        for link in links:  # grows on the way
+            links += [joint.child for joint in self.below[link] if joint.name not in stop]
+        return links
 
     def path(self, base: str, tip: str) -> list[TreeJoint] | None:
         """Joints from `base` outward to `tip`; None if `tip` does not lie beyond `base`."""
-        found: list[TreeJoint] = []
+        joints: list[TreeJoint] = []
         while tip != base:
             if tip not in self.above:
                 return None
-            found.append(self.above[tip])
-            tip = found[-1].parent
-        return found[::-1]
+            joints.append(self.above[tip])
+            tip = joints[-1].parent
+        return joints[::-1]
 
     def leader(self, joint: TreeJoint) -> TreeJoint:
         """The joint that a follower follows in the end; of any other itself."""

@@ -25,17 +25,7 @@ from flexlink.describe.directions import unit
 from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.robots.kinematic_tree import JointKind, Mimic, Robot, TreeJoint
 
-MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-LONGEST = 10_000  # characters of an attribute; no path is longer
-MOST_LINKS = 5_000  # a humanoid with hands has 130
 LARGEST = 1e9  # SI: no robot has more of anything, and all that is made of it is a number of float64
-KINDS: tuple[str, ...] = get_args(JointKind)
-READ = {
-    "robot": {"link", "joint"},
-    "link": {"inertial"},
-    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
-}
-"""Elements that are looked at, by that in which they stand."""
 
 
 def read_robot(path: str | Path) -> Robot:
@@ -73,22 +63,28 @@ def _robot(root: ET.Element) -> Robot:
         raise DataFileError(f"<{truncated(root.tag)[1:-1]}>: the root element of a URDF file is <robot>")
     if root.find(".//flexlink") is not None:
         raise DataFileError("<flexlink>: this file was exported by flexlink; load its scene instead")
+    longest, most_links = 10_000, 5_000  # characters of an attribute: no path is longer; a humanoid has 130 links
     for element in root.iter():
         if "xacro" in element.tag.partition("}")[0]:  # the namespace
             raise DataFileError(f"<xacro:{truncated(element.tag.partition('}')[2])[1:-1]}>: a macro")
-        if any(len(value) > LONGEST for value in element.attrib.values()):
-            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {LONGEST} characters")
-    found = root.findall("link")
-    if len(found) > MOST_LINKS:
-        raise DataFileError(f"{len(found)} links; at most {MOST_LINKS} are read")
+        if any(len(value) > longest for value in element.attrib.values()):
+            raise DataFileError(f"<{truncated(element.tag)[1:-1]}>: has an attribute of more than {longest} characters")
+    elements = root.findall("link")
+    if len(elements) > most_links:
+        raise DataFileError(f"{len(elements)} links; at most {most_links} are read")
     links: dict[str, SpatialInertia] = {}
-    for element in found:
+    for element in elements:
         links[_new_name(element, links)] = _body(element)
     joints: dict[str, TreeJoint] = {}
     for element in root.findall("joint"):
         name = _new_name(element, joints)
         joints[name] = _joint(element, name)
-    tables = [(root, READ["robot"]), *((e, READ[e.tag]) for e in root if e.tag in READ)]
+    read = {
+        "robot": {"link", "joint"},
+        "link": {"inertial"},
+        "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"},
+    }
+    tables = [(root, read["robot"]), *((e, read[e.tag]) for e in root if e.tag in read)]
     left_out = Counter(child.tag for element, known in tables for child in element if child.tag not in known)
     return Robot(root.get("name", "robot"), links, joints, left_out)
 
@@ -108,24 +104,24 @@ def _said(element: ET.Element) -> str:
 
 
 def _one(parent: ET.Element, tag: str, about: str) -> ET.Element | None:
-    found = parent.findall(tag)
-    if len(found) > 1:
-        raise DataFileError(f"{about}: <{tag}> is given {len(found)} times")
-    return found[0] if found else None
+    elements = parent.findall(tag)
+    if len(elements) > 1:
+        raise DataFileError(f"{about}: <{tag}> is given {len(elements)} times")
+    return elements[0] if elements else None
 
 
 def _needed(parent: ET.Element, tag: str, about: str) -> ET.Element:
-    found = _one(parent, tag, about)
-    if found is None:
+    child = _one(parent, tag, about)
+    if child is None:
         raise DataFileError(f"{about}: <{tag}>: missing")
-    return found
+    return child
 
 
 def _text(element: ET.Element, key: str, about: str) -> str:
-    found = element.get(key)
-    if found is None:
+    text = element.get(key)
+    if text is None:
         raise DataFileError(f"{about}: <{element.tag} {key}>: missing")
-    return found
+    return text
 
 
 def _numbers(text: str, about: str, count: int = 1, largest: float = LARGEST) -> list[float]:
@@ -176,7 +172,7 @@ def _body(link: ET.Element) -> SpatialInertia:
         return NOTHING
     mass = _not_negative(_needed(inertial, "mass", about), "value", about)
     tensor = _needed(inertial, "inertia", about)
-    xx, yy, zz, xy, xz, yz = (_number(tensor, key, about) for key in MOMENTS)
+    xx, yy, zz, xy, xz, yz = (_number(tensor, key, about) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     return SpatialInertia(mass, np.zeros(3), inertia).moved(_origin(inertial, about))
 
@@ -200,12 +196,12 @@ def _joint(element: ET.Element, name: str) -> TreeJoint:
 
 
 def _kind(element: ET.Element, about: str) -> JointKind:
-    given = _text(element, "type", about)
-    if given not in KINDS:
+    kind, kinds = _text(element, "type", about), get_args(JointKind)
+    if kind not in kinds:
         raise DataFileError(
-            f"{about}: type = {truncated(given)}: allowed are {', '.join(KINDS)}{did_you_mean(given, KINDS)}"
+            f"{about}: type = {truncated(kind)}: allowed are {', '.join(kinds)}{did_you_mean(kind, kinds)}"
         )
-    return cast(JointKind, given)
+    return cast(JointKind, kind)
 
 
 def _axis(element: ET.Element, about: str) -> Array:

@@ -166,7 +166,7 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
     longest = max(chains, key=len)
     if not longest:
         raise ArgumentError(f"tip: missing; there is no hinge beyond {base!r}")
-    others = [found[0] for way, found in chains.items() if longest[: len(way)] != way]
+    others = [links[0] for way, links in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
         raise ArgumentError(f"tip: missing; several arms begin at {base!r}; choose one of their ends: {ends}")

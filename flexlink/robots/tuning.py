@@ -16,8 +16,6 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.vibration.modal import natural_frequencies
 
-CLOSE = 1e-6
-
 
 def clamped_frequency(scene: Scene, link: str) -> float:
     """First frequency [Hz] of a link clamped at its joint, everything beyond it rigid, where it starts, no gravity."""
@@ -26,8 +24,8 @@ def clamped_frequency(scene: Scene, link: str) -> float:
     q = np.zeros(chain.n)
     joints = [chain.coordinate(k).link - 1 for k in chain.active]
     q[chain.active] = np.radians(np.array(scene.initial.joint_deg)[joints])
-    held = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
-    return float(natural_frequencies(chain, q, locked=held)[0] / (2 * np.pi))
+    others = [k for k in range(chain.n) if chain.coordinate(k).link != number or chain.coordinate(k).axis == 0]
+    return float(natural_frequencies(chain, q, locked=others)[0] / (2 * np.pi))
 
 
 def tuned(scene: Scene, link: str, hertz: float) -> Scene:
@@ -45,8 +43,9 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     if not 0 < young < math.inf:
         raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which float64 cannot hold")
     stiff = msgspec.structs.replace(material, young=young)
-    found = scene.varied({"material": scene.arm.materials | {name: stiff}})  # no path: the name may hold any character
-    reached = clamped_frequency(found, link)
-    if not abs(reached / hertz - 1) <= CLOSE:
+    # not by a path: the name may hold any character
+    stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})
+    reached = clamped_frequency(stiffened, link)
+    if not abs(reached / hertz - 1) <= 1e-6:
         raise ArgumentError(f"{asked}: young = {young:.4g} Pa gives {reached:.9g} Hz")
-    return found
+    return stiffened

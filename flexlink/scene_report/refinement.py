@@ -37,9 +37,6 @@ ENOUGH = 0.01
 LOWEST_ORDER, HIGHEST_ORDER = math.log2(1.5), 4.0
 """Observed orders of convergence below which none is believed, and at most."""
 
-OF_STEPS, OF_TOLERANCE = (2.0, 0.5), (10.0, 0.1)
-"""Of the scene's steps, or of its tolerance, in the runs beside its own."""
-
 
 class Choice(NamedTuple):
     """A run beside the scene's own."""

@@ -19,11 +19,9 @@ from math import comb
 
 import numpy as np
 
-Polynomial = list[Fraction]  # lowest power first
-Tableau = tuple[list[list[Fraction]], list[Fraction], list[Fraction]]
+from flexlink.common.polynomials import Polynomial, add, derivative, evaluate, integral, lagrange
 
-BITS = 256
-"""Numbers are multiples of 2^−256, 60 digits behind those of float64: what solves and powers of A lose is nothing."""
+Tableau = tuple[list[list[Fraction]], list[Fraction], list[Fraction]]
 
 ORDER: dict[str, Callable[[int], int]] = {"Gauss": lambda s: 2 * s, "Radau IIA": lambda s: 2 * s - 1}
 """Order of each family by number of stages."""
@@ -33,15 +31,15 @@ ORDER: dict[str, Callable[[int], int]] = {"Gauss": lambda s: 2 * s, "Radau IIA":
 def tableau(family: str, stages: int) -> Tableau:
     """A, b, c of a method of a family, each within 2^−255."""
     p = _legendre(stages)
-    c = _zeros(p if family == "Gauss" else _sum(p, [-x for x in _legendre(stages - 1)]))
-    integrals = [[Fraction(0), *(x / (k + 1) for k, x in enumerate(p))] for p in _lagrange(c)]
-    A = [[_rounded(_value(p, x)) for p in integrals] for x in c]
-    return A, [_rounded(_value(p, Fraction(1))) for p in integrals], c
+    c = _zeros(p if family == "Gauss" else add(p, [-x for x in _legendre(stages - 1)]))
+    integrals = [integral(p) for p in lagrange(c)]
+    A = [[_rounded(evaluate(p, x)) for p in integrals] for x in c]
+    return A, [_rounded(evaluate(p, Fraction(1))) for p in integrals], c
 
 
 def weights_at(c: Sequence[Fraction], x: Fraction) -> list[Fraction]:
     """ℓ_j(x): the polynomial through values at the nodes c has the value Σ_j ℓ_j(x) f_j at x."""
-    return [_value(p, x) for p in _lagrange(c)]
+    return [evaluate(p, x) for p in lagrange(c)]
 
 
 def _legendre(s: int) -> Polynomial:
@@ -51,37 +49,13 @@ def _legendre(s: int) -> Polynomial:
 
 def _zeros(p: Polynomial) -> list[Fraction]:
     """The zeros on [0, 1], all simple, ascending: those that float64 finds, then Newton's method."""
-    slope = [k * x for k, x in enumerate(p)][1:]
-    found = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
+    slope = derivative(p)
+    zeros = [Fraction(float(x)) for x in np.sort(np.roots([float(x) for x in reversed(p)]).real)]
     for _doubling_of_digits in range(6):  # 8 → 512 bits
-        found = [_rounded(x - _value(p, x) / _value(slope, x)) for x in found]
-    return found
-
-
-def _lagrange(c: Sequence[Fraction]) -> list[Polynomial]:
-    """The polynomials ℓ_j with ℓ_j(c_i) = δ_ij."""
-    found = []
-    for j, x in enumerate(c):
-        p = [Fraction(1)]
-        for other in (*c[:j], *c[j + 1 :]):
-            p = _sum([Fraction(0), *p], [-other * y for y in p])
-            p = [y / (x - other) for y in p]
-        found.append(p)
-    return found
-
-
-def _sum(p: Polynomial, q: Polynomial) -> Polynomial:
-    """p + q, p the longer."""
-    return [x + (q[k] if k < len(q) else 0) for k, x in enumerate(p)]
-
-
-def _value(p: Polynomial, x: Fraction) -> Fraction:
-    """p(x) by Horner's rule."""
-    result = Fraction(0)
-    for coefficient in reversed(p):
-        result = result * x + coefficient
-    return result
+        zeros = [_rounded(x - evaluate(p, x) / evaluate(slope, x)) for x in zeros]
+    return zeros
 
 
 def _rounded(x: Fraction) -> Fraction:
-    return Fraction(round(x * 2**BITS), 2**BITS)
+    """To a multiple of 2^−256, 60 digits behind those of float64: what solves and powers of A lose is nothing."""
+    return Fraction(round(x * 2**256), 2**256)

@@ -20,9 +20,6 @@ from flexlink.describe.spec import NonNegative, Positive, Spec, truncated
 
 Exponent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 
-MOST_JACOBI = 1000
-"""Hinges of a Gauss-Jacobi rule, whose nodes are eigenvalues, found in O(N²); 1000 are exact far beyond float64."""
-
 
 class Grid(Spec, frozen=True):
     """Equally spaced nodes: x_j = (first + j − 1) h, j = 1 … N, with h = 1 / (first + N − 1 + last).
@@ -163,8 +160,8 @@ def _grid_hinges(grid: Grid, count: int) -> tuple[Array, Array]:
 def _jacobi_hinges(jacobi: Jacobi, count: int) -> tuple[Array, Array]:
     from scipy import special  # noqa: PLC0415  0.2 s that few scenes need
 
-    if count > MOST_JACOBI:
-        raise ArgumentError(f"takes at most {MOST_JACOBI + 1} segments; rules such as gauss take any number")
+    if count > 1000:  # eigenvalues take O(N²)
+        raise ArgumentError("takes at most 1001 segments; rules such as gauss take any number")
     t, w = special.roots_jacobi(count, jacobi.tip, jacobi.root)  # on [−1, 1], for the weighted integrand
     x: Array = np.array((1 + t) / 2)
     weighted: Array = np.array(w / 2 ** (1 + jacobi.tip + jacobi.root))

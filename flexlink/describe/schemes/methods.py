@@ -12,22 +12,17 @@ import msgspec
 import numpy as np
 
 from flexlink.common.errors import ArgumentError, SceneError
+from flexlink.common.polynomials import dot, float64
 from flexlink.common.types import Array, Complex
 from flexlink.describe import data_files
 from flexlink.describe.schemes import collocation
 from flexlink.describe.spec import Spec, truncated
-
-COEFFICIENT = re.compile(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)")
-"""Short exponents: a Fraction of "1e999999999" would take all the memory there is."""
 
 CLOSE = Fraction(1, 10**15)
 """How far sums of coefficients may be from what they must be: decimals are rounded."""
 
 MOST_STAGES = 9
 """Of an implicit method: beyond, the eigenvectors of A grow parallel (condition number 3e4 with 9 stages of Gauss)."""
-
-WORST_CONDITION = 1e7
-"""Of the eigenvectors of A: Newton's corrections pass through them and keep 9 digits, where one would do."""
 
 
 class Modes(NamedTuple):
@@ -208,14 +203,15 @@ def method(name: str) -> Method:
 
 
 def _check_number(where: str, x: str) -> None:
-    if not COEFFICIENT.fullmatch(x):
+    # short exponents: a Fraction of "1e999999999" would take all the memory there is
+    if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
         raise SceneError(f"{where}: {truncated(x)}: a coefficient is a decimal or a fraction such as '1/6'")
 
 
 @functools.lru_cache(maxsize=64)
 def _rounded(method: Method) -> tuple[Array, Array, Array]:
     A, b, c = method.exact
-    return _float64(A), _float64(b), _float64(c)
+    return float64(A), float64(b), float64(c)
 
 
 @functools.lru_cache(maxsize=64)
@@ -227,14 +223,14 @@ def _explicit(method: Method) -> bool:
 def _error(method: Method) -> Array:
     weights = np.zeros((len(method.error_rows), method.stages + 1))
     for row, given in zip(weights, method.error_rows, strict=True):
-        row[: len(given)] = _float64([Fraction(x) for x in given])
+        row[: len(given)] = float64([Fraction(x) for x in given])
     return weights
 
 
 @functools.lru_cache(maxsize=64)
 def _embedded(method: Method) -> Embedded:
     γ = float(method.modes.real[0])
-    return Embedded(γ, -γ * _float64(collocation.weights_at(method.exact[2], Fraction(0))))
+    return Embedded(γ, -γ * float64(collocation.weights_at(method.exact[2], Fraction(0))))
 
 
 @functools.lru_cache(maxsize=64)
@@ -256,9 +252,9 @@ def _modes(method: Method) -> Modes:
         A has no basis of eigenvectors, or an eigenvalue for which M + h λ D + h² λ² K is singular at some step.
     """
     exact, b, _ = method.exact
-    A = _float64(exact)
+    A = float64(exact)
     λ, T = np.linalg.eig(A)
-    if not np.linalg.cond(T) < WORST_CONDITION:
+    if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
         raise SceneError("A: no basis of eigenvectors (a diagonal that repeats has none); take another method")
     wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
     if wrong.size:
@@ -271,14 +267,6 @@ def _modes(method: Method) -> Modes:
         real=λ[real].real.copy(), complex=λ[pair].astype(complex),
         T_real=np.ascontiguousarray(T[:, real].real), T_complex=np.ascontiguousarray(T[:, pair].astype(complex)),
         Tinv_real=np.ascontiguousarray(Tinv[real].real), Tinv_complex=np.ascontiguousarray(Tinv[pair].astype(complex)),
-        A2=_float64([[_dot(row, column) for column in columns] for row in exact]),
-        bA=_float64([_dot(b, column) for column in columns]),
+        A2=float64([[dot(row, column) for column in columns] for row in exact]),
+        bA=float64([dot(b, column) for column in columns]),
     )  # fmt: skip
-
-
-def _dot(x: list[Fraction], y: tuple[Fraction, ...]) -> Fraction:
-    return sum((a * b for a, b in zip(x, y, strict=True)), Fraction(0))
-
-
-def _float64(exact: list[Fraction] | list[list[Fraction]]) -> Array:
-    return np.array(exact, dtype=np.float64)

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.polynomials import Polynomial, derivative, dot, float64, multiply
 from flexlink.describe.schemes.methods import Method
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Polynomial = list[Fraction]  # lowest power first
 
 GROWTH = Fraction(1, 10**6)
 """Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would
@@ -37,7 +37,7 @@ EPS = float(np.finfo(np.float64).eps)
 
 def stability_function(method: Method, z: NDArray[Any]) -> Complex:
     """R(z), of the shape of `z`."""
-    P, Q = (np.polynomial.polynomial.polyval(z, _float64(p)) for p in stability_polynomials(method))
+    P, Q = (np.polynomial.polynomial.polyval(z, float64(p)) for p in stability_polynomials(method))
     return np.asarray(P / Q)
 
 
@@ -47,10 +47,10 @@ def stability_polynomials(method: Method) -> tuple[Polynomial, Polynomial]:
     A, b, _ = method.exact
     series, power = [Fraction(1)], [Fraction(1)] * method.stages
     for _ in range(method.stages):
-        series.append(_dot(b, power))
-        power = [_dot(row, power) for row in A]
+        series.append(dot(b, power))
+        power = [dot(row, power) for row in A]
     Q = [Fraction(1)] if method.explicit else _determinant(A)
-    return _product(series, Q)[: method.stages + 1], Q
+    return multiply(series, Q)[: method.stages + 1], Q
 
 
 def stable_reach(method: Method, directions: Complex) -> Array:
@@ -72,7 +72,7 @@ def stable_reach(method: Method, directions: Complex) -> Array:
         return np.full(directions.shape, np.inf)
     if method.explicit:
         return _reach_of_polynomial(method, tuple(directions.tolist()))
-    P, Q = (_float64(p) for p in stability_polynomials(method))
+    P, Q = (float64(p) for p in stability_polynomials(method))
     return np.array([_first_zero(SQUARE * _square(Q, d) - _square(P, d)) for d in directions])
 
 
@@ -167,13 +167,13 @@ def is_stable_everywhere(method: Method) -> bool:
 
 def _along_i(p: Polynomial) -> Polynomial:
     """|p(iy)|² by powers of y²: the even powers of p(iy) p(−iy), whose odd ones are zero."""
-    turned = _product(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
+    turned = multiply(p, [(-1) ** k * x for k, x in enumerate(p)])  # p(z) p(−z), even; z² = −y²
     return [(-1) ** k * x for k, x in enumerate(turned[::2])]
 
 
 def _positive_zeros(p: Polynomial) -> int:
     """Number of zeros x > 0, by Sturm's sequence; p(0) ≠ 0."""
-    sequence = [p, [k * x for k, x in enumerate(p)][1:]]
+    sequence = [p, derivative(p)]
     while len(sequence[-1]) > 0:
         sequence.append([-x for x in _remainder(sequence[-2], sequence[-1])])
     ends = ([q[end] for q in sequence[:-1] if q[end] != 0] for end in (0, -1))  # the signs at 0 and at infinity
@@ -204,23 +204,11 @@ def _determinant(A: Sequence[Sequence[Fraction]]) -> Polynomial:
     M, c = [[Fraction(i == j) for j in stages] for i in stages], [Fraction(1)]
     for k in range(1, len(A) + 1):
         columns = list(zip(*M, strict=True))
-        M = [[_dot(row, column) for column in columns] for row in A]
+        M = [[dot(row, column) for column in columns] for row in A]
         c.append(-sum((M[i][i] for i in stages), Fraction(0)) / k)
         for i in stages:
             M[i][i] += c[k]
     return c
-
-
-def _product(p: Polynomial, q: Polynomial) -> Polynomial:
-    found = [Fraction(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for k, y in enumerate(q):
-            found[i + k] += x * y
-    return found
-
-
-def _dot(x: Iterable[Fraction], y: Iterable[Fraction]) -> Fraction:
-    return sum((a * b for a, b in zip(x, y, strict=True) if a), Fraction(0))
 
 
 def _square(p: Array, d: complex) -> Array:
@@ -233,7 +221,3 @@ def _first_zero(p: Array) -> float:
     """The smallest x > 0 with p(x) = 0, inf if there is none; where p only touches 0 rounding decides."""
     zeros = np.roots(p[::-1])
     return float(zeros[(zeros.imag == 0) & (zeros.real > 0)].real.min(initial=np.inf))
-
-
-def _float64(p: Polynomial) -> Array:
-    return np.array(p, dtype=np.float64)
