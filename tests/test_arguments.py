@@ -124,7 +124,7 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.solve_static(chain(), tolerance=0.0), "tolerance = 0.0: must be a finite number > 0"),
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), frame="no"), "frame = 'no': unknown; allowed are world, tip"),
-        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are 1 … 2, or waist, upper"),
+        (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are waist, upper, or 1 … 2"),
         (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"),
@@ -287,7 +287,7 @@ def test_links_are_given_by_name_or_number_and_joints_by_name_or_index() -> None
     ):
         of.index("uper", 0, 0)
     for wrong in (0, 3, -1, True, 1.0, None):
-        with pytest.raises(fl.errors.ArgumentError, match=rf"^link = {wrong}: .* allowed are 1 … 2, or waist, upper"):
+        with pytest.raises(fl.errors.ArgumentError, match=rf"^link = {wrong}: .* allowed are waist, upper, or 1 … 2"):
             arm.number(wrong)  # type: ignore[arg-type]
     with pytest.raises(fl.errors.ArgumentError, match=r"^k = 'upper.9.z': no joint of this chain; .*; did you mean"):
         of.coordinate("upper.9.z")

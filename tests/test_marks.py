@@ -48,7 +48,7 @@ def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
     for bump, landed in ((1.0, False), (5.0, True)):
         torques = times + bump * part * (np.arange(65) == 33)
         scene = driven(tuple(times), tuple(torques))
-        found = landings(drive_arrays(scene, fl.lump(scene)), part)
+        found = landings(drive_arrays(scene, fl.lump(scene)).feedforward, part)
         assert (times[33] in found) == landed
 
 
@@ -67,5 +67,5 @@ def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
     scene = fl.load_scene(ROOT / "models" / "ptp_move.toml")
     assert scene.drive.gravity == "static"
     law = drive_arrays(scene, fl.lump(scene))
-    assert len(law.gravity.knots) > len(law.reference.knots)
-    assert {*law.gravity.knots, *law.reference.knots} <= {*ends_of_steps(law, 1e-3)}
+    assert len(law.feedforward.knots) > len(law.reference.knots)
+    assert {*law.feedforward.knots, *law.reference.knots} <= {*ends_of_steps(law, 1e-3)}

@@ -71,7 +71,7 @@ def test_an_object_is_shown_as_a_compact_table(shown: dict[str, Any], name: str,
 @pytest.mark.parametrize("name", ["scene", "chain", "run", "modes"])
 def test_a_picture_is_shown_once(shown: dict[str, Any], name: str) -> None:
     """By the figure itself; pyplot, which would draw it a second time, does not know it."""
-    figure = shown[name].plot()
+    figure = shown[name].plot(*([shown["chain"]] if name == "modes" else []))
     assert figure._repr_png_().startswith(b"\x89PNG")
     assert not plt.get_fignums()
     assert figure.axes[0].lines
@@ -99,4 +99,4 @@ def test_without_matplotlib_a_plot_says_what_to_install(
     load: Callable[[str], None] = missing
     monkeypatch.setattr(notebook.importlib, "import_module", load)
     with pytest.raises(fl.errors.MissingDependencyError, match="flexlink\\[report\\]"):
-        shown[name].plot()
+        shown[name].plot(*([shown["chain"]] if name == "modes" else []))

@@ -74,7 +74,7 @@ def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curva
     torques = tuple((float(value),) for value in np.sin(t))
     scene = make_scene(flexible("a"), drive=fl.Drive(kind="table", times=tuple(t), torques=torques, smooth=True))
     drive = input_arrays(scene, fl.lump(scene)).drive
-    c, x = drive.coefficients[:, :, 0], np.diff(t)
+    c, x = drive.feedforward.coefficients[:, :, 0], np.diff(t)
     value = sum(c[:-1, j] * x**j for j in range(4))
     slope = sum(j * c[:-1, j] * x ** (j - 1) for j in range(1, 4))
     np.testing.assert_allclose(c[:, 0], np.sin(t), rtol=0, atol=1e-15)

@@ -47,7 +47,7 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("--max-evaluations", type=float, help="stop a run with a tolerance after so many evaluations")
     command.add_argument("--duration", type=float, help="simulated time [s]")
     command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")
-    command.add_argument("--dynamics", help=f"solver of the forward dynamics: {solvers}")
+    command.add_argument("--solver", help=f"solver of the forward dynamics: {solvers}")
     command.add_argument(
         "--insist", action="store_const", const="allow", dest="unstable",
         help="run even if the step exceeds the stability limit, and keep a run whose energy does not balance",

@@ -25,7 +25,7 @@ def origins_beyond(way: SerialPath) -> list[Array]:
     return [*(part.origin.p for part in way.parts[1:]), way.end.p]
 
 
-def build_validated(
+def assembled(
     name: str,
     way: SerialPath,
     flexible: Mapping[str, FlexibleLink],

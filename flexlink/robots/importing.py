@@ -11,7 +11,7 @@ from typing import Any
 from flexlink.common.errors import ArgumentError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Vector3, short_list, truncated
-from flexlink.robots.assembly import origins_beyond
+from flexlink.robots.assembly import assembled, origins_beyond
 from flexlink.robots.flexible import FlexibleLink, rounded_down, slender_mass
 from flexlink.robots.kinematic_tree import Robot
 from flexlink.robots.robot_file import read_robot

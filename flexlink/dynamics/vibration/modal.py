@@ -74,8 +74,8 @@ class Modes(SavedResult):
         rows = list(zip(range(1, len(self.eigenvalues) + 1), *(c.tolist() for c in columns), strict=True))
         return html_table(repr(self), ("mode", "frequency [Hz]", "damping ratio", "Re λ [1/s]", "Im λ [1/s]"), rows)
 
-    def plot(self, *, name: str = "arm", count: int = 8) -> Any:
-        """Draw the first `count` modes as displaced arms, a panel each, under a title with the `name`.
+    def plot(self, chain: Chain, *, count: int = 8) -> Any:
+        """Draw the first `count` modes as displaced arms, a panel each; `chain` is the one that they are of.
 
         Returns a matplotlib Figure, which a notebook shows once.
 
@@ -84,7 +84,7 @@ class Modes(SavedResult):
         MissingDependencyError
             matplotlib is not installed.
         """
-        return drawing_module("results.plotting").plot_modes(self, name, count)
+        return drawing_module("results.plotting").plot_modes(self, chain, count)
 
     @property
     def frequencies(self) -> Array:
