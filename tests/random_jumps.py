@@ -115,7 +115,7 @@ def errors(run: fl.Trajectory, truth: fl.Trajectory, tolerance: float) -> tuple[
     mass = chain.bodies["mass"].sum()
     forces = mass * np.linalg.norm(chain.gravity) + np.abs(truth.tau).sum(axis=1).max() / chain.reach
     forces += np.linalg.norm(truth.tip_wrench[:, :3], axis=1).max() if truth.tip_wrench is not None else 0.0
-    forces += np.sqrt(2 * mass * truth.energy[0].max()) * 100 / run.scene.run.duration
+    forces += np.sqrt(2 * mass * truth.energy.kinetic.max()) * 100 / run.scene.run.duration
     work = np.abs(done(run) - done(truth)[rows]).max() / forces
     return tip / tolerance, thrown / tolerance, work / tolerance
 

@@ -211,4 +211,4 @@ def test_a_claim_that_two_cases_judge_stands_once_by_the_one_with_more_arms(tmp_
 @pytest.mark.slow
 def test_a_table_that_is_the_answer_stands_unfolded(results, tmp_path):
     page = words_from(results, tmp_path)
-    assert "<details open><summary>The table that this stands on (3 lines)" in page
+    assert "<details open><summary>Table (3 lines)" in page

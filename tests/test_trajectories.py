@@ -107,9 +107,9 @@ def test_motion_that_multiplies_rounding_may_differ_by_what_a_twin_does(monkeypa
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--trajectory", "--file", "a.xml"], "--file a.xml: has no effect; --trajectory compares runs, not states"),
-        (["--trajectory", "--samples", "9"], "--samples 9: has no effect"),
-        (["--duration", "1"], "--duration 1.0: has no effect; it takes --trajectory"),
+        (["--trajectory", "--file", "a.xml"], "--file a.xml: has no effect here; leave it out, or"),
+        (["--trajectory", "--samples", "9"], "--samples 9: has no effect here"),
+        (["--duration", "1"], "--duration 1.0: has no effect here; add --trajectory"),
         (["--trajectory", "--duration", "0"], "duration = 0.0: must be a finite number > 0"),
         (["--trajectory", "--engines", "bullet"], "engine = 'bullet': unknown"),
     ],
