@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
 from reports.tables import series_csv
 from validation.store import Series
 
-Array = NDArray[np.float64]
 FEW = 60  # a curve with fewer points shows them
 MOST = 2 * len(CYCLE)  # curves in a panel: each colour drawn through and dashed
 

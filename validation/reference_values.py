@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import DataFileError
-from validation.types import Array
+from flexlink.common.types import Array
 
 REFERENCE_FOLDER = Path(__file__).parent / "reference"
 

@@ -9,6 +9,7 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.inputs.actuation import input_arrays
@@ -16,7 +17,6 @@ from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory
 from validation.facts import Fact
 from validation.store import Series
-from validation.types import Array
 
 
 def run_facts(run: RunSettings) -> dict[str, Fact]:

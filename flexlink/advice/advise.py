@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice import horizon as horizons
 from flexlink.advice import rigid
@@ -17,12 +16,11 @@ from flexlink.advice.search import Search
 from flexlink.advice.verdict import Advice, length, line, time
 from flexlink.chain.arguments import positive, require_bool, require_type
 from flexlink.common.errors import AdviceError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
-
-Array = NDArray[np.float64]
 
 CLEARLY_RIGID = 0.5
 """Share of the tolerance below which the estimated error of rigid links settles it without another run."""

@@ -5,13 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import FLEX, Axes, limited_axes, uniform
 from flexlink.advice.model_runner import ModelRunner, Stepping
-
-Array = NDArray[np.float64]
 
 HINGES = 2
 """Of each link. Runs are compared, not loads: an axis that loads bent by 3e-4 of the motion changed it by 6e-3."""

@@ -17,8 +17,6 @@ from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner
 from flexlink.advice.step_options import MeasuredSteps, fixed_step_options
 from flexlink.describe.schemes.methods import method
 
-Array = NDArray[np.float64]
-
 MAX_MODELS = 1000
 """Combinations of choices for links."""
 

@@ -6,16 +6,14 @@ import re
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import positive, real
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.results.tip_motion import largest_so_far
-
-Array = NDArray[np.float64]
 
 REFERENCE_STEP_SHARE = 0.02
 """Tolerance of the steps of runs that others are compared with, as a share of the allowed error."""

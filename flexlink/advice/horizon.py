@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner
 from flexlink.advice.refinement import RefinementStudy
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 SENSITIVE_GROWTH = 30.0
 """Growth of initial errors from which the motion itself is to blame for a large error."""

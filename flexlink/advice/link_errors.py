@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import Bend, Model, by_rule, fewer_axes, flexes, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
 from flexlink.advice.refinement import RefinementStudy
 from flexlink.advice.step_options import PROMISING_ERROR
+from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
-
-Array = NDArray[np.float64]
 
 BASE_HINGES = 4
 """Hinges of every link while one link is changed."""

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.advice.evaluation_cost import bodies_of, evaluation_cost, run_cost
 from flexlink.advice.model import Bend, Model, with_model
@@ -16,6 +15,7 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
+from flexlink.common.types import Array
 from flexlink.describe.conditions import InitialState, RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -27,8 +27,6 @@ from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 STABLE_SHARE = 0.9
 """Share of the smallest stable step over several postures that fixed steps take."""

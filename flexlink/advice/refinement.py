@@ -5,16 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import Goal, TipErrorNorm
 from flexlink.advice.model import Axes, Model, uniform
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.common.types import Array
 from flexlink.results.convergence import Limit, change_of_limit, extrapolated
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
-
-Array = NDArray[np.float64]
 
 LEVELS = (1, 2, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Hinges of each link that bends."""

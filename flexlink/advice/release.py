@@ -13,17 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
 from flexlink.advice.model import Model
 from flexlink.advice.model_runner import ModelRunner, Outcome
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import mass_matrix
 from flexlink.inputs.initial_state import initial_state
-
-Array = NDArray[np.float64]
 
 
 class Release(NamedTuple):

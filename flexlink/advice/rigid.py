@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import REFERENCE_STEP_SHARE, Goal, TipErrorNorm, least_tolerance
 from flexlink.advice.model import Axes, Model, can_move, uniform
@@ -23,12 +22,11 @@ from flexlink.advice.model_runner import PERTURBATION, PROPORTIONAL, ModelRunner
 from flexlink.advice.release import release
 from flexlink.advice.step_options import STEPS_EXPONENT
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.results.tip_motion import largest_distance, tip_travel
-
-Array = NDArray[np.float64]
 
 MODEST_GROWTH = 10.0
 """Growth of errors that the safety factor of the estimate covers."""

@@ -12,8 +12,7 @@ from flexlink.advice.link_errors import LinkErrors
 from flexlink.advice.model import Model, uniform
 from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner, Outcome, Stepping
 from flexlink.advice.step_options import MeasuredSteps
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 LEAST_GAIN = 0.004
 """Share of the best run's cost that another run must be expected to save."""

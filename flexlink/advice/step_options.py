@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.goal import TipErrorNorm
 from flexlink.advice.model import Model
 from flexlink.advice.model_runner import ModelRunner, Outcome, Stepping
+from flexlink.common.types import Array
 from flexlink.describe.data_files import read_toml
 from flexlink.describe.spec import Positive, Spec, decode
 
-Array = NDArray[np.float64]
 STEPS_EXPONENT = 0.25
 """Steps of an implicit method of order 5 with an error estimate of order 4 are proportional to tolerance^-0.25."""
 

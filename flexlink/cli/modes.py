@@ -11,20 +11,18 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.cli.shared import draw, prefix_errors, require_picture, varied_scene
 from flexlink.common.errors import ArgumentError, ConvergenceError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.vibration.at_rest import first_elastic_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.results.trajectory import plotting
-
-Array = NDArray[np.float64]
 
 
 def add_options(command: argparse.ArgumentParser) -> None:

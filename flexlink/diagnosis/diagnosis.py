@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import EngineError, SingularMassError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.diagnosis.differences import Finding, differences
 from flexlink.diagnosis.foreign_files import LoadedFile
@@ -22,7 +23,7 @@ from flexlink.diagnosis.stable_steps import LARGEST
 from flexlink.diagnosis.states import State
 from flexlink.engines.actuators import mark_unspecified, not_compared, taken_from_scene, with_drive
 from flexlink.engines.base import Engine
-from flexlink.engines.read_back import ACTUATOR_FIELDS, Array, ReadBack, of_chain, to_chain
+from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, of_chain, to_chain
 
 WITHOUT_WRENCH = tuple(name for name in QUANTITIES if "wrench" not in name)
 SINGULAR = "q̈ (M is singular)"

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from flexlink.common.types import Array
 from flexlink.diagnosis.joint_axes import Displacement, Realigned, deviations, reach, undo_displacements
 from flexlink.diagnosis.matching import Match, match_joints
 from flexlink.diagnosis.mistakes import FIELDS, LENGTH_UNITS, MISPLACED, MISTAKES, SETTINGS, Field, Mistake
 from flexlink.diagnosis.shapes import Discrepancy, fewer_digits, moments
 from flexlink.engines.actuators import limits
-from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, Array, ReadBack
+from flexlink.engines.read_back import ACTUATOR_FIELDS, BODY_FIELDS, JOINT_FIELDS, ReadBack
 
 EXACT, PLACED = 1e-12, 1e-11
 """Relative tolerances of numbers that are copied, and of those that are rotated into frame 0 joint by joint."""

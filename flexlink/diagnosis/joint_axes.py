@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexlink.engines.read_back import Array, Indices, ReadBack
+from flexlink.common.types import Array, Indices
+from flexlink.engines.read_back import ReadBack
 
 RIGID_TOLERANCE = 1e-9
 """How well one rigid motion must map all that follows a joint, relative to the reach of the arm."""

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.common.versions import __version__
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import accelerations, terms
 from flexlink.engines.base import Samples
-from flexlink.engines.read_back import Array, ReadBack, of_chain
+from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.motion.simulate import simulate
 
 

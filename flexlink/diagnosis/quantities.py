@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.diagnosis.states import State
 from flexlink.dynamics import rounding
 from flexlink.dynamics.rounding import in_units
 from flexlink.engines.base import Engine
-from flexlink.engines.read_back import Array
 
 
 class Term(NamedTuple):

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
 from flexlink.engines.base import Engine, Samples
-from flexlink.engines.read_back import Array, Indices, ReadBack
+from flexlink.engines.read_back import ReadBack
 
 
 def _reordered(method: Any) -> Any:

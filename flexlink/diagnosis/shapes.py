@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexlink.engines.read_back import Array, Indices, ReadBack, parallel_axis
+from flexlink.common.types import Array, Indices
+from flexlink.engines.read_back import ReadBack, parallel_axis
 
 TOLERANCE = 1e-9
 """Relative tolerance of a shape: above rounding, below the last digit of files with 6 digits."""

@@ -15,10 +15,10 @@ import numpy as np
 from scipy import linalg
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.tangent import stiffness_matrix
 from flexlink.dynamics.vibration.modal import regular_mass
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.engines.read_back import Array
 
 
 def _modes(chain: Chain) -> tuple[Array, Array]:

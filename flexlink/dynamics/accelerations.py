@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_each, require_one_of, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import ForwardSolver, Frame
 from flexlink.dynamics.batches import about_state, is_batch, rows, wrench_rows
 from flexlink.dynamics.singularity import no_acceleration
@@ -20,7 +21,6 @@ from flexlink.kernels.forward import solvers
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import LANES
 
-Array = NDArray[np.float64]
 SOLVERS: dict[ForwardSolver, solvers.Solver] = {
     "articulated": solvers.ARTICULATED,
     "lu": solvers.LU,

@@ -6,14 +6,14 @@ from collections.abc import Callable
 from typing import TypeVar, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import dimensions, real_array, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.types import Array
 from flexlink.dynamics.result import Result
 
-Array = NDArray[np.float64]
 R = TypeVar("R")
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each, is_batch
@@ -18,8 +19,6 @@ from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.derivatives.forward_derivatives import forward_derivatives
 from flexlink.kernels.derivatives.inverse_derivatives import all_inverse_derivatives
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -23,6 +23,7 @@ from scipy import linalg
 from flexlink.chain.arguments import positive, require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ConvergenceError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics import rounding
 from flexlink.dynamics.result import SavedResult
@@ -30,7 +31,6 @@ from flexlink.dynamics.tangent import load_torque, stiffness_matrix, tangent, un
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.wrench import turns_with_tip
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 
 FIRST_ARC, LARGEST_ARC, SMALLEST_ARC = 0.5, 1.0, 1e-6  # rad over all joints

@@ -14,10 +14,11 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.placement import hinge_bodies
@@ -25,8 +26,6 @@ from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.result import Result
 from flexlink.dynamics.wrench import world_wrench
 from flexlink.kernels.tools.finite import is_finite
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -9,11 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexlink.chain.arguments import integer, require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch, rows
 from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics, tip_points
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -12,16 +12,15 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, integer, require_type, vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.result import Result
 from flexlink.kernels.bodies.kinematics import forward_kinematics
 from flexlink.kernels.tools.finite import is_finite
-
-Array = NDArray[np.float64]
 
 
 class BodyMotion(NamedTuple):

@@ -34,14 +34,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.terms import elastic_torque, friction_torque, mass_matrix
 from flexlink.kernels.bodies.kinematics import forward_kinematics
-
-Array = NDArray[np.float64]
 
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 10

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError, FlexlinkError, SingularMassError
+from flexlink.common.types import Array
 from flexlink.kernels.bodies.mass import mass_composite
 from flexlink.kernels.forward.solvers import ARTICULATED, Solver
-
-Array = NDArray[np.float64]
 
 
 def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: Array, tau: Array) -> FlexlinkError:

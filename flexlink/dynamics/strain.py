@@ -12,19 +12,18 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_type, vector
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.arm import AXES
 from flexlink.describe.hinges import hinges_of
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.batches import is_batch, rows
 from flexlink.dynamics.result import Result
 from flexlink.kernels.tools.finite import is_finite
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

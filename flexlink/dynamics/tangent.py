@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.dynamics import rounding
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.terms import bias_torque
 from flexlink.kernels.derivatives.load_derivatives import add_gyroscopic, add_load_stiffness, turned_with_tip
-
-Array = NDArray[np.float64]
 
 
 class Stiffness(NamedTuple):

@@ -13,11 +13,12 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import beyond_float64, require_one_of, require_type, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.batches import each, is_batch
 from flexlink.dynamics.result import Result
@@ -26,8 +27,6 @@ from flexlink.kernels.bodies import mass
 from flexlink.kernels.bodies.energy import energies
 from flexlink.kernels.bodies.rne import inverse_dynamics as inverse_dynamics_kernel
 from flexlink.kernels.tools.finite import is_finite
-
-Array = NDArray[np.float64]
 
 MASS_ALGORITHMS = {
     "columns": mass.mass_columns,

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_one_of, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.kernels.derivatives.load_derivatives import turned_with_tip
-
-Array = NDArray[np.float64]
 
 
 def turns_with_tip(frame: Frame) -> bool:

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array, Indices
 from flexlink.describe.scene import Scene
-from flexlink.engines.read_back import ACTUATOR_FIELDS, Array, Indices, ReadBack, no_actuators
+from flexlink.engines.read_back import ACTUATOR_FIELDS, ReadBack, no_actuators
 from flexlink.inputs.drives import effort_of, of_joints
 
 

@@ -17,9 +17,10 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
-from flexlink.engines.read_back import Array, ReadBack
+from flexlink.engines.read_back import ReadBack
 from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state

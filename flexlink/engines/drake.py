@@ -26,9 +26,10 @@ from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, drake_reader
-from flexlink.engines.read_back import Array, ReadBack
+from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
 
 

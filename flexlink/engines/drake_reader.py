@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, RevoluteJoint, RevoluteSpring
 
-from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, no_actuators, require_hinges
+from flexlink.common.types import Array, Indices
+from flexlink.engines.read_back import ReadBack, merge_bodies, no_actuators, require_hinges
 
 
 def hinges(plant: Any) -> list[Any]:

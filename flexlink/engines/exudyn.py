@@ -28,10 +28,11 @@ from exudyn.itemInterface import (
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.engines import base
-from flexlink.engines.read_back import Array, ReadBack, of_chain
+from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
 from flexlink.formats.document import places
 

@@ -20,9 +20,10 @@ import numpy as np
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines import base, mujoco_reader
-from flexlink.engines.read_back import Array, ReadBack
+from flexlink.engines.read_back import ReadBack
 from flexlink.formats import to_mjcf
 
 Callback = Callable[[Any, Any], None] | None

@@ -15,7 +15,8 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from flexlink.engines.read_back import ACTUATOR_FIELDS, Array, no_limits
+from flexlink.common.types import Array
+from flexlink.engines.read_back import ACTUATOR_FIELDS, no_limits
 
 AT_JOINTS = {mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT}
 

@@ -8,8 +8,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from flexlink.common.types import Array, Indices
 from flexlink.engines import mujoco_actuators
-from flexlink.engines.read_back import Array, Indices, ReadBack, merge_bodies, require_hinges
+from flexlink.engines.read_back import ReadBack, merge_bodies, require_hinges
 
 
 def read(model: Any, spec: Any = None) -> ReadBack:

@@ -21,6 +21,7 @@ from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.engines import pinocchio_reader
@@ -33,7 +34,7 @@ from flexlink.engines.base import (
     drive_function,
     wrench_function,
 )
-from flexlink.engines.read_back import Array, ReadBack
+from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
 from flexlink.inputs.actuation import motion_arrays

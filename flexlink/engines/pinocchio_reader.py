@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.common.errors import ArgumentError
-from flexlink.engines.read_back import Array, Parts, ReadBack, merge_bodies, no_actuators, require_hinges
+from flexlink.common.types import Array
+from flexlink.engines.read_back import Parts, ReadBack, merge_bodies, no_actuators, require_hinges
 from flexlink.formats.urdf import LIMIT
 
 

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.dynamics.placement import frames
 from flexlink.kernels.layout import BODY
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 AXIS_FIELDS = ("axes", "points")

@@ -14,7 +14,8 @@ import numpy as np
 
 from flexlink.chain.chain import Chain, unique
 from flexlink.common.products import dot, product
-from flexlink.formats.document import Array, decimals, valid
+from flexlink.common.types import Array
+from flexlink.formats.document import decimals, valid
 
 THICKNESS = 0.004, 0.04  # smallest and largest radius over the length of the arm
 COLOURS = (

@@ -9,12 +9,10 @@ from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain, unique
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 UPPER_TRIANGLE = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 WIDE = {"lower": "-1e9", "upper": "1e9"}

@@ -26,13 +26,13 @@ from flexlink.chain.rigid import HERE, Pose
 from flexlink.chain.rotation import quaternion_from_matrix
 from flexlink.common.errors import ArgumentError
 from flexlink.common.products import product
+from flexlink.common.types import Array
 from flexlink.describe.rigid_body import ROUNDING
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.formats.capsules import Capsule, capsules, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
-    Array,
     decimals,
     limits,
     links_text,

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.rotation import matrix_from_quaternion
-from flexlink.formats.document import Array
+from flexlink.common.types import Array
 from flexlink.formats.mjcf import JOINT_ATTRIBUTES, USER_FIELDS, to_mjcf
 from flexlink.formats.reading import ROUNDING, Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
 

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from flexlink.common.products import dot
-from flexlink.formats.document import Array
+from flexlink.common.types import Array
 
 
 def principal_axes(inertia: Array) -> tuple[Array, Array]:

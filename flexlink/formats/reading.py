@@ -19,7 +19,8 @@ import numpy as np
 from flexlink.chain.chain import Chain, Coordinate
 from flexlink.common.errors import DataFileError, FlexlinkError
 from flexlink.common.safe_xml import numbers_of, parse
-from flexlink.formats.document import UPPER_TRIANGLE, WIDE, Array
+from flexlink.common.types import Array
+from flexlink.formats.document import UPPER_TRIANGLE, WIDE
 from flexlink.kernels.layout import BODY, HINGE
 
 ROUNDING = 1e-14  # of angles and quaternions, which depends on the machine's mathematical library

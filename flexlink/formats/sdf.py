@@ -18,10 +18,10 @@ import numpy as np
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.common.types import Array
 from flexlink.formats.capsules import Capsule, capsule_behind
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
-    Array,
     decimals,
     limits,
     links_text,

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.formats.document import UPPER_TRIANGLE, Array
+from flexlink.common.types import Array
+from flexlink.formats.document import UPPER_TRIANGLE
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, read
 from flexlink.formats.sdf import DYNAMICS, NAMESPACES, STANDARD_FIELDS, to_sdf
 from flexlink.kernels.layout import HINGE

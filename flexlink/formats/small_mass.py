@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_type
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics.terms import mass_matrix
-from flexlink.formats.document import Array, places
+from flexlink.formats.document import places
 from flexlink.kernels.layout import BODY
 
 

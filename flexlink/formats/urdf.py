@@ -14,11 +14,11 @@ import numpy as np
 from flexlink.chain.arguments import require_bool, require_type
 from flexlink.chain.chain import Chain, unique
 from flexlink.chain.rotation import rpy_from_matrix
+from flexlink.common.types import Array
 from flexlink.formats.capsules import Capsule, capsule_behind, colours
 from flexlink.formats.document import (
     UPPER_TRIANGLE,
     WIDE,
-    Array,
     decimals,
     limits,
     links_text,

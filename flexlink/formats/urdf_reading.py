@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.formats.document import UPPER_TRIANGLE, Array
+from flexlink.common.types import Array
+from flexlink.formats.document import UPPER_TRIANGLE
 from flexlink.formats.reading import Hinge, Node, chain_of, coordinate, inertia_matrix, limits_of, read
 from flexlink.formats.urdf import DYNAMICS, STANDARD_FIELDS, to_urdf
 from flexlink.kernels.layout import HINGE

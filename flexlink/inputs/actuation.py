@@ -5,18 +5,15 @@ from __future__ import annotations
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import PrescribedMotion
 from flexlink.describe.scene import Scene
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.tip_wrench import wrench_table
 from flexlink.kernels.inputs.record import Inputs, MotionTable
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:

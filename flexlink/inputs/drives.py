@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array, Indices
 from flexlink.describe.rigidified import rigidified
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import gravity_torque
@@ -24,7 +25,6 @@ from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE,
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
 
-Array = NDArray[np.float64]
 NUDGE = 1e-5
 """Angle [rad], or rate, of the central differences of a law; of a linear one they are exact but for rounding."""
 
@@ -46,7 +46,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     return law if scene.drive.rate is None else _sampled(scene, law)
 
 
-def drive_of(joints: NDArray[np.int64], **parts: Any) -> Drive:
+def drive_of(joints: Indices, **parts: Any) -> Drive:
     """A drive of these joints: zero torque without limits, except for the given `parts`."""
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))

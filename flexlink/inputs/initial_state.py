@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.inputs.tip_wrench import initial_wrench
 from flexlink.kernels.inputs.drive_torque import follow
-
-Array = NDArray[np.float64]
 
 APART = 1e-9
 """How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 
 def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:

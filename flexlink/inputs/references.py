@@ -5,14 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.kernels.inputs.record import PiecewisePolynomial
-
-Array = NDArray[np.float64]
 
 
 def reference_arrays(scene: Scene, chain: Chain) -> PiecewisePolynomial:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.memo import Memo
+from flexlink.common.types import Array
 from flexlink.describe.reference_trajectory import ReferenceTrajectory
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
-
-Array = NDArray[np.float64]
 
 TURN = np.radians(8.0)
 """A polynomial of the torque is for a turn of no more: of degree 5, it is then within 1e-6 of the largest torque."""

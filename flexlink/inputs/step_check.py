@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import UnstableStepError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -17,8 +17,6 @@ from flexlink.dynamics.vibration.stability_function import stable_half_disc
 from flexlink.inputs.drives import gains_of
 from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.record import Inputs
-
-Array = NDArray[np.float64]
 
 
 def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) -> tuple[str, ...]:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.describe.scene import Scene
 from flexlink.inputs.interpolation import held_knots, pieces_of
 from flexlink.kernels.inputs.record import GivenWrench, Inputs, WrenchTable, given_at
-
-Array = NDArray[np.float64]
 
 
 def wrench_table(scene: Scene, chain: Chain) -> WrenchTable | None:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial, WrenchTable
-
-Array = NDArray[np.float64]
 
 LINEAR = 2
 """Coefficients of a piece of a table that is not smooth."""

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
@@ -40,8 +40,6 @@ from flexlink.motion.sampled_control import Control
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
-
-Array = NDArray[np.float64]
 
 OF_A_STEP, OF_A_LONG_STEP, OF_AN_EXPLICIT_STEP = 0.25, 0.1, 0.02
 """Error that one step may have, as a part of the tolerance, of which a run has `LONG` times as much for all its steps.

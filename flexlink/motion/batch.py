@@ -8,13 +8,13 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer, require_each
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import Stop, deferred
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.inputs.drives import same_law
@@ -28,7 +28,6 @@ from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Ended = Trajectory | DivergenceError | InterruptedRunError
 Outcome = Ended | FlexlinkError
 

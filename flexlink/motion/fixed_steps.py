@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.inputs.record import Inputs
@@ -18,7 +19,6 @@ from flexlink.motion.monitor import RunMonitor
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import Failure
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Arrays = tuple[Array, Array, Array]
 """q, q̇ and W."""

@@ -6,18 +6,16 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 from flexlink.inputs.drives import gains_of
 from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.results.record import Record
-
-Array = NDArray[np.float64]
 
 
 class Hindrance(NamedTuple):

@@ -6,15 +6,12 @@ import math
 from bisect import bisect_left, bisect_right
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import parts
 from flexlink.describe.schemes.methods import Method
 from flexlink.inputs.tstops import corners, ends_of_steps, instants
 from flexlink.results.record import Record
-
-Array = NDArray[np.float64]
-
 
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
@@ -68,7 +65,7 @@ class Marks:
         first, last = (round(t / run.step) - self.origin for t in (start, end))
         return range(first // run.steps_per_sample + 1, -(-last // run.steps_per_sample))
 
-    def _times(self, numbers: NDArray[np.int64]) -> Array:
+    def _times(self, numbers: Indices) -> Array:
         run = self.run
         if run.controlled:
             return np.asarray((parts(self.start, run.sample) + numbers) * run.sample)

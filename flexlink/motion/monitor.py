@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings, steps_explicitly
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
@@ -22,7 +23,6 @@ from flexlink.results.stop_reasons import DivergenceError, Failure
 from flexlink.results.tip_motion import extent_of_motion
 from flexlink.results.trajectory import Trajectory
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 FAR = np.radians(84.0)

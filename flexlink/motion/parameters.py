@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec, default_of, fields_of, truncated
 from flexlink.dynamics.tangent import stiffness_matrix
@@ -27,8 +28,6 @@ from flexlink.inputs.initial_state import initial_state, spread
 from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.sensitivity import AFFINE, EPSILON, Parametric, torque_derivatives
 from flexlink.kernels.layout import BODY, HINGE
-
-Array = NDArray[np.float64]
 
 POINTS = 9
 PARTS = 1 / 16, 1 / 128, 1 / 1024

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_callable
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings, multiples, parts, steps_explicitly, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -22,7 +23,6 @@ from flexlink.motion.chunk_size import ChunkSize
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import LawFailure
 
-Array = NDArray[np.float64]
 Law = Callable[[float, Array, Array], ArrayLike]
 """T_EX of the driven joints (d,), `chain.active`, in N m, from t [s], q [rad] and q̇ [rad/s], both (n,)."""
 Tableau = tuple[Array, Array, Array]

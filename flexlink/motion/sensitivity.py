@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import require_type, sequence
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
@@ -21,8 +21,6 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_callable, require_type
 from flexlink.chain.chain import Chain
@@ -29,8 +29,6 @@ from flexlink.motion.verification import GIVEN_UP, UNKNOWN, advice, doubt, secon
 from flexlink.results.record import Record
 from flexlink.results.stop_reasons import ControlError, InterruptedRunError, LawFailure
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def simulate(

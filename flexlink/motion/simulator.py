@@ -25,8 +25,6 @@ from flexlink.results.record import trajectory_from_states
 from flexlink.results.samples import State
 from flexlink.results.stop_reasons import DivergenceError, Failure
 
-Array = NDArray[np.float64]
-
 OFTEN = 128
 """Calls of `step` from one look at the power balance to the next; of the first ones, those of number 1, 2, 4, …"""
 

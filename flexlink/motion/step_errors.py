@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.describe.schemes.methods import method
 from flexlink.kernels.bodies.kinematics import tip_points
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.record import Record
-
-Array = NDArray[np.float64]
 
 
 def step_errors(record: Record, probed: NDArray[np.intp]) -> Array:

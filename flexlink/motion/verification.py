@@ -15,13 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.motion.hindrance import sampled_growth
 from flexlink.motion.monitor import DOUBT, TIP_SHARE, TOLERABLE, RunMonitor, least_tolerance
-
-Array = NDArray[np.float64]
 
 STRICTER = 0.1
 """Part of the tolerance, or of the error from which a run is doubtful, that the second run is allowed."""

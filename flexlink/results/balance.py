@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.dynamics import rounding
-
-Array = NDArray[np.float64]
 
 SHARE = 0.1
 """Imbalance, as a part of the energy exchanged, from which a run is garbage. An error ε of all rates changes the

@@ -6,11 +6,10 @@ import functools
 from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.results.samples import RunSamples
 
-Array = NDArray[np.float64]
 Source = Callable[[RunSamples], Array]
 
 OF_BALANCED: Mapping[str, Source] = {

@@ -14,11 +14,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.results.tip_motion import largest_distance
 
-Array = NDArray[np.float64]
 Level = tuple[float, Array]
 """Number of hinges of each link, and the path of the tip (samples, 3) [m]."""
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.dynamics.placement import tip_position, unbent
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def deflections(run: Trajectory) -> Array:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.terms import Energy
@@ -13,8 +13,6 @@ from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.samples import drive_torques, prescribed_torques, tips_and_energies
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def trajectory_from_states(scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> Trajectory:

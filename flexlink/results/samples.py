@@ -7,11 +7,11 @@ import functools
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.arguments import integer
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.batches import each
@@ -19,8 +19,6 @@ from flexlink.dynamics.loads import InternalLoads, internal_loads
 from flexlink.dynamics.result import Result, read_only
 from flexlink.dynamics.terms import Energy
 from flexlink.results import balance
-
-Array = NDArray[np.float64]
 
 
 class Steps(NamedTuple):

@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, real, require_type, vector
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.spec import truncated
 from flexlink.results.tip_motion import centre_of_motion, distances, largest_distance
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 
 def settling_time(run: Trajectory, *, target: ArrayLike, tolerance: float, after: float = 0.0) -> float:

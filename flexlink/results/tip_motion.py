@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 
 def distances(path: Array, other: Array) -> Array:

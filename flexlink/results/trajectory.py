@@ -8,11 +8,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_whole
+from flexlink.common.types import Array
 from flexlink.describe.data_files import require_path
 from flexlink.results import tables
 from flexlink.results.columns import Columns
@@ -21,8 +19,6 @@ from flexlink.results.samples import RunSamples
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 class Trajectory(RunSamples):

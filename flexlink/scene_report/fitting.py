@@ -15,17 +15,15 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from flexlink.motion.simulate import simulate
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.measured import Measured
-
-Array = NDArray[np.float64]
 
 
 class Tried(NamedTuple):

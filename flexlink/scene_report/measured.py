@@ -10,13 +10,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import DataFileError
 from flexlink.common.files import read_regular
+from flexlink.common.types import Array
 from flexlink.describe.spec import short_list
-
-Array = NDArray[np.float64]
 
 TIME = "t [s]"
 UNITS = {

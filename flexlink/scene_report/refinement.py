@@ -12,18 +12,16 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.advice.evaluation_cost import machine_factor, run_cost
 from flexlink.advice.model import FLEX, Bend, Model, can_move, limited_axes
 from flexlink.advice.model_runner import Outcome, Stepping
+from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
 from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
-
-Array = NDArray[np.float64]
 
 FACTORS = (0.5, 2.0, 4.0)
 """Of the scene's hinges, in the cuts beside its own."""

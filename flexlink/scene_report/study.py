@@ -6,13 +6,11 @@ import dataclasses
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 from flexlink.advice.model_runner import ModelRunner
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics import rounding
 from flexlink.dynamics.equilibrium import Equilibrium
@@ -23,8 +21,6 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 FILES, MEASURED = (".urdf", ".xml", ".mjcf", ".sdf"), ".csv"
 """Endings of what a scene is laid beside: an arm in somebody else's words, and measurements."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.pages.style import BLUE, GREY, INK, VERMILION, WIDTH
 from flexlink.results.notebook_figure import NotebookFigure as Figure
 from flexlink.results.pictures.view import View
-
-Array = NDArray[np.float64]
 
 
 def panels(views: list[View], points: Array) -> tuple[Figure, list[Axes]]:

@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
+from flexlink.common.types import Array
 from flexlink.describe.spec import NonNegative, Positive, Spec, Vector3, did_you_mean, short_list, truncated
 from flexlink.dynamics.equilibrium import solve_static
 from flexlink.dynamics.placement import tip_position
 from flexlink.results.deflection import deflections
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.results.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 REDUCTIONS: Mapping[str, Callable[[Array, Array], float]] = {
     "final": lambda t, x: x[-1],

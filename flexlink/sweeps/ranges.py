@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import SceneError
+from flexlink.common.types import Array
 from flexlink.describe.spec import Positive, Spec, decode, truncated
 
-Array = NDArray[np.float64]
 Spacing = Literal["linear", "log"]
 Whole = Annotated[int, msgspec.Meta(ge=0)]
 

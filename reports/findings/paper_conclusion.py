@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.pages.numbers import amount, number
 from flexlink.pages.tables import Table
 from reports.curves import floats, groups
@@ -16,7 +16,6 @@ SECTION = "integrators"
 ERROR, WORK = "error [rad]", "evaluations per simulated second"
 TARGETS = tuple(float(f"1e-{k}") for k in range(1, 13))  # rad; one accuracy a decade
 
-Array = NDArray[np.float64]
 Costs = Mapping[str, float]  # method → evaluations per simulated second, of those that reach an accuracy
 
 

@@ -14,10 +14,10 @@ import numpy as np
 
 from flexlink.advice.model import Axes, Bend, Model, all_axes, can_move, uniform
 from flexlink.advice.model_runner import STABLE_SHARE, ModelRunner, Stepping
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.results.convergence import change_of_limit, extrapolated
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far, tip_travel
-from validation.types import Array
 
 LEVELS = (4, 6, 8, 12, 16, 24, 32, 48)
 METHOD, OF_MOTION = "Radau9", (1e-6, 1e-9)

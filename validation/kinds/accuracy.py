@@ -11,13 +11,13 @@ import numpy as np
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.rounding import EPS, acceleration_error
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.oracles import spatial_chain
 from validation.speed.families import Family
-from validation.types import Array
 
 
 class Arms(Family, frozen=True):

@@ -9,6 +9,7 @@ import numpy as np
 from scipy import linalg
 
 import flexlink as fl
+from flexlink.common.types import Array
 from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
 from validation.case import Case, Measured
@@ -19,7 +20,6 @@ from validation.physics.published import published
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import reference_array
 from validation.store import Series
-from validation.types import Array
 
 
 class Load(Spec, frozen=True):

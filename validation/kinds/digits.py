@@ -20,6 +20,7 @@ from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.spec import Spec
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State
@@ -29,7 +30,6 @@ from validation.extremes.cells import Cell, Map, recipe
 from validation.facts import in_words
 from validation.oracles.common_origin import of_state
 from validation.store import Series, table
-from validation.types import Array
 
 Numbers = dict[str, Array]
 

@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.rounding import EPS
@@ -23,7 +24,6 @@ from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-from validation.types import Array
 
 
 def run(case: Case, steps: dict[str, tuple[float, ...]]) -> Iterator[Measured | Series]:

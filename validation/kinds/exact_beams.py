@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 import flexlink as fl
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from validation.case import Case, Measured
@@ -22,7 +23,6 @@ from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
 from validation.runs import apart
 from validation.store import Series
-from validation.types import Array
 
 LONG = True
 

@@ -11,6 +11,7 @@ import numpy as np
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
@@ -18,7 +19,6 @@ from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up
 from validation.runs import run_facts
 from validation.store import Series
-from validation.types import Array
 
 
 class Trial(Spec, frozen=True):

@@ -13,6 +13,7 @@ from scipy import linalg
 
 import flexlink as fl
 from flexlink import engines
+from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.spec import Spec
 from validation.case import Case, Measured
@@ -21,7 +22,6 @@ from validation.oracles import bending_chain, hencky
 from validation.physics.parity import chain_frequencies, load_stiffness, springs
 from validation.physics.variant import Rule, Variant
 from validation.reference_values import look_up, reference_array
-from validation.types import Array
 
 CLOSED_FORMS = {"paper": "paper", "midpoint": "midpoint", "hencky": "nodal_2k"}  # rule → name in hencky_closed_forms
 PUSH_ALONG_CHAIN = np.array([-1.0, 0, 0, 0, 0, 0])  # N on the tip, along the chain

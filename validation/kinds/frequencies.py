@@ -13,6 +13,7 @@ import numpy as np
 from flexlink import engines
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import of_mass_matrix
 from flexlink.dynamics.terms import mass_matrix
@@ -27,7 +28,6 @@ from validation.physics.published import published
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import reference_array
 from validation.store import Series, table
-from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

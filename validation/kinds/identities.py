@@ -21,13 +21,13 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.diagnosis.states import State, random_states
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.point_motion import body_motion
 from flexlink.dynamics.rounding import acceleration_error, in_units, of_mass_matrix
 from flexlink.dynamics.terms import MASS_ALGORITHMS
 from validation.case import Case, Measured
-from validation.types import Array
 
 TRIGONOMETRIC_STENCIL = {
     j * 2 * math.pi / 5 * sign: sign * 0.5 * (-1) ** (j + 1) / math.sin(j * math.pi / 5)

@@ -10,12 +10,12 @@ from mpmath import mp, mpf
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State, random_states
 from flexlink.engines import Engine, load
 from validation.case import Case, Measured
 from validation.oracles.planar_chain import DIGITS, PlanarChain
-from validation.types import Array
 
 
 def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import EPS
@@ -20,7 +21,6 @@ from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.store import Series, table
-from validation.types import Array
 
 LONG = True
 

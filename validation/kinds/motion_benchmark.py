@@ -17,6 +17,7 @@ import numpy as np
 import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import require_one_of
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
@@ -32,7 +33,6 @@ from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
 from validation.runs import run_facts
 from validation.store import Series
-from validation.types import Array
 
 LONG = True
 

@@ -9,11 +9,11 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from validation.case import Case, Measured
-from validation.types import Array
 
 TYPES = {"T1": "z", "T2": "yz", "T3": "xyz"}
 NEGLIGIBLE_TORQUE = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above

@@ -10,10 +10,10 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.rounding import EPS, ROUNDINGS
 from validation.case import Case, Measured
-from validation.types import Array
 
 Convention = Literal["standard", "modified"]
 

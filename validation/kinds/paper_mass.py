@@ -10,6 +10,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
@@ -25,7 +26,7 @@ TIMED = True
 Settings = Races
 rehearsal = growth.rehearsal
 
-Loop = Callable[[Any, rounding.Array, int], Any]
+Loop = Callable[[Any, Array, int], Any]
 METHODS: Mapping[str, Loop] = {
     "1, columns": compiled_loops.mass_columns_loop,
     "2, lower triangle": compiled_loops.mass_lower_loop,
@@ -71,11 +72,11 @@ def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
     yield Series("masses", "Time of one M by method", columns, *labels, "log", "log", group="method", panel="chain")
 
 
-def _bound(loop: Loop, chain: Chain, q: rounding.Array) -> Work:
+def _bound(loop: Loop, chain: Chain, q: Array) -> Work:
     return lambda calls: loop(chain.arrays, q, calls)
 
 
-def _apart(chain: Chain, q: rounding.Array, loop: Loop) -> float:
+def _apart(chain: Chain, q: Array, loop: Loop) -> float:
     """Largest difference to composite bodies, over what rounding explains."""
     last = q[:1]
     difference = np.abs(loop(chain.arrays, last, 1) - METHODS[LATER](chain.arrays, last, 1)).max()

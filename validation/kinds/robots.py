@@ -11,13 +11,13 @@ import numpy as np
 
 import flexlink as fl
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.types import Array
 from flexlink.diagnosis.states import random_states
 from flexlink.dynamics.rounding import acceleration_error
 from flexlink.robots.collection import import_known, known_arm
 from flexlink.robots.tuning import tuned
 from validation.case import MODELS, Case, Measured
 from validation.physics.source_urdf import Original
-from validation.types import Array
 
 BENDING = "_flexible"
 """End of the names of arms that bend; without it, they are those of the same arms, rigid."""

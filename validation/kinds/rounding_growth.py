@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.accelerations import SOLVERS
@@ -20,7 +21,6 @@ from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.runs import motion_series, points_of
 from validation.store import Series
-from validation.types import Array
 
 LONG = True
 

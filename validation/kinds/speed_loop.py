@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.dynamics.terms import gravity_torque
@@ -24,7 +25,6 @@ from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed.stopwatch import Work, race
-from validation.types import Array
 
 TIMED = True
 

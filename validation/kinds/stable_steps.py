@@ -21,6 +21,7 @@ from scipy import linalg
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import ConvergenceError
+from flexlink.common.types import Array, Complex
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import bias_torque, elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
@@ -31,7 +32,6 @@ from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
 from validation.store import Series, table
-from validation.types import Array, Complex
 
 LONG = True
 

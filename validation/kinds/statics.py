@@ -10,6 +10,7 @@ import numpy as np
 import flexlink as fl
 from flexlink import engines
 from flexlink.chain.arguments import require_one_of
+from flexlink.common.types import Array
 from flexlink.engines import Engine
 from validation.case import Case, Measured
 from validation.facts import Facts, in_words
@@ -18,7 +19,6 @@ from validation.physics.published import published
 from validation.physics.tip_loads import TIP_LOADS, TipLoad
 from validation.physics.variant import Rule, Variant, existing
 from validation.store import Series
-from validation.types import Array
 
 
 class Settings(Sweep, frozen=True, kw_only=True):

@@ -13,13 +13,13 @@ import numpy as np
 from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import random_states
 from validation.case import Case, Measured
 from validation.runs import run_facts
-from validation.types import Array
 
 LONG = True
 RELATIVE_QUANTITIES = ("M", "T_GC", "T_GC with tip wrench", "T_FL", "T_FR")

@@ -11,7 +11,7 @@ import itertools
 import mpmath
 import numpy as np
 
-from validation.types import Array
+from flexlink.common.types import Array
 
 
 def frequencies(nodes: Array, weights: Array) -> Array:

@@ -19,8 +19,8 @@ import numpy as np
 from mpmath import mp, mpf
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from validation.oracles.spatial_chain import Matrix, Vector, add, cross, exactly, product, sub, times, turn
-from validation.types import Array
 
 DIGITS = 100
 

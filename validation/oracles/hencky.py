@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from validation.types import Array
+from flexlink.common.types import Array
 
 
 def half_angles(rule: str, n: int) -> Array:

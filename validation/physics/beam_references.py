@@ -13,12 +13,12 @@ import numpy as np
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.rotation import matrix_from_rpy_deg
 from flexlink.common.errors import ArgumentError, DataFileError
+from flexlink.common.types import Array
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene, load_scene
 from validation.case import MODELS, STUDY_SCENES
 from validation.physics.formulas import INPUTS
 from validation.reference_values import look_up
-from validation.types import Array
 
 SCENES: dict[str, dict[str, Any]] = {"paper_fig5": {"run.duration": 1.0, "run.sample": 0.05}, "torque_pulse": {}}
 """By name: what is changed in the scene before it runs."""

@@ -37,12 +37,12 @@ from exudyn.itemInterface import (
 )
 
 from flexlink.common.output import write_whole
+from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
 from validation.reference_values import REFERENCE_FOLDER
 from validation.runs import apart
-from validation.types import Array
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
 SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency

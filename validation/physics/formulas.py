@@ -9,13 +9,13 @@ from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Drive, PrescribedMotion
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.terms import inverse_dynamics
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.drive_torque import follow
-from validation.types import Array
 
 
 def pulse(t: ArrayLike) -> Array:

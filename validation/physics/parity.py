@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
+from flexlink.common.types import Array, Indices
 from flexlink.engines import Engine
 from flexlink.engines.mujoco import MujocoEngine
-from validation.types import Array, Indices
 
 SHIFTS = np.pi * np.array([1, 3, 5, 7]) / 4
 WEIGHTS = np.array([1, -1, 1, -1]) / (8 * np.sin(SHIFTS / 2) ** 2)

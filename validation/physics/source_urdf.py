@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from validation.types import Array
+from flexlink.common.types import Array
 
 
 class Original:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from flexlink.common.types import Array
 from validation.facts import Fact, Facts
 from validation.reference_values import look_up
-from validation.types import Array
 
 PRINCETON_ANGLES = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]  # deg
 

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from flexlink.chain.chain import Chain
-from validation.types import Array
+from flexlink.common.types import Array
 
 REVOLUTE = {0: pin.JointModelRX, 1: pin.JointModelRY, 2: pin.JointModelRZ}
 S = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])

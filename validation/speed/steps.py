@@ -14,6 +14,7 @@ from mujoco import rollout
 
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
@@ -24,7 +25,6 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
 from validation.speed.stopwatch import Work
-from validation.types import Array
 
 
 def native(scene: Scene) -> Work:

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.kernels.tools.compiler import kernel
 from flexlink.kernels.tools.vec3 import ZERO, add, apply, apply_transposed, cos_sin, cross, dot, put, scale, vector
-from validation.types import Array
 
 
 class Rows(NamedTuple):

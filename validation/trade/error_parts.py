@@ -17,12 +17,12 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.chain.lumping import lump
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from validation.runs import apart
-from validation.types import Array
 
 Type = Literal["rigid", "z", "yz", "xyz"]
 

@@ -19,9 +19,9 @@ from scipy.interpolate import BPoly, CubicSpline
 
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
-from validation.types import Array
 
 OfTime = Callable[[float], Array]
 OfState = Callable[[float, Array], Array]

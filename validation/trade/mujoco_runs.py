@@ -21,13 +21,13 @@ from numba.extending import intrinsic
 
 import flexlink as fl
 from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.inputs.laws import PD, TABLE
 from flexlink.kernels.inputs.record import Drive
-from validation.types import Array
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,

@@ -18,6 +18,7 @@ import pinocchio as pin
 import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.inputs.initial_state import initial_state
@@ -26,7 +27,6 @@ from validation.speed.pinocchio_models import build_all
 from validation.trade.first_order import FirstOrder, Solved
 from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
-from validation.types import Array
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
 EVALUATIONS_OF_A_STEP = {"RK4": 4, "DOP853": 12}  # of a step

@@ -16,6 +16,7 @@ import numpy as np
 
 from flexlink.chain.arguments import require_one_of
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
@@ -25,7 +26,6 @@ from validation.case import MODELS, STUDY_SCENES
 from validation.physics.formulas import INPUTS
 from validation.reference_values import reference_array
 from validation.trade.first_order import FirstOrder
-from validation.types import Array
 
 FILE = STUDY_SCENES / "trade" / "scenes.toml"
 OUTPUTS = 20  # of every run; the first of the samples is the start

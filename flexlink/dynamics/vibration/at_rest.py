@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.equilibrium import Equilibrium, solve_static
 from flexlink.dynamics.placement import unbent
 from flexlink.dynamics.vibration.modal import Modes, modes
-
-Array = NDArray[np.float64]
 
 
 def rest_of(chain: Chain, q: Array, *, tip_wrench: ArrayLike | None = None, frame: Frame = "world") -> Equilibrium:

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 from scipy import linalg
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array, Complex
 from flexlink.dynamics.tangent import Stiffness
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 EPS = np.finfo(float).eps
 
 _DEFECT = 4

@@ -5,14 +5,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SingularMassError
+from flexlink.common.types import Array
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import inverse_dynamics
-
-Array = NDArray[np.float64]
 
 PASSES, CLOSE = 30, 1e-2
 """Passes of the power iteration at most, and the relative change of ω² at which it ends: what depends on it, an error's

@@ -20,13 +20,13 @@ from scipy import linalg
 from flexlink.chain.arguments import require_one_of, require_type, sequence, vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.derivatives import forward_dynamics_derivatives
 from flexlink.dynamics.placement import jacobian, tip_position
 from flexlink.dynamics.result import SavedResult
 
-Array = NDArray[np.float64]
 Output = tuple[tuple[str, ...], Array, Array, Array]
 """Names, values y, ∂y/∂q and ∂y/∂q̇."""
 
@@ -64,7 +64,7 @@ class LinearModel(SavedResult):
     outputs: tuple[str, ...]
 
     @property
-    def eigenvalues(self) -> NDArray[np.complex128]:
+    def eigenvalues(self) -> Complex:
         """λ of A [1/s], shape (2n,), slowest first, of A `graded`."""
         λ = np.diag(linalg.schur(graded(self.A), output="complex")[0])
         return np.asarray(λ[np.argsort(np.abs(λ), kind="stable")])

@@ -19,6 +19,7 @@ from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain, Joints
 from flexlink.common.errors import ArgumentError, SingularMassError
 from flexlink.common.notebook import drawing_module, html_table
+from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.spec import short_list
 from flexlink.dynamics.placement import frames
@@ -28,9 +29,6 @@ from flexlink.dynamics.terms import mass_matrix
 from flexlink.dynamics.vibration import eigenproblem
 from flexlink.dynamics.vibration.mode_kinds import mode_kinds
 from flexlink.dynamics.wrench import turns_with_tip
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)

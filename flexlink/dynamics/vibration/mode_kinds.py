@@ -13,13 +13,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array, Complex
 from flexlink.dynamics.tangent import Stiffness
-
-Array = NDArray[np.float64]
 
 
 def mode_kinds(
-    λ: NDArray[np.complex128], shapes: NDArray[np.inexact], tangent: Stiffness, stiffness: Array, damping: Array
+    λ: Complex, shapes: NDArray[np.inexact], tangent: Stiffness, stiffness: Array, damping: Array
 ) -> tuple[tuple[str, ...], Array]:
     """The kind of every mode, and the share of its energy that is elastic, E / (E + P + F), shape (modes,).
 

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array, Complex
 from flexlink.dynamics.tangent import load_torque
 from flexlink.dynamics.terms import elastic_torque
 from flexlink.dynamics.vibration.linear import linearize
 
-Array = NDArray[np.float64]
-
 
 def pd_poles(
     chain: Chain, q: ArrayLike, *, kp: ArrayLike, kd: ArrayLike, tip_wrench: ArrayLike | None = None
-) -> NDArray[np.complex128]:
+) -> Complex:
     """Vibrations about a posture at rest, the driven joints under T_EX = kp (target − q) − kd q̇ + what holds the arm.
 
     Eigenvalues of A − B (kp, kd), of the linear model of `linearize` in a state where every torque is balanced. Through

@@ -17,6 +17,7 @@ from scipy import linalg
 
 from flexlink.chain.arguments import require_type, vector, wrench_vector
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array, Complex
 from flexlink.describe.conditions import Frame
 from flexlink.describe.schemes import methods
 from flexlink.dynamics.accelerations import forward_dynamics
@@ -26,9 +27,6 @@ from flexlink.dynamics.vibration.extremes import inertia_alone
 from flexlink.dynamics.vibration.modal import damping_slope, factored_mass, first_order_matrix, regular_mass
 from flexlink.dynamics.vibration.stability_function import stable_reach
 from flexlink.dynamics.wrench import turns_with_tip
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 DENSE = 100
 """Joints up to which all eigenvalues are found, in O(n³); beyond, only those that bound the step, in O(n)."""

@@ -22,10 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.polynomials import Polynomial, derivative, dot, float64, multiply
+from flexlink.common.types import Array, Complex
 from flexlink.describe.schemes.methods import Method
-
-Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 GROWTH = Fraction(1, 10**6)
 """Growth of the amplitude per step that still counts as stable, g: a factor e in a million steps. Exactly zero would

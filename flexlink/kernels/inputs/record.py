@@ -5,14 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array, Indices
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.inputs.tip_wrench import put_given, wrenches
 from flexlink.kernels.layout import ChainArrays
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 
 class PiecewisePolynomial(NamedTuple):

@@ -11,13 +11,12 @@ from __future__ import annotations
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexlink.common.types import Array
 from flexlink.describe.arm import Arm
 from flexlink.dynamics.loads import InternalLoads
 from flexlink.results.pictures.outline import Outline, has_rectangle_instead
 
-Array = NDArray[np.float64]
 Colour = Literal["moment", "strain"]
 
 STOPS = ("#1f0c94", "#6a00a8", "#9c179e", "#c5407e", "#e16462", "#f38748", "#fdb42f")

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexlink.common.errors import ArgumentError
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import frames
 from flexlink.dynamics.terms import Energy
@@ -19,7 +20,6 @@ from flexlink.results.pictures.view import View, view_of
 if TYPE_CHECKING:
     from flexlink.results.samples import RunSamples
 
-Array = NDArray[np.float64]
 
 MOST_FRAMES = 3000  # two minutes; more would not fit into memory as a GIF
 

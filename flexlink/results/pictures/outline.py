@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from flexlink.chain.builder import Piece
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import pieces
+from flexlink.common.types import Array, Indices
 from flexlink.describe.arm import Arm, Link, Section
 from flexlink.describe.scene import Scene
 
-Array = NDArray[np.float64]
-Whole = NDArray[np.int64]
+Whole = Indices
 
 
 class Outline(NamedTuple):

@@ -8,14 +8,13 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from flexlink.common.types import Array
 from flexlink.results.pictures.captions import digits_of_time, number, subtitle
 from flexlink.results.pictures.colouring import STOPS, UNKNOWN
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.projection import AROUND, Projected, floor_level, floor_of
-
-Array = NDArray[np.float64]
 
 
 def page(film: Film, width: int) -> str:

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from flexlink.common.types import Array, Indices
 from flexlink.results.pictures.film import Film
 from flexlink.results.pictures.view import View
-
-Array = NDArray[np.float64]
 
 AROUND = 0.06  # of the window's size that stays free around the arm
 JOINT, BASE = 1.15, 1.3  # radius of a joint, by half the width of its link; half the side of the base, by the joint's
@@ -135,7 +134,7 @@ class Projected:
         return max(self.film.outline.ball, 1.3 * self.thinnest[1]) if self.film.outline.ball else 0.0
 
 
-def _normals(P: Array, link: NDArray[np.int64]) -> Array:
+def _normals(P: Array, link: Indices) -> Array:
     """Unit vectors across a line of points, at each that of the sum of its two neighbours' directions, (s, 2)."""
     steps = np.diff(P, axis=0, append=P[-1:])
     steps[:-1][np.diff(link) != 0] = 0.0

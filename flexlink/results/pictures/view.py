@@ -9,11 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-
-Array = NDArray[np.float64]
+from flexlink.common.types import Array
 
 LYING = 0.7  # cosine between normal and vertical from which on a plane is looked at from above
 

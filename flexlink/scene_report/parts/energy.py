@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from flexlink.common.types import Array
 from flexlink.dynamics import rounding
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
@@ -12,7 +13,7 @@ from flexlink.pages.tables import columns_csv
 from flexlink.pages.verdict import State, Verdict
 from flexlink.results.trajectory import Trajectory
 from flexlink.scene_report.part import Part
-from flexlink.scene_report.study import Array, Study
+from flexlink.scene_report.study import Study
 
 
 def made(study: Study) -> Part | None:

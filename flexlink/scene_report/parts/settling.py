@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from flexlink.chain.chain import Chain
+from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.at_rest import rest_of
@@ -17,7 +18,7 @@ from flexlink.pages.style import BLUE, GREY, INK, stacked_axes, tidy_logs
 from flexlink.pages.tables import Table, table_csv
 from flexlink.results.settling import overshoot, residual_vibration, settling_time
 from flexlink.scene_report.part import Part
-from flexlink.scene_report.study import Array, Study
+from flexlink.scene_report.study import Study
 
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 """Parts of the tip's travel within which the arm counts as settled."""

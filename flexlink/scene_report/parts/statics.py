@@ -6,6 +6,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
+from flexlink.common.types import Array
 from flexlink.dynamics.equilibrium import buckling_loads
 from flexlink.dynamics.placement import frames, tip_position, unbent
 from flexlink.dynamics.terms import bias_torque
@@ -16,7 +17,7 @@ from flexlink.pages.style import legend_over
 from flexlink.pages.tables import Table, table_csv
 from flexlink.results.pictures.view import views_of
 from flexlink.scene_report.part import Part
-from flexlink.scene_report.study import Array, Study
+from flexlink.scene_report.study import Study
 from flexlink.scene_report.views import draw_arm, draw_shadow, panels
 
 
