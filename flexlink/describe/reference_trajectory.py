@@ -7,6 +7,7 @@ the first knot x = 0. The first and the last piece are constant: a course starts
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -101,6 +102,7 @@ class ReferenceTrajectory:
             knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True))
         )
 
+    @functools.cached_property
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest angles ever, shape (d,) each: at knots, and where the derivative of a piece is 0."""
         c = (

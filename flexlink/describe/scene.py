@@ -14,6 +14,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from flexlink.common.errors import ArgumentError, DataFileError, SceneError
+from flexlink.common.memo import Memo
 from flexlink.common.notebook import drawing_module, html_table
 from flexlink.common.output import write_text
 from flexlink.common.types import Array
@@ -205,9 +206,12 @@ class Scene(Spec, frozen=True):
         """
         if self.drive.reference is None:
             return None
-        free = [k for k, link in enumerate(self.arm.links) if not link.joint.locked]
+        reference, start = self.drive.reference, self.initial.joint_deg
+        free = tuple(k for k, link in enumerate(self.arm.links) if not link.joint.locked)
         try:
-            return self.drive.reference.course(self.initial.joint_deg, free)
+            if reference.shaper is not None and data_files.is_user_file(reference.shaper.kind):  # which may change
+                return reference.course(start, free)
+            return COURSES(reference, (start, free), lambda: reference.course(start, free))
         except (SceneError, DataFileError) as error:
             raise type(error)(f"drive.reference.{error}") from None
 
@@ -406,6 +410,8 @@ def scene_from(raw: Mapping[str, Any], kept: Mapping[str, Any] = MappingProxyTyp
     return build_validated(Scene, arm=arm or build_validated(Arm, **parts), **own)
 
 
+COURSES = Memo(64)
+"""Trajectories of references: runs of one scene share them."""
 _OWN = {field.encode_name: field for field in fields_of(Scene) if field.name != "arm"}
 _OF_ARM = {field.encode_name: field for field in fields_of(Arm)}
 FIELDS: dict[str, Any] = {key: field.type for key, field in (_OWN | _OF_ARM).items()}

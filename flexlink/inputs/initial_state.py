@@ -7,6 +7,7 @@ import numpy as np
 from flexlink.chain.arguments import require_type
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SceneError
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
@@ -18,6 +19,10 @@ from flexlink.kernels.inputs.drive_torque import follow
 APART = 1e-9
 """How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
 that was written with ten digits leaves."""
+
+
+POSTURES = Memo(64)
+"""Static equilibria of chains at their start: runs of one scene share them."""
 
 
 def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
@@ -51,7 +56,12 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
         wrench, frame = initial_wrench(scene, chain)
-        q = solve_static(chain, q, tip_wrench=wrench, frame=frame, locked=chain.active.tolist()).q
+        held, posture = chain.active.tolist(), q
+        rest = POSTURES(
+            chain, (q.tobytes(), wrench.tobytes(), frame),
+            lambda: solve_static(chain, posture, tip_wrench=wrench, frame=frame, locked=held),
+        )  # fmt: skip
+        q = rest.q.copy()
     _check_followed(scene, chain, q, qd)
     return q, qd
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError, SceneError
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.schemes.methods import Method, method
@@ -92,7 +93,7 @@ class AdaptiveSteps:
     def __iter__(self) -> Iterator[Reached]:
         yield Reached(1, 0.0 if self.ends else 1.0)
         self.budget.begin(self._spent(), float(self.record.t[-1]))
-        pace, start = ChunkSize(), float(self.work.stepper[STEPPER.time])
+        pace, start = ChunkSize(self.record.chain.n), float(self.work.stepper[STEPPER.time])
         for k, end in enumerate(self.ends, 1):
             self._aim(start, end)
             start, how = end, OUTCOME.goes_on
@@ -410,6 +411,13 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
 
 def coefficients_of(method: Method) -> ImplicitMethod:
     """An implicit method as its kernel takes it."""
+    return COEFFICIENTS(method, None, lambda: _coefficients_of(method))
+
+
+COEFFICIENTS = Memo(32)
+
+
+def _coefficients_of(method: Method) -> ImplicitMethod:
     (A, b, c), modes = method.arrays, method.modes
     γ, d = method.embedded if method.controlled else (0.0, np.zeros(method.stages))
     return ImplicitMethod(

@@ -19,10 +19,11 @@ class Reached(NamedTuple):
 
 
 class ChunkSize:
-    """Number of steps that take about `BREATH`: `size`, first 1, at most `GROW` times the last."""
+    """Number of steps that take about `BREATH`: `size`, at first few for `n` joints, at most `GROW` times the last."""
 
-    def __init__(self) -> None:
-        self.size, self._started = 1, time.perf_counter()
+    def __init__(self, n: int) -> None:
+        evaluations = 2000  # of one joint, and of a step of any method: 20 ms at most
+        self.size, self._started = max(1, evaluations // n), time.perf_counter()
 
     def start(self) -> int:
         """Time what is done from now on; returns `size`."""

@@ -102,7 +102,7 @@ def pieces(watch: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> I
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
     yield int(integrate(*fixed, 0, 0, every, state, samples))
-    pace = ChunkSize()
+    pace = ChunkSize(record.chain.n)
     while first < last:
         stop = min(first + pace.start(), last)
         done = int(integrate(*fixed, first, stop, every, state, samples))

@@ -95,7 +95,7 @@ class Control:
             As in `torque`; the samples before that instant are there.
         """
         last, advance = (run.samples - 1) * run.steps_per_sample, self._sampled if self.sampled else self._continuous
-        tableau, pace, number = method(run.method).arrays, ChunkSize(), 0
+        tableau, pace, number = method(run.method).arrays, ChunkSize(record.chain.n), 0
         yield advance(record, tableau, state, 0, 0)
         while number < last:
             stop = min(number + self.apart, last)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from flexlink.chain.chain import Chain
@@ -11,6 +14,7 @@ from flexlink.dynamics.accelerations import solver_for
 from flexlink.dynamics.terms import Energy
 from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.samples import drive_torques, prescribed_torques, tips_and_energies
+from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
 
@@ -40,6 +44,7 @@ class Record:
         self.works = np.zeros(len(t))
         self.inputs = inputs
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
+        self._drive_torques: Callable[..., Any] | None = None
         self.scratch = solver_for(chain, self.run.solver).workspace(chain.arrays)
 
     def derive(self, first: int, stop: int) -> None:
@@ -47,7 +52,9 @@ class Record:
         rows = slice(first, stop)
         t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
         tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
-        drive_torques(self.inputs, t, q, qd, self.tau[rows])
+        arguments = self.inputs, t, q, qd, self.tau[rows]  # of the same types in all calls
+        self._drive_torques = self._drive_torques or direct(drive_torques, *arguments)
+        self._drive_torques(*arguments)
         if len(self.inputs.motion.joints):
             prescribed_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
 

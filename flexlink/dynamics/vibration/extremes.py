@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import SingularMassError
+from flexlink.common.memo import Memo
 from flexlink.common.types import Array
 from flexlink.dynamics.accelerations import forward_dynamics
 from flexlink.dynamics.terms import inverse_dynamics
+
+FOUND = Memo(256)
+"""Frequencies by chain and posture: runs of one scene share them."""
 
 PASSES, CLOSE = 30, 1e-2
 """Passes of the power iteration at most, and the relative change of ω² at which it ends: what depends on it, an error's
@@ -33,6 +38,10 @@ def slowest_frequency(chain: Chain, q: Array) -> float:
     K φ = ω² S φ on the hinges with springs, S = M_pp − M_pa M_aa⁺ M_ap what is left of M with the free joints a, whose
     M_aa is singular where a stretched arm moves nothing but a point mass: the power iteration φ ← K⁻¹ S φ.
     """
+    return FOUND(chain, ("slowest", q.tobytes()), lambda: _slowest_frequency(chain, q))
+
+
+def _slowest_frequency(chain: Chain, q: Array) -> float:
     bent = np.flatnonzero((chain.stiffness > 0) & (chain.hinges["prescribed"] == 0))
     free = np.flatnonzero((chain.stiffness == 0) & (chain.hinges["prescribed"] == 0))
     if not len(bent):
@@ -62,12 +71,13 @@ def fastest_frequency(chain: Chain, q: Array) -> float:
 
     0 if there is none; inf where rounding leaves a joint nothing of its inertia.
     """
-    return float(np.sqrt(_largest_eigenvalue(chain, q, chain.stiffness)))
+    find = functools.partial(_largest_eigenvalue, chain, q, chain.stiffness)
+    return float(np.sqrt(FOUND(chain, ("stiffness", q.tobytes()), find)))
 
 
 def fastest_decay(chain: Chain, q: Array) -> float:
     """Highest rate at which the dampers alone take away a speed [1/s], as an estimate from below: D φ = δ M φ."""
-    return _largest_eigenvalue(chain, q, chain.damping)
+    return FOUND(chain, ("damping", q.tobytes()), functools.partial(_largest_eigenvalue, chain, q, chain.damping))
 
 
 def _largest_eigenvalue(chain: Chain, q: Array, weights: Array) -> float:
