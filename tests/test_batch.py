@@ -59,12 +59,12 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 @compiled
 def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
     scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
-    watches = [prepare(scene, fl.lump(scene)) for scene in scenes]
-    q, qd = (np.stack([getattr(w.record, name)[:1] for w in watches], axis=-1) for name in ("q", "qd"))
-    chains, probed = [w.record.chain for w in watches], np.array([0])
+    monitors = [prepare(scene, fl.lump(scene)) for scene in scenes]
+    q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
+    chains, probed = [w.record.chain for w in monitors], np.array([0])
     scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)
-    errors = step_errors_side_by_side([w.record for w in watches], scratch, (q, qd), probed)
-    np.testing.assert_allclose(errors, [step_errors(w.record, probed) for w in watches], rtol=1e-9)
+    errors = step_errors_side_by_side([w.record for w in monitors], scratch, (q, qd), probed)
+    np.testing.assert_allclose(errors, [step_errors(w.record, probed) for w in monitors], rtol=1e-9)
     assert errors.min() > 1e-9
     assert len(np.unique(errors)) == LANES
 

@@ -22,18 +22,18 @@ def path(off: float) -> np.ndarray:
     return np.column_stack([T / 4.0, np.full_like(T, off), np.zeros_like(T)])
 
 
-def watch(run: fl.RunSettings, off: float) -> RunMonitor:
+def monitor(run: fl.RunSettings, off: float) -> RunMonitor:
     """Of a run by an implicit method, so far as a second run looks at it."""
     record = SimpleNamespace(tip=path(off), chain=CHAIN, t=T, q=np.zeros((41, CHAIN.n)), qd=np.zeros((41, CHAIN.n)))
     record.run = run
-    of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, moved=1.0, tip_error=0.0)
+    of_a_run = SimpleNamespace(run=run, record=record, control=None, explicit=False, extent=1.0, tip_error=0.0)
     of_a_run.tolerance, of_a_run.suspicious, of_a_run.turned = run.tolerance, False, 20.0
     return cast("RunMonitor", of_a_run)
 
 
 def test_of_steps_of_order_two_the_error_is_a_third_of_what_twice_the_step_changes() -> None:
     """Errors of order two grow fourfold with twice the step: 1 cm and 4 cm are 3 cm apart."""
-    of_a_run = watch(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
+    of_a_run = monitor(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
     second = next(second_runs(of_a_run, "Gauss4"))
     assert (second.run.step, second.every) == (0.2, 2)
     assert "tells an error of 0.01 m at the tip, which moves 1 m" in doubt(of_a_run, second, path(0.04)[::2])
@@ -45,7 +45,7 @@ def test_a_run_is_doubted_before_it_is_off_by_ten_tolerances_and_not_where_two_s
 ) -> None:
     run = fl.RunSettings(tolerance=1e-3, sample=0.1, duration=4.0)
     second = Second(run.__class__(tolerance=1e-4, sample=0.1, duration=4.0), 1, 1.0)
-    assert ("multiplies errors" in doubt(watch(run, tolerances * 1e-3), second, path(0.0))) == doubted
+    assert ("multiplies errors" in doubt(monitor(run, tolerances * 1e-3), second, path(0.0))) == doubted
 
 
 def test_the_joints_count_together_and_led_ones_and_hinges_that_vibrate_do_not() -> None:

@@ -71,9 +71,9 @@ def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_th
 ) -> None:
     judges = []
 
-    def doubt(watch: RunMonitor, second: Second, tip: np.ndarray) -> str:
+    def doubt(monitor: RunMonitor, second: Second, tip: np.ndarray) -> str:
         judges.append(second.run)
-        return second_run.doubt(watch, second, tip)
+        return second_run.doubt(monitor, second, tip)
 
     monkeypatch.setattr(single, "doubt", doubt)
     run = fl.simulate(random_jump(Dice(659)), method="Gauss6", step=0.005, sample=0.05)
@@ -136,7 +136,7 @@ def test_a_motion_that_turns_round_and_round_is_within_its_tolerance_or_warned()
 def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[RunMonitor] = []
     begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
+    monkeypatch.setattr(single, "steps_of", lambda monitor: runs.append(monitor) or begin(monitor))
     for rate, wanted in ((90.0, 1), (36000.0, 2)):
         runs.clear()
         fl.simulate(spinning(rate), relative_tolerance=1e-2)
@@ -144,7 +144,7 @@ def test_only_what_turns_far_has_a_second_run(monkeypatch: pytest.MonkeyPatch) -
     bends = spinning(36000.0).varied({"link.*.flex": "z", "link.*.segments": 3})
     runs.clear()
     fl.simulate(bends, relative_tolerance=1e-1, accuracy="deflection")
-    assert [watch.run.relative_tolerance for watch in runs] == pytest.approx([1e-1, 1e-2])
+    assert [monitor.run.relative_tolerance for monitor in runs] == pytest.approx([1e-1, 1e-2])
     for duration, wanted in ((0.5, 1), (5.0, 2)):
         runs.clear()
         fl.simulate(tumbling(1e-3), duration=duration)
@@ -157,7 +157,7 @@ def test_energy_that_only_the_tolerance_excuses_calls_for_a_second_run_which_con
     """Vibrations that stay below the tolerance are damped away, and with them most of the energy."""
     runs: list[RunMonitor] = []
     begin = single.steps_of
-    monkeypatch.setattr(single, "steps_of", lambda watch: runs.append(watch) or begin(watch))
+    monkeypatch.setattr(single, "steps_of", lambda monitor: runs.append(monitor) or begin(monitor))
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     scene = make_scene(flexible("a", segments=5), initial=zigzag)
     scene = scene.varied({"run": fl.RunSettings(method="Radau5", tolerance=0.05, duration=1.0, sample=0.01)})
@@ -193,16 +193,16 @@ def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.Monke
     run = single.SingleRun(scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)}))
     stop, began = Stop(), []
 
-    def stopped(watch: RunMonitor, name: str) -> Iterator[Second]:
+    def stopped(monitor: RunMonitor, name: str) -> Iterator[Second]:
         stop.signal = signal.SIGINT
         began.append(name)
-        yield from second_run.second_runs(watch, name)
+        yield from second_run.second_runs(monitor, name)
 
     monkeypatch.setattr(single, "second_runs", stopped)
     with pytest.raises(fl.errors.InterruptedRunError):
         run.finish(stop)
     assert began
-    assert not run.watch.confirmed
+    assert not run.monitor.confirmed
 
 
 @pytest.mark.parametrize(("rate", "grows"), [(400.0, True), (1000.0, False)])

@@ -253,10 +253,10 @@ def test_a_small_disturbance_grows_from_the_predicted_step_on_and_not_below(situ
     growth = []
     for step in (0.95 * h, 1.05 * h):
         run = fl.RunSettings(step=step, sample=200 * step, duration=200 * step, unstable="allow")
-        watch = prepare(scene.varied({"run": run}), chain)
-        watch.record.q[0] += disturbance
+        monitor = prepare(scene.varied({"run": run}), chain)
+        monitor.record.q[0] += disturbance
         try:
-            growth.append(np.abs(SingleRun(scene, watch).finish(Stop()).q[-1]).max() / np.abs(disturbance).max())
+            growth.append(np.abs(SingleRun(scene, monitor).finish(Stop()).q[-1]).max() / np.abs(disturbance).max())
         except fl.errors.DivergenceError:
             growth.append(np.inf)
     assert growth[0] < 10

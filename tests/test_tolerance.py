@@ -238,8 +238,8 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_way_is_no_more_tha
     ready = SingleRun(scene)
     there = ready.steps.deflection
     ready.finish(Stop())
-    largest = float(np.abs(ready.watch.record.q).sum(axis=1).max()) * ready.watch.record.chain.reach
-    assert there <= ready.steps.deflection <= largest < ready.watch.record.chain.reach
+    largest = float(np.abs(ready.monitor.record.q).sum(axis=1).max()) * ready.monitor.record.chain.reach
+    assert there <= ready.steps.deflection <= largest < ready.monitor.record.chain.reach
 
 
 def test_a_part_of_no_deflection_is_no_tolerance() -> None:

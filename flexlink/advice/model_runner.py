@@ -148,7 +148,7 @@ class ModelRunner:
 
     def _finish(self, single: SingleRun, stop: Stop) -> Trajectory:
         """Run to the end, or until the budget is used up."""
-        chain = single.watch.record.chain
+        chain = single.monitor.record.chain
 
         def check(fraction: float) -> None:
             steps = single.steps.steps

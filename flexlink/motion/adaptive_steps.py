@@ -69,13 +69,13 @@ NEAR = 1e-9
 class AdaptiveSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
-    def __init__(self, watch: RunMonitor) -> None:
+    def __init__(self, monitor: RunMonitor) -> None:
         often = 20  # failures of the Newton iteration before Python considers an explicit method
-        record, run = watch.record, watch.run
+        record, run = monitor.record, monitor.run
         self.failure: Failure | None = None
-        self.record, self.run, self.control, self.inputs = record, run, watch.control, record.inputs
+        self.record, self.run, self.control, self.inputs = record, run, monitor.control, record.inputs
         self.budget = Budget(run.max_evaluations, run.duration)
-        start, self.ends = pieces(record, watch.control)
+        start, self.ends = pieces(record, monitor.control)
         self.slowest = slowest_frequency(record.chain, record.q[0] if run.controlled else np.zeros(record.chain.n))
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(record.chain.n), np.zeros(2)
         self.tau = np.zeros(record.chain.n)

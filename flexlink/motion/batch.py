@@ -98,17 +98,17 @@ class Member(NamedTuple):
     """A scene that is ready to run."""
 
     scene: Scene
-    watch: RunMonitor
+    monitor: RunMonitor
 
     @property
     def chain(self) -> Chain:
         """What moves."""
-        return self.watch.record.chain
+        return self.monitor.record.chain
 
     def run(self, stop: Stop) -> Ended:
         """Alone."""
         try:
-            return SingleRun(self.scene, self.watch).finish(stop, warn=warn)
+            return SingleRun(self.scene, self.monitor).finish(stop, warn=warn)
         except (DivergenceError, InterruptedRunError) as error:
             return error
 
@@ -147,15 +147,15 @@ def _alike(a: Member, b: Member) -> bool:
     if a.scene.wrench.varies:  # where each tip is, only its own chain tells
         return False
     same = all(getattr(a.scene, name) == getattr(b.scene, name) for name in shared)
-    return same and a.chain.same_layout(b.chain) and same_law(*(m.watch.record.inputs.drive for m in (a, b)))
+    return same and a.chain.same_layout(b.chain) and same_law(*(m.monitor.record.inputs.drive for m in (a, b)))
 
 
 def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
     """Also one alone goes in lanes: its numbers are those that it has beside any others."""
     run, chain = block[0].scene.run, block[0].chain
     solver = solver_for(chain, run.solver)
-    drive = block[0].watch.record.inputs.drive
-    alone = not block[0].watch.explicit or block[0].scene.wrench.varies or not same_law(drive, drive)
+    drive = block[0].monitor.record.inputs.drive
+    alone = not block[0].monitor.explicit or block[0].scene.wrench.varies or not same_law(drive, drive)
     if solver.lanes_workspace is None or alone:
         return [member.run(stop) for member in block]
     eight = [block[min(lane, len(block) - 1)] for lane in range(LANES)]
@@ -163,11 +163,11 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
     q, qd = np.zeros((2, run.samples, chain.n, LANES))
     samples = q, qd, np.zeros((run.samples, LANES))
     for lane, member in enumerate(eight):
-        q[0, :, lane], qd[0, :, lane] = member.watch.record.q[0], member.watch.record.qd[0]
+        q[0, :, lane], qd[0, :, lane] = member.monitor.record.q[0], member.monitor.record.qd[0]
     state = q[0].copy(), qd[0].copy(), np.zeros((1, LANES))
     work = lanes_workspace(solver, chains)
     done = 0
-    for done in pieces(block[0].watch, work, state, samples):  # noqa: B007  where it ended
+    for done in pieces(block[0].monitor, work, state, samples):  # noqa: B007  where it ended
         if stop.asked:
             break
     if not np.isfinite(state[:2]).all():  # one of them diverges; it says so itself
@@ -175,9 +175,9 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
             return [block[0].run(stop)]
         return [ended for member in block for ended in _simulate_block([member], stop)]
     rows = done // run.steps_per_sample + 1
-    watches = [member.watch for member in eight]
-    records = [watch.record for watch in watches]
-    errors = step_errors_side_by_side(records, work, samples[:2], watches[0].probed(slice(0, rows)))
+    monitors = [member.monitor for member in eight]
+    records = [monitor.record for monitor in monitors]
+    errors = step_errors_side_by_side(records, work, samples[:2], monitors[0].probed(slice(0, rows)))
     return [
         _outcome(member, stop, steps_up_to(run, done), errors[lane], *(array[:rows, ..., lane] for array in samples))
         for lane, member in enumerate(block)
@@ -186,14 +186,14 @@ def _simulate_block(block: Sequence[Member], stop: Stop) -> Sequence[Ended]:
 
 def _outcome(member: Member, stop: Stop, steps: Steps, errors: Array, q: Array, qd: Array, works: Array) -> Ended:
     """What became of a member, whose first samples are given, and the errors of steps between them."""
-    watch, rows = member.watch, len(works)
-    record = watch.record
+    monitor, rows = member.monitor, len(works)
+    record = monitor.record
     record.q[:rows], record.qd[:rows], record.works[:rows] = q, qd, works
-    if not watch.look(rows, steps, errors):
-        return watch.diverged()
+    if not monitor.check(rows, steps, errors):
+        return monitor.diverged()
     if rows < len(record.t):
-        return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
-    watch.warnings += verify(member.scene, watch, steps.method, stop)
+        return InterruptedRunError(monitor.trajectory(), stop.signal or signal.SIGINT)
+    monitor.warnings += verify(member.scene, monitor, steps.method, stop)
     if stop.asked:
-        return InterruptedRunError(watch.trajectory(), stop.signal or signal.SIGINT)
-    return watch.trajectory()
+        return InterruptedRunError(monitor.trajectory(), stop.signal or signal.SIGINT)
+    return monitor.trajectory()

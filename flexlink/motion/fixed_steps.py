@@ -29,8 +29,8 @@ class FixedSteps:
 
     slow, deflection, turned = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
-    def __init__(self, watch: RunMonitor) -> None:
-        record, run = watch.record, watch.run
+    def __init__(self, monitor: RunMonitor) -> None:
+        record, run = monitor.record, monitor.run
         self.run = run
         self.failure: Failure | None = None
         self.scratch, self.tableau = record.scratch, method(run.method).arrays
@@ -38,10 +38,10 @@ class FixedSteps:
         self._inputs: Inputs | None = None  # that `_integrate` is compiled for
         self.state = record.q[0].copy(), record.qd[0].copy(), np.zeros(1)
         self.joint_name, self.origin = record.chain.joint_name, record.origin
-        if watch.control is None:
-            self._pieces = pieces(watch, record.scratch, self.state, (record.q, record.qd, record.works))
+        if monitor.control is None:
+            self._pieces = pieces(monitor, record.scratch, self.state, (record.q, record.qd, record.works))
         else:
-            self._pieces = watch.control.pieces(record, run, self.state)
+            self._pieces = monitor.control.pieces(record, run, self.state)
         self._done = next(self._pieces)  # compiles, while no signal is deferred
 
     def __iter__(self) -> Iterator[Reached]:
@@ -92,13 +92,13 @@ def steps_up_to(run: RunSettings, number: int) -> Steps:
     return Steps(run.method, number, number * method(run.method).stages)
 
 
-def pieces(watch: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
+def pieces(monitor: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) -> Iterator[int]:
     """Integrate in chunks of about `BREATH`; yields the number of the last step whose state is finite, at first 0.
 
     The state, and the samples, of one chain or, with their scratch, of eight side by side, are filled in place; see
     `integrate`.
     """
-    run, record = watch.run, watch.record
+    run, record = monitor.run, monitor.record
     first, last, every = 0, (run.samples - 1) * run.steps_per_sample, run.steps_per_sample
     fixed = scratch, method(run.method).arrays, record.inputs, run.step, record.origin
     yield int(integrate(*fixed, 0, 0, every, state, samples))

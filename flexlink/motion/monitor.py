@@ -84,14 +84,14 @@ class RunMonitor:
 
     Attributes
     ----------
-    good
-        Number of samples that are good.
-    fault
-        What is wrong with the next one; empty if nothing is.
+    n_valid
+        Number of valid samples, from the first on.
+    failure
+        What is wrong with the next sample; empty if nothing is.
     warnings
-        What is worth knowing of the good ones.
+        What a reader of the valid samples should know.
     confirmed
-        Whether a second run agrees.
+        Whether a verification run agrees.
     tip_error
         Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
@@ -104,7 +104,7 @@ class RunMonitor:
         self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
         self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
         self.negative_rotors = bool((chain.hinges["armature"] < 0).any())
-        self.good, self.fault = 0, ""
+        self.n_valid, self.failure = 0, ""
         self.warnings = list(warnings)
         self._exchanged = 0.0  # up to now [J]
         self._unbalanced = self._excused = 0.0  # largest imbalance so far, apart from what is allowed, and with it [J]
@@ -112,9 +112,9 @@ class RunMonitor:
         self.confirmed = False
         self.explicit = steps_explicitly(run)
         self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
 
-    def look(
+    def check(
         self,
         stop: int,
         steps: Steps | None = None,
@@ -128,23 +128,23 @@ class RunMonitor:
         `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. `deflection`: the
         largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
         """
-        first, self.steps, self.deflection, self.turned = self.good, steps or self.steps, deflection, turned
-        if stop == first or self.fault:
-            return not self.fault
+        first, self.steps, self.deflection, self.turned = self.n_valid, steps or self.steps, deflection, turned
+        if stop == first or self.failure:
+            return not self.failure
         with np.errstate(all="ignore"):
             self.record.derive(first, stop)
-            self.good = stop
+            self.n_valid = stop
             self._judge_energy(slice(first, stop))
-            if self.good > first:
-                self._judge_bend(slice(first, self.good))
-                self._judge_limits(slice(first, self.good))
-            if self.good > first and self.explicit:
-                self._probe_steps(slice(first, self.good), errors)
-        return not self.fault
+            if self.n_valid > first:
+                self._judge_bend(slice(first, self.n_valid))
+                self._judge_limits(slice(first, self.n_valid))
+            if self.n_valid > first and self.explicit:
+                self._probe_steps(slice(first, self.n_valid), errors)
+        return not self.failure
 
     def trajectory(self) -> Trajectory:
         """The valid samples, with the warnings."""
-        return self.record.trajectory(self.good, (*self.warnings, *self._doubts()), self.steps)
+        return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
 
     @property
     def tolerance(self) -> float:
@@ -157,20 +157,20 @@ class RunMonitor:
         return least_tolerance(self.record)
 
     @property
-    def moved(self) -> float:
-        """How far the tip moves in the good samples, its `extent_of_motion` [m]."""
-        return extent_of_motion(self.record.tip[: self.good])
+    def extent(self) -> float:
+        """Extent of the tip in the valid samples (`extent_of_motion`) [m]."""
+        return extent_of_motion(self.record.tip[: self.n_valid])
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error to raise for a run that failed a check, or whose steps ended early."""
         record, run = self.record, self.run
         advice = f"try a smaller step than {run.step:g} s"
         if run.controlled:
-            smaller = "smaller" if self.fault else "larger"  # no step was small enough
+            smaller = "smaller" if self.failure else "larger"  # no step was small enough
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
-        if self.fault or failure is None:
-            failure = Failure(f"t = {record.t[self.good]:.6g} s: {self.fault}")
-        told = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.good} samples kept"
+        if self.failure or failure is None:
+            failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
+        told = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
         return failure.kind(told, self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:
@@ -203,7 +203,7 @@ class RunMonitor:
             return balance.NOTHING
         name = self.steps.method  # before the first step it may not be picked yet
         explicit = name != AUTO and method(name).explicit
-        moved = self.moved if explicit else 0.0
+        moved = self.extent if explicit else 0.0
         return allowed_imbalance(
             self.run, self.record.chain, kinetic, self.tolerance, moved, explicit, compared=not explicit
         )
@@ -227,9 +227,9 @@ class RunMonitor:
             self._warn("bend", rows.start + row, f"{text}; use more segments")
         row = int(np.argmax(most))
         if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
-            self.good = rows.start + row
-            bent = self._bent(self.good, bends[row])
-            self.fault = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
+            self.n_valid = rows.start + row
+            bent = self._bent(self.n_valid, bends[row])
+            self.failure = f"{bent}, too far for matched twist: M is not positive definite; use more segments"
 
     def _judge_limits(self, rows: slice) -> None:
         """Warn of joints beyond their limits; the model has no end stops."""
@@ -270,9 +270,9 @@ class RunMonitor:
 
     def _doubts(self) -> Iterator[str]:
         """Warnings of a run that passed all checks but may be inaccurate."""
-        if self.good < 2:
+        if self.n_valid < 2:
             return
-        moved = self.moved
+        moved = self.extent
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
                 f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
@@ -280,7 +280,7 @@ class RunMonitor:
             )
         rounded = self._rounded_away()
         if rounded > DOUBT * TIP_SHARE * moved:
-            largest = np.abs(self.record.q[: self.good]).max()
+            largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
                 f"doubtful: angles up to {largest:.2g} rad are rounded step by step, that adds "
                 f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
@@ -305,15 +305,15 @@ class RunMonitor:
         if self.run.controlled:
             return 0.0
         record, run = self.record, self.run
-        q, qd = (np.abs(part[: self.good]).max(axis=0) for part in (record.q, record.qd))
+        q, qd = (np.abs(part[: self.n_valid]).max(axis=0) for part in (record.q, record.qd))
         step, reach = float(np.minimum(run.step * qd, np.spacing(q) / 2).sum()), record.chain.reach
-        return step * reach * self.good * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
+        return step * reach * self.n_valid * run.steps_per_sample if step * reach > rounding.of_reach(reach) else 0.0
 
-    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], fault: str) -> None:
-        if bad.any() and rows.start + int(np.argmax(bad)) <= self.good:
-            self.good, self.fault = rows.start + int(np.argmax(bad)), fault
+    def _stop_at(self, rows: slice, bad: NDArray[np.bool_], failure: str) -> None:
+        if bad.any() and rows.start + int(np.argmax(bad)) <= self.n_valid:
+            self.n_valid, self.failure = rows.start + int(np.argmax(bad)), failure
 
     def _warn(self, key: str, row: int, text: str) -> None:
-        if key not in self._told:
-            self._told.add(key)
+        if key not in self._warned:
+            self._warned.add(key)
             self.warnings.append(f"t = {self.record.t[row]:.6g} s: {text}")

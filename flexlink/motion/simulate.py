@@ -132,10 +132,10 @@ def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None)
 class SingleRun:
     """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
 
-    def __init__(self, scene: Scene, watch: RunMonitor | None = None) -> None:
+    def __init__(self, scene: Scene, monitor: RunMonitor | None = None) -> None:
         self.scene = scene
-        self.watch = prepare(scene, lump(scene)) if watch is None else watch
-        self.steps = steps_of(self.watch)
+        self.monitor = prepare(scene, lump(scene)) if monitor is None else monitor
+        self.steps = steps_of(self.monitor)
 
     def finish(
         self,
@@ -149,20 +149,20 @@ class SingleRun:
 
         `warn` is told, once, and while the run goes on, where it hangs.
         """
-        watch, steps = self.watch, self.steps
+        monitor, steps = self.monitor, self.steps
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
-            if compared and not (watch.fault or steps.failure or stop.asked):
-                watch.warnings += verify(self.scene, watch, steps.steps.method, stop)
+            if compared and not (monitor.failure or steps.failure or stop.asked):
+                monitor.warnings += verify(self.scene, monitor, steps.steps.method, stop)
         except LawFailure as failure:
-            raise ControlError(f"{watch.record.chain.name}: {failure}", watch.trajectory()) from failure.__cause__
+            raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
             stop.signal = signal.SIGINT
-        if watch.fault or steps.failure:
-            raise watch.diverged(steps.failure)
+        if monitor.failure or steps.failure:
+            raise monitor.diverged(steps.failure)
         if stop.signal is not None:
-            raise InterruptedRunError(watch.trajectory(), stop.signal)
-        return watch.trajectory()
+            raise InterruptedRunError(monitor.trajectory(), stop.signal)
+        return monitor.trajectory()
 
     def advance(
         self,
@@ -172,27 +172,27 @@ class SingleRun:
         warn: Callable[[str], None] | None = None,
     ) -> None:
         """Advance until the run ends, a check fails, somebody stops it, or `most` evaluations are spent."""
-        watch, steps = self.watch, self.steps
+        monitor, steps = self.monitor, self.steps
         for reached in steps:
-            judged = watch.look(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
+            judged = monitor.check(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
             if not judged or steps.failure:
                 break
             told(reached.part)
             if warn and steps.slow:
-                warn(f"{watch.record.chain.name}: {steps.slow}")
+                warn(f"{monitor.record.chain.name}: {steps.slow}")
                 warn = None
             if stop.asked or steps.steps.evaluations > most:
                 break
 
 
-def verify(scene: Scene, watch: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
+def verify(scene: Scene, monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
     """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
-    text, own = "", watch.steps.evaluations
-    for second in second_runs(watch, name):
-        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(watch))
+    text, own = "", monitor.steps.evaluations
+    for second in second_runs(monitor, name):
+        text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
         try:
             again = replace(scene, run=second.run)  # whose steps may not be such that one begins at its start
-            other = SingleRun(again, prepare(again, watch.record.chain))
+            other = SingleRun(again, prepare(again, monitor.record.chain))
             other.advance(stop, lambda _: None, most=GIVEN_UP * own)
         except FlexlinkError:
             continue
@@ -203,27 +203,27 @@ def verify(scene: Scene, watch: RunMonitor, name: str, stop: Stop) -> Iterator[s
             return
         # a step of 2 h in two parts is two steps of the run itself, which would agree with themselves
         in_parts = not second.run.controlled and other.steps.steps.failed > 0
-        if not (other.watch.fault or other.steps.failure or in_parts):
-            text = doubt(watch, second, other.watch.record.tip[: other.watch.good])
-            watch.confirmed = not text
+        if not (other.monitor.failure or other.steps.failure or in_parts):
+            text = doubt(monitor, second, other.monitor.record.tip[: other.monitor.n_valid])
+            monitor.confirmed = not text
             if not text or second.strict or evaluations > own:
                 break
     if text:
         yield text
 
 
-def steps_of(watch: RunMonitor) -> FixedSteps | AdaptiveSteps:
+def steps_of(monitor: RunMonitor) -> FixedSteps | AdaptiveSteps:
     """The stepper of a run: fixed steps of an explicit method, or adaptive and implicit ones."""
-    return FixedSteps(watch) if watch.explicit else AdaptiveSteps(watch)
+    return FixedSteps(monitor) if monitor.explicit else AdaptiveSteps(monitor)
 
 
 def prepare(
     scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
     """`allocate` a run and check its first sample; errors as there."""
-    watch = allocate(scene, chain, law, rate, rows=rows)
-    watch.look(1)
-    return watch
+    monitor = allocate(scene, chain, law, rate, rows=rows)
+    monitor.check(1)
+    return monitor
 
 
 def allocate(
@@ -251,10 +251,10 @@ def allocate(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
     record.q[0], record.qd[0] = start = initial_state(scene, chain)
-    watch = RunMonitor(run, record, judge_step(scene, chain, *start, inputs), control)
+    monitor = RunMonitor(run, record, judge_step(scene, chain, *start, inputs), control)
     if control is not None:
         try:
             control.note(0, *start)
         except LawFailure as failure:
-            raise ControlError(f"{scene.name}: {failure}", watch.trajectory()) from failure.__cause__
-    return watch
+            raise ControlError(f"{scene.name}: {failure}", monitor.trajectory()) from failure.__cause__
+    return monitor

@@ -85,8 +85,8 @@ class Simulator:
             The step is larger than the largest stable one there.
         """
         changes = starting_from(q, qd, time)
-        watch = prepare(self._scene.varied(changes) if changes else self._scene, self.chain, rows=1)
-        self._run, self._record, self._steps = watch.run, watch.record, steps_of(watch)
+        monitor = prepare(self._scene.varied(changes) if changes else self._scene, self.chain, rows=1)
+        self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
         inputs = self._record.inputs
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
         self._time, self._calls = float(self._record.t[0]), 0

@@ -44,7 +44,7 @@ class Second(NamedTuple):
     strict: bool = True  # so much that the first is to blame where they differ
 
 
-def second_runs(watch: RunMonitor, name: str) -> Iterator[Second]:
+def second_runs(monitor: RunMonitor, name: str) -> Iterator[Second]:
     """Runs to compare a finished one with, that advanced by the method of this name: up to one that ends and is strict.
 
     None where a control law drives the arm: it may remember what it was asked.
@@ -52,38 +52,38 @@ def second_runs(watch: RunMonitor, name: str) -> Iterator[Second]:
     # Error of the run with twice the step, less that of the first, over that of the first, for order two: steps that
     # hardly resolve the motion do not show the order of their method, and two such runs may be wrong alike.
     error_ratio = 2**2 - 1.0
-    run = watch.run
-    if watch.control is not None:
+    run = monitor.run
+    if monitor.control is not None:
         return
     if run.controlled:
-        if watch.suspicious or multiplies(watch):
-            yield Second(_stricter(watch, name), 1, 1.0)
-    elif watch.explicit:
-        if watch.tip_error <= _tolerance(watch) and multiplies(watch):
-            yield from _stricter_and_stricter(watch)
-    elif watch.moved > 0:
+        if monitor.suspicious or multiplies(monitor):
+            yield Second(_stricter(monitor, name), 1, 1.0)
+    elif monitor.explicit:
+        if monitor.tip_error <= _tolerance(monitor) and multiplies(monitor):
+            yield from _stricter_and_stricter(monitor)
+    elif monitor.extent > 0:
         if pairs := (run.samples - 1) // 2:
             sample = 2 * run.sample
             coarser = replace(run, step=2 * run.step, sample=sample, duration=pairs * sample)
             yield Second(coarser, 2, error_ratio, strict=False)
-        yield Second(_within(run, AUTO, STRICTER * _tolerance(watch)), 1, 1.0)
+        yield Second(_within(run, AUTO, STRICTER * _tolerance(monitor)), 1, 1.0)
 
 
-def doubt(watch: RunMonitor, second: Second, tip: Array) -> str:
+def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
     """The warning that follows from the tips of a verification run; empty if both runs agree."""
-    error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
-    of = second.run.tolerance or STRICTER * _tolerance(watch)
+    error = float(np.linalg.norm(monitor.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
+    of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
     told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
-    if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
-        return f"{told}{multiplies(watch)}; {advice(watch)} and compare"
-    if not watch.run.controlled and error > _tolerance(watch):
-        grown = multiplies(watch) if watch.explicit else ""
-        return f"{told}, which moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
+    if monitor.run.controlled and error > TOLERABLE * _tolerance(monitor):
+        return f"{told}{multiplies(monitor)}; {advice(monitor)} and compare"
+    if not monitor.run.controlled and error > _tolerance(monitor):
+        grown = multiplies(monitor) if monitor.explicit else ""
+        return f"{told}, which moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
     return ""
 
 
-def multiplies(watch: RunMonitor) -> str:
+def multiplies(monitor: RunMonitor) -> str:
     """Why a run may multiply its errors, as the end of a sentence; empty if there is no known reason."""
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
@@ -92,42 +92,42 @@ def multiplies(watch: RunMonitor) -> str:
     # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
     # with errors of more than ten tolerances travelled 29 and more.
     far = 16.0
-    if turned(watch) > far:
+    if turned(monitor) > far:
         return ": this motion multiplies errors"
-    growth, without = sampled_growth(watch.record)
-    more, rate = growth / max(1.0, without), watch.record.scene.drive.rate or 0.0
-    if more > 1.0 and np.log(more) * rate * watch.run.duration > np.log(growth):
+    growth, without = sampled_growth(monitor.record)
+    more, rate = growth / max(1.0, without), monitor.record.scene.drive.rate or 0.0
+    if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(growth):
         return f": the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors"
     return ""
 
 
-def advice(watch: RunMonitor) -> str:
+def advice(monitor: RunMonitor) -> str:
     """What to change in a run that its verification run contradicts."""
-    return "take a hundredth of the tolerance" if watch.run.controlled else "halve the step"
+    return "take a hundredth of the tolerance" if monitor.run.controlled else "halve the step"
 
 
-def turned(watch: RunMonitor) -> float:
+def turned(monitor: RunMonitor) -> float:
     """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
-    record, chain = watch.record, watch.record.chain
+    record, chain = monitor.record, monitor.record.chain
     rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
-    return max(watch.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
+    return max(monitor.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
-def _stricter_and_stricter(watch: RunMonitor) -> Iterator[Second]:
+def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:
     """Settings of stricter and stricter runs that may explain a difference by their own errors."""
     finer = 1e-2  # Tolerance of a run that is to explain why two differ, over that of the one before
-    tolerance, own = STRICTER * _tolerance(watch), STRICTER * max(watch.tip_error, least_tolerance(watch.record))
+    tolerance, own = STRICTER * _tolerance(monitor), STRICTER * max(monitor.tip_error, least_tolerance(monitor.record))
     while tolerance > own:
-        yield Second(_within(watch.run, AUTO, tolerance), 1, 1.0, strict=False)
+        yield Second(_within(monitor.run, AUTO, tolerance), 1, 1.0, strict=False)
         tolerance *= finer
-    yield Second(_within(watch.run, AUTO, max(own, least_tolerance(watch.record))), 1, 1.0)
+    yield Second(_within(monitor.run, AUTO, max(own, least_tolerance(monitor.record))), 1, 1.0)
 
 
-def _stricter(watch: RunMonitor, name: str) -> RunSettings:
+def _stricter(monitor: RunMonitor, name: str) -> RunSettings:
     """The same settings with a stricter tolerance of the same kind."""
-    run = watch.run
+    run = monitor.run
     if run.accuracy == "tip":
-        return _within(run, name, max(STRICTER * _tolerance(watch), least_tolerance(watch.record)))
+        return _within(run, name, max(STRICTER * _tolerance(monitor), least_tolerance(monitor.record)))
     return replace(run, method=name, relative_tolerance=STRICTER * (run.relative_tolerance or 0.0))
 
 
@@ -135,8 +135,8 @@ def _within(run: RunSettings, name: str, tolerance: float) -> RunSettings:
     return replace(run, method=name, tolerance=tolerance, relative_tolerance=None, solver=RunSettings().solver)
 
 
-def _tolerance(watch: RunMonitor) -> float:
+def _tolerance(monitor: RunMonitor) -> float:
     """Of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
-    if watch.run.controlled:
-        return watch.tolerance
-    return max(DOUBT * TIP_SHARE * watch.moved, least_tolerance(watch.record) / STRICTER)
+    if monitor.run.controlled:
+        return monitor.tolerance
+    return max(DOUBT * TIP_SHARE * monitor.extent, least_tolerance(monitor.record) / STRICTER)

@@ -40,7 +40,7 @@ class Timed(NamedTuple):
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
     """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
     run = SingleRun(scene)
-    watch, rows, begun = run.watch, 1, time.thread_time()
+    monitor, rows, begun = run.monitor, 1, time.thread_time()
     for reached in run.steps:
         rows = reached.rows
         if run.steps.failure:
@@ -48,9 +48,9 @@ def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
         if time.thread_time() - begun > longest:
             raise TooDearError(f"{scene.name}: {scene.run.method} takes more than {longest:g} s")
     seconds = time.thread_time() - begun
-    if not watch.look(rows, run.steps.steps) or run.steps.failure:  # no second run: the reference judges
-        raise watch.diverged(run.steps.failure)
-    return Timed(seen(watch.record.chain, watch.record.q), seconds, run.steps.steps.evaluations)
+    if not monitor.check(rows, run.steps.steps) or run.steps.failure:  # no second run: the reference judges
+        raise monitor.diverged(run.steps.failure)
+    return Timed(seen(monitor.record.chain, monitor.record.q), seconds, run.steps.steps.evaluations)
 
 
 class TooDearError(FlexlinkError):

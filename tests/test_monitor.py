@@ -229,12 +229,12 @@ def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
 
 
 def looked_at(scene: fl.Scene, q: np.ndarray) -> RunMonitor:
-    """The watch of a run whose only sample is a posture, at rest."""
+    """The monitor of a run whose only sample is a posture, at rest."""
     chain, run = fl.lump(scene), replace(scene.run, duration=0.0)
     states = np.array([q]), np.zeros((1, chain.n))
-    watch = RunMonitor(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
-    watch.look(1)
-    return watch
+    monitor = RunMonitor(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
+    monitor.check(1)
+    return monitor
 
 
 def test_a_hinge_bent_beyond_84_degrees_is_named_and_none_bent_less() -> None:
@@ -253,8 +253,8 @@ def test_a_posture_whose_m_is_indefinite_is_a_fault() -> None:
     chain = fl.lump(scene)
     q = np.where(chain.stiffness > 0, np.radians(80.0), 0.0)
     assert np.linalg.eigvalsh(fl.mass_matrix(chain, q))[0] < 0
-    assert "too far for matched twist: M is not positive definite" in looked_at(scene, q).fault
-    assert not looked_at(scene, 0.1 * q).fault
+    assert "too far for matched twist: M is not positive definite" in looked_at(scene, q).failure
+    assert not looked_at(scene, 0.1 * q).failure
 
 
 # -- doubt -------------------------------------------------------------------------------------------------------------
