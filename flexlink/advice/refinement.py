@@ -143,7 +143,7 @@ class RefinementStudy:
         ]
         if levels[-1].outcome.seconds * prices[1] / prices[0] <= self.runner.budget:
             return False
-        self.reason = f"a run with {hinges} hinges a link would take more than {self.runner.budget:g} s"
+        self.reason = f"a run with {hinges} hinges per link would take more than {self.runner.budget:g} s"
         return True
 
     def _take(self, hinges: int, family: str) -> Outcome:

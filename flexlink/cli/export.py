@@ -87,7 +87,7 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     if missing and strict:
         raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; no file written")
     features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
-    return [f"{target}: {format} cannot hold {features}"] if missing else []
+    return [f"{target}: {format} has no standard element for {features}"] if missing else []
 
 
 def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:

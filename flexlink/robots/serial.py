@@ -209,7 +209,7 @@ def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
     number = finite(value)
     if number is None:
         raise ArgumentError(
-            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; of a slide m]"
+            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]"
         )
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:
