@@ -176,13 +176,13 @@ def test_a_pipe_that_no_one_writes_to_is_refused_at_once(tmp_path: Path, capsys)
     [
         (
             {"A": [["1/2"], ["1/2"], ["0", "1/2"], ["0", "0", "1"]]},
-            "A of 0, 1, …, 3 (explicit) or all of 4 (",
+            "rows of A 0, 1, …, 3 (explicit) or 4 each (",
         ),
         ({"A": [], "b": [], "c": []}, "must sum to 1"),
-        ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': a coefficient is a decimal or a fraction"),
-        ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': a coefficient"),
-        ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': a coefficient"),
-        ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': a coefficient"),
+        ({"b": ["a", "1/3", "1/3", "1/3"]}, "'a': expected a decimal such as '1e-12', or a fraction"),
+        ({"b": ["1/0", "1/3", "1/3", "1/3"]}, "'1/0': expected a decimal"),
+        ({"b": ["1e999999999", "1/3", "1/3", "1/3"]}, "'1e999999999': expected a decimal"),
+        ({"b": ["1e400", "-1e400", "1/2", "1/2"]}, "'1e400': expected a decimal"),
     ],
     ids=["shape", "no stages", "letter", "zero", "exponent", "beyond float64"],
 )

@@ -64,7 +64,7 @@ def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], ob
 
 
 def test_an_explicit_method_has_no_modes() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match="only implicit methods have modes of A"):
+    with pytest.raises(fl.errors.ArgumentError, match="only implicit methods are solved by the eigenvectors of A"):
         _ = method("RK4").modes
 
 

@@ -217,5 +217,5 @@ def test_a_sampled_loop_that_is_unstable_multiplies_errors_and_is_doubted(rate: 
     off = np.linalg.norm(run.tip - exact.tip, axis=1).max() / (1e-4 * run.chain.reach)
     assert (off > 10) == grows
     assert [
-        f"the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors" in w for w in run.warnings
+        f"the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors" in w for w in run.warnings
     ] == ([True] if grows else [])

@@ -79,7 +79,8 @@ class InputShaper(Spec, frozen=True):
         msgspec.structs.force_setattr(self, "kind", data_files.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
-                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give one of both"
+                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give exactly one "
+                "of them"
             )
         if not (self.frequency_hz or self.poles):
             raise SceneError("frequency_hz = (): no vibration to shape away; give one or more")

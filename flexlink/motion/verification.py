@@ -97,7 +97,7 @@ def multiplies(watch: RunMonitor) -> str:
     growth, without = sampled_growth(watch.record)
     more, rate = growth / max(1.0, without), watch.record.scene.drive.rate or 0.0
     if more > 1.0 and np.log(more) * rate * watch.run.duration > np.log(growth):
-        return f": the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors"
+        return f": the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors"
     return ""
 
 
