@@ -71,7 +71,7 @@ def _of_the_steps(about: Refinement) -> str:
     if math.isnan(about.of_steps):
         return f"Error of the time steps unknown: the run with a smaller {what} did not end."
     finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
-    return f"Tip error from the time steps: {_length(about.of_steps)}, by a run with {finer}."
+    return f"Tip error from the time steps: {_length(about.of_steps)}, measured against a run with {finer}."
 
 
 def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
