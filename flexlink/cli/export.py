@@ -94,6 +94,6 @@ def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
     """A note on how far an arm with masses where there are none moves differently."""
     added = added_inertia(chain, q, mass=mass)
     return (
-        f"{path}: {mass:g} kg for every link without mass: the mass matrix at the initial posture grows by up to "
-        f"{added:.2g} (relative), frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} (relative)"
+        f"{path}: every massless link gets {mass:g} kg; relative changes at the initial posture: mass matrix at most "
+        f"+{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
     )

@@ -43,9 +43,9 @@ def _features() -> dict[str, Feature]:
         ),
         "dry friction": feature(
             lambda _, chain: bool(chain.hinges["coulomb"].any()),
-            urdf=f"the torque c as <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
-            mjcf="the torque c as frictionloss, which is disabled; the width w of c tanh(q̇/w) as user number",
-            sdf=f"the torque c as <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
+            urdf=f"the torque c in <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
+            mjcf="the torque c in frictionloss, which is disabled; the width w of c tanh(q̇/w) in user",
+            sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
         ),
         "elastic gear": feature(
             lambda _, chain: any(c.axis and not c.segment for c in chain.coordinates),

@@ -96,7 +96,7 @@ def serial(
                 f"as by --locked {joint.name}=0.0"
             )
     if not free:
-        raise ArgumentError(f"no free hinge between {base!r} and {tip!r}; the arm needs one")
+        raise ArgumentError(f"no movable joint between {base!r} and {tip!r}; the arm needs at least one")
     positions = _positions(robot, {**posture, **locked})
     parts, end = _parts(robot, base, way, [joint.name for joint in free], positions)
     return SerialPath(base, tip, parts, end, positions, _held(robot, parts))
@@ -165,7 +165,7 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
         chains.setdefault(joints[link], []).append(link)
     longest = max(chains, key=len)
     if not longest:
-        raise ArgumentError(f"tip: missing; there is no hinge beyond {base!r}")
+        raise ArgumentError(f"base = {base!r}: no movable joint lies beyond it; choose a link nearer to the root")
     others = [links[0] for way, links in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
