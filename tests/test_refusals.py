@@ -85,5 +85,5 @@ def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curva
 
 def test_a_system_whose_accelerations_leave_float64_has_no_matrix_of_first_order() -> None:
     one = np.eye(1)
-    with pytest.raises(fl.errors.ArgumentError, match="accelerations beyond float64"):
+    with pytest.raises(fl.errors.ArgumentError, match="accelerations overflow float64"):
         first_order_matrix(1e-300 * one, one, 1e300 * one)

@@ -57,11 +57,9 @@ class InitialState(Spec, frozen=True):
         if not self.joint_deg and self.q is None:
             raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
-            raise SceneError(
-                "passive = 'static': computes the hinges' angles, but q is given, too; leave out one of them"
-            )
+            raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
         if self.qd is not None and self.rate_deg is not None:
-            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; leave out one of them")
+            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; give only one")
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -226,7 +224,8 @@ class RunSettings(Spec, frozen=True):
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
             raise SceneError(
-                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too"
+                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too; "
+                "give only one"
             )
         if self.accuracy == "deflection" and self.relative_tolerance is None:
             raise SceneError("accuracy = 'deflection': takes relative_tolerance, a part of the deflection")
@@ -324,7 +323,7 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     changed = {path for path, value in changes.items() if value is not None}
     tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
-        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too")
+        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too; give only one")
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]

@@ -87,7 +87,7 @@ class Reference(Spec, frozen=True):
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self.acceleration_deg is not None and self.rate_deg is None:
-            raise SceneError("rate_deg: missing; acceleration_deg is given, too")
+            raise SceneError("rate_deg: missing; acceleration_deg needs it")
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):

@@ -141,6 +141,8 @@ class InputShaper(Spec, frozen=True):
             (math.fsum(t for t, _ in one), math.prod(a for _, a in one)) for one in itertools.product(*single)
         ]).T  # fmt: skip
         if not np.isfinite([times, weights]).all():
-            raise ArgumentError(f"kind = {truncated(self.kind)}: impulses farther apart than float64 can hold")
+            raise ArgumentError(
+                f"kind = {truncated(self.kind)}: the times of the impulses overflow float64; shape faster vibrations"
+            )
         order = np.argsort(times, kind="stable")
         return times[order], weights[order]

@@ -23,7 +23,7 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         return ArgumentError(
-            f"q̈ of {chain.name!r} leaves float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
+            f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
             f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; expected less"
         )
     k = idle_joint(chain, q)

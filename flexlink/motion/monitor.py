@@ -195,7 +195,7 @@ class RunMonitor:
             else:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
-        self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+        self._stop_at(rows, ~finite, "energies or torques overflow float64")
 
     def _allowance(self, kinetic: Array) -> balance.Allowance:
         """Energy imbalance [J] of the next samples that the tolerance explains, from their kinetic energies [J]."""
