@@ -198,7 +198,7 @@ def test_sensitive_motion_is_good_up_to_a_horizon_that_is_neither_too_late_nor_m
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"initial.q": (0.0,)}, r"initial.q = \(0.0,\): holds for one model only"),
+        ({"initial.q": (0.0,)}, r"initial.q = \(0.0,\): fits one number of hinges only"),
         ({"run.duration": 0.0}, r"run.duration = 0.0: advice needs a motion"),
         ({"link.1.material": None, "link.1.section": None}, "link: none can bend"),
     ],
@@ -211,9 +211,9 @@ def test_what_advice_cannot_judge_is_refused_by_name(change: dict[str, object], 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"tip": 0.0}, "tip = 0.0: expected a share of the travel between 0 and 1"),
-        ({"tip": 2.0}, "tip = 2.0: expected a share"),
-        ({"tip": "2 miles"}, "tip = '2 miles': expected a share of the tip's travel, as 1e-3, or a length"),
+        ({"tip": 0.0}, "tip = 0.0: expected a fraction of the travel between 0 and 1"),
+        ({"tip": 2.0}, "tip = 2.0: expected a fraction"),
+        ({"tip": "2 miles"}, "tip = '2 miles': expected a fraction of the tip's travel, as 1e-3, or a length"),
         ({"tip": "2 mm", "deflection": True}, "deflection = True: tip = '2 mm' is a length"),
         ({"band": 51.0}, r"band = 51.0: samples 0.01 s apart resolve at most 50 Hz"),
         ({"budget": 0.0}, "budget = 0.0"),

@@ -99,7 +99,7 @@ def test_torque_that_is_held_jumps_between_two_steps() -> None:
         ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "give only one"),
         ({"initial.time": 0.00005}, r"initial\.time = 5e-05: must be a multiple of run\.step"),
         ({"initial.time": -1.0}, r"initial\.time"),
-        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: takes a table that is not smooth"),
+        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: needs a table with smooth = False"),
         ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, r"drive\.times\[2\] = 0.06005: must"),
     ],
 )  # fmt: skip

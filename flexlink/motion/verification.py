@@ -30,8 +30,8 @@ GIVEN_UP = 50
 nobody waits for a second run much longer than for the first."""
 
 UNKNOWN = (
-    "doubtful: no run with other steps ends, in {times} times the evaluations, and so none tells the errors of this "
-    "one; {advice} and compare"
+    "doubtful: error unknown, since no run with other steps ended within {times} times the evaluations; {advice} and "
+    "compare"
 )
 
 
@@ -73,13 +73,13 @@ def doubt(watch: RunMonitor, second: Second, tip: Array) -> str:
     """The warning that follows from the tips of a verification run; empty if both runs agree."""
     error = float(np.linalg.norm(watch.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(watch)
-    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
-    told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
+    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.step:g} s"
+    told = f"doubtful: tip error {error:.2g} m against a run with {steps}"
     if watch.run.controlled and error > TOLERABLE * _tolerance(watch):
         return f"{told}{multiplies(watch)}; {advice(watch)} and compare"
     if not watch.run.controlled and error > _tolerance(watch):
         grown = multiplies(watch) if watch.explicit else ""
-        return f"{told}, which moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
+        return f"{told}, where the tip moves {watch.moved:.3g} m{grown}; {advice(watch)} and compare"
     return ""
 
 
