@@ -131,7 +131,7 @@ def test_where_no_joint_can_move_some_link_bends(passive: str) -> None:
         assert not fl.advise(scene, "1 mm").error > 1e-3
         with pytest.raises(fl.errors.AdviceError, match=r"the tip moves by .* m only, .*; give the error as a length"):
             fl.advise(scene, 1e-3)
-        with pytest.raises(fl.errors.AdviceError, match=r"the tip moves by .* m only, and 1e-03 of that"):
+        with pytest.raises(fl.errors.AdviceError, match=r"the tip moves by only .* m, and 1e-03 of that"):
             fl.advise(replace(scene, gravity=(0.0, 0.0, 0.0), wrench=fl.Wrench()), 1e-3)
         return
     advice = fl.advise(scene, 1e-2)
@@ -265,7 +265,7 @@ def test_prices_grow_with_the_chain_and_space_is_dearer() -> None:
 @pytest.mark.slow
 def test_where_no_two_models_can_be_run_the_error_says_why() -> None:
     with pytest.raises(
-        fl.errors.AdviceError, match=r"bars: no two models can be run: bars: \d+% of a run took the budget"
+        fl.errors.AdviceError, match=r"bars: no two models can be run: bars: the budget of .* ended a run at \d+%"
     ):
         fl.advise(arm(0.004, motion=led("bar0")), budget=1e-7)
 

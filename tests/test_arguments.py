@@ -125,7 +125,10 @@ def test_an_argument_of_the_wrong_kind_is_refused_in_one_line(call: str, argumen
         (lambda: fl.solve_static(chain(), tolerance=10**400), "tolerance = 1000.*: must be a finite number > 0"),
         (lambda: fl.modes(chain(), frame="no"), "frame = 'no': unknown; allowed are world, tip"),
         (lambda: chain().index(3, 0, 0), r"link = 3: no link of this arm; allowed are waist, upper, or 1 … 2"),
-        (lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO), r"q, qd, tau: many chains take as many states"),
+        (
+            lambda: fl.forward_dynamics([chain()], ZERO, ZERO, ZERO),
+            "q, qd, tau: a list of chains needs one state per chain",
+        ),
         (
             lambda: fl.mass_matrix(chain(), ZERO[: chain().n], algorithm="uper"),
             "unknown; allowed are .*; did you mean 'upper'",
@@ -147,7 +150,7 @@ BEYOND = 10**400
         (lambda: fl.settling_time(run(), target=(0, 0, 0), tolerance=1e-3, after=BEYOND), "after = 1000.*a time"),
         (lambda: fl.settling_time(run(), target=(0, 0, BEYOND), tolerance=1e-3), "target has dtype object"),
         (lambda: fl.residual_vibration(run(), after=-BEYOND), "after = -1000.*a time"),
-        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a share of the tip's travel"),
+        (lambda: fl.advise(scene(), BEYOND), "tip = 1000.*a fraction of the tip's travel"),
         (
             lambda: fl.ReferenceTrajectory([0.0], [[[BEYOND]]]),
             "coefficients has dtype object; expected real numbers .*overflow",

@@ -209,7 +209,8 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[5] = np.pi / 2 - distance
     with pytest.raises(
-        fl.errors.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
+        fl.errors.SingularMassError,
+        match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated', which has no need of M",
     ) as e:
         fl.forward_dynamics(chain, q, qd, tau, solver=method)
     assert len(str(e.value)) < 250

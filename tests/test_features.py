@@ -71,7 +71,7 @@ def test_an_export_prints_what_a_format_cannot_hold(tmp_path, capsys) -> None:
     assert main(["export", PAPER, "--format", "urdf", "--out", str(tmp_path)]) == 0
     (note,) = capsys.readouterr().err.splitlines()
     assert note.startswith(
-        f"note: {tmp_path / 'paper_fig5.urdf'}: urdf has no standard element for gravity (in elements that"
+        f"note: {tmp_path / 'paper_fig5.urdf'}: urdf has no standard element for gravity (written in elements that"
     )
     assert "springs (" in note
 

@@ -330,7 +330,7 @@ def test_a_changed_sweep_is_told_and_not_mixed_in(tmp_path: Path, paper: fl.Scen
     sweep, out = masses(paper, 0.0, 1.0), tmp_path / "sweep.db"
     fl.sweep(sweep, out=out)
     kept = lines(out)
-    with pytest.raises(fl.errors.ArgumentError, match=f"holds rows of another sweep: .*{words}.*begin anew"):
+    with pytest.raises(fl.errors.ArgumentError, match=f"holds rows of another sweep: .*{words}.*start again"):
         fl.sweep(replace(sweep, **change), out=out)
     assert lines(out) == kept
     assert len(fl.sweep(replace(sweep, **change), out=out, fresh=True).rows) == 2

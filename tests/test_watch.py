@@ -86,7 +86,7 @@ def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene
     run = fl.simulate(paper, duration=0.01)
     other = trajectory_from_states(paper, run.chain, input_arrays(paper, run.chain), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
-    with pytest.raises(fl.errors.ArgumentError, match="flexlink's own runs only"):
+    with pytest.raises(fl.errors.ArgumentError, match="runs of flexlink's own engine"):
         _ = other.imbalance
 
 

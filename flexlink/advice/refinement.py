@@ -80,7 +80,7 @@ class RefinementStudy:
                 self._compare_rules()
             self._errors.append(self.limit.error)
             if hinges >= 32 and self.limit.error > max(self.tolerance, self._errors[-4] * 2 / 3):
-                self.reason = f"more hinges do not help from {hinges} on"
+                self.reason = f"more than {hinges} hinges do not reduce the error"
                 break
 
     @property

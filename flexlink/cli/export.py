@@ -30,7 +30,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
     command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
     command.add_argument("--out", type=Path, default=Path(), help="folder to write to; default: the current one")
-    command.add_argument("--strict", action="store_true", help="write nothing if a format cannot hold all of a scene")
+    command.add_argument(
+        "--strict", action="store_true", help="write nothing if a format cannot represent the whole scene"
+    )
     command.add_argument(
         "--small-mass", type=float, metavar="KG",
         help="mass for links without mass, which some programs refuse; prints what it changes",

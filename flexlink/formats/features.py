@@ -29,7 +29,7 @@ def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
 
 
 def _features() -> dict[str, Feature]:
-    ignored = "in elements that other programs ignore"
+    ignored = "written in elements that other programs ignore"
 
     def feature(there: Callable[[Scene, Chain], bool], everywhere: str = "", **instead: str) -> Feature:
         return Feature(there, dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
