@@ -334,7 +334,7 @@ def test_where_a_reference_starts_is_said_if_the_run_starts_elsewhere() -> None:
         driven(fl.Reference(**move), initial=fl.InitialState(q=here))
     scene = driven(fl.Reference(**move), initial=fl.InitialState(q=here, joint_deg=(5.0, 30.0, -5.0)))
     with pytest.raises(
-        fl.errors.SceneError, match=r"from_deg: missing; the joint of 'near' is at 0 deg by initial.q, at 5 by"
+        fl.errors.SceneError, match=r"from_deg: missing; for the joint of 'near' initial.q gives 0 deg and"
     ):
         reference_arrays(scene, fl.lump(scene))
     later = scene.varied({"initial.time": 1.0})  # continued: it goes on as it began

@@ -53,7 +53,7 @@ BAD = {  # what is replaced: (old, new, what the message must contain)
                      ["link.upper.lumping", "'papr'", "midpoint"]),
     "rule does not fit": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                           'segments = 4\nflex = "z"\nlumping = "gauss"',
-                          ["link.upper.segments", "4, so 3 hinges: rule 'gauss'", "needs a multiple of 2 hinges", "nearest are 3 or 5"]),
+                          ["link.upper.segments", "4, so 3 hinges: rule 'gauss'", "multiple of 2", "are 3 or 5"]),
     "rule of at least": ('segments = 5\nflex     = "z"\nlumping  = "paper"',
                          'segments = 3\nflex = "z"\nlumping = "gregory"',
                          ["link.upper.segments", "3, so 2 hinges: rule 'gregory' needs at least"]),

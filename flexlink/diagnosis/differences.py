@@ -240,7 +240,7 @@ def _instead(field: str, diff: Discrepancy) -> str:
         return f"{actual} {unit}, relative error {_relative_error(diff):.3g}"
     factor = f", factor {diff.factor:.6g}" if diff.factor else ""
     if field == "inertias" and not diff.factor and (part := diff.part_factor):
-        factor = f", factor {part:.6g} of one part"
+        factor = f", factor {part:.6g} in the inertia of one part"
     return f"{actual} instead of {expected} {unit}".rstrip() + factor
 
 

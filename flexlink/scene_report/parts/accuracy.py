@@ -109,7 +109,7 @@ def _verdict(about: Refinement) -> Verdict:
     what = "hinges and steps" if any(about.model) else "steps"
     warned = " The run gave warnings: see “Motion”." if doubts else ""
     return Verdict(
-        "Model error", state, _length(error), f"At the tip, from {what}: {number(share)} of the tip’s travel.{warned}"
+        "Model error", state, _length(error), f"Tip error from {what}: {number(share)} of the tip’s travel.{warned}"
     )
 
 
