@@ -165,7 +165,7 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
         chains.setdefault(joints[link], []).append(link)
     longest = max(chains, key=len)
     if not longest:
-        raise ArgumentError(f"base = {base!r}: no movable joint lies beyond it; choose a link nearer to the root")
+        raise ArgumentError(f"no movable joint beyond {base!r}; the arm needs at least one")
     others = [links[0] for way, links in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
