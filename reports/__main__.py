@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command; returns the exit code: 0 written, 2 no results or nowhere to write."""
     parser = argparse.ArgumentParser(
         prog="python -m reports",
-        description="Make the validation report (index.html, a CSV a table; a PNG, SVG and CSV a figure) "
+        description="Make the validation report (index.html; a CSV per table; a PNG, SVG and CSV per figure) "
         "from stored results. Runs no simulation and needs no engine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -174,7 +174,7 @@ def since(commit: str, measured: Mapping[str, str]) -> Since:
         return Since(f"It was {at}; changes since then are unknown.", ())
     files = tuple(changed(measured))
     if not files:
-        return Since(f"It was {at}; no file that numbers depend on has changed since.", ())
+        return Since(f"It was {at}; no file that affects the results has changed since.", ())
     return Since(
-        f"It was {at}; {plural(len(files), 'file')} that numbers may depend on changed since.", files,
+        f"It was {at}; {plural(len(files), 'file')} that may affect the results changed since.", files,
     )  # fmt: skip

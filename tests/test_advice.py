@@ -444,4 +444,4 @@ def test_a_run_ends_where_it_has_used_up_its_budget() -> None:
     assert whole.completed
     short = ModelRunner(scene, 0.1 * whole.seconds).run(model, steps)
     assert short.over_budget
-    assert "took the budget" in short.reason
+    assert "the budget of" in short.reason

@@ -103,7 +103,7 @@ def test_a_sampled_loop_that_is_unstable_by_itself_is_named_and_a_stable_one_is_
         assert (growth > 1.0 + 1e-3) is unstable
     scene = held_too_seldom(**{"run.max_evaluations": 4000, "run.duration": 20.0})
     with pytest.raises(
-        fl.errors.EvaluationLimitError, match=r"drive.rate = 20 Hz is unstable by itself.*a higher rate"
+        fl.errors.EvaluationLimitError, match=r"control loop is unstable at drive.rate = 20 Hz.*a higher rate"
     ):
         fl.simulate(scene)
 

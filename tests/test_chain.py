@@ -129,7 +129,7 @@ def test_a_spring_too_soft_for_float64_is_refused_not_left_out() -> None:
     soft = Material(young=1e-320, density=1.0)
     scene = make_scene(flexible("a"))
     scene.arm.materials["aluminium"] = soft
-    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
+    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge underflows float64"):
         lump(scene)
 
 
@@ -137,7 +137,7 @@ def test_a_single_axis_too_soft_for_float64_is_refused_too() -> None:
     scene = make_scene(flexible("a", "xyz"))
     scene.arm.sections["square"] = Section(shape="general", area=1.0, i_y=1.0, i_z=1.0, torsion=5e-324)
     scene.arm.materials["aluminium"] = Material(young=1.0, density=1.0)
-    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge is below the numbers of float64"):
+    with pytest.raises(SceneError, match="link 'a': the stiffness of a hinge underflows float64"):
         lump(scene)
 
 

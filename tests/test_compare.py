@@ -227,7 +227,7 @@ def test_one_state_of_many_that_is_not_finite_does_not_pass(number, chain):
 def test_the_table_reads_alike_in_every_row(chain):
     table = str(against(chain, load("native", chain)))
     first, head, *rows = table.splitlines()
-    assert "difference from native / rounding bound, equal if ≤ 1" in first
+    assert "difference from flexlink / rounding bound, equal if ≤ 1" in first
     assert "difference / bound" in head
     assert [row.split()[0] for row in rows] == ["native"] * len(QUANTITIES) + ["native:"]
     assert table.endswith("all 7 quantities agree")

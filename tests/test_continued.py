@@ -95,11 +95,11 @@ def test_torque_that_is_held_jumps_between_two_steps() -> None:
     [
         ({"initial.q": [0.0]}, r"initial\.q = .*expected one number per joint, 6"),
         ({"initial.q": [float("nan")] * 6}, r"initial\.q"),
-        ({"initial.q": [0.0] * 6, "initial.passive": "static"}, "leave out one of them"),
-        ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "leave out one of them"),
+        ({"initial.q": [0.0] * 6, "initial.passive": "static"}, "give only one"),
+        ({"initial.qd": [0.0] * 6, "initial.rate_deg": [1.0, 0.0]}, "give only one"),
         ({"initial.time": 0.00005}, r"initial\.time = 5e-05: must be a multiple of run\.step"),
         ({"initial.time": -1.0}, r"initial\.time"),
-        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: takes a table that is not smooth"),
+        ({"drive": {**TABLE, "hold": True, "smooth": True}}, "hold = True: needs a table with smooth = False"),
         ({"drive": {**TABLE, "hold": True, "times": [0.0, 0.02, 0.06005]}}, r"drive\.times\[2\] = 0.06005: must"),
     ],
 )  # fmt: skip

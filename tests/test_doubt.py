@@ -36,7 +36,9 @@ def test_of_steps_of_order_two_the_error_is_a_third_of_what_twice_the_step_chang
     of_a_run = monitor(fl.RunSettings(step=0.1, sample=0.1, duration=4.0), 0.01)
     second = next(second_runs(of_a_run, "Gauss4"))
     assert (second.run.step, second.every) == (0.2, 2)
-    assert "tells an error of 0.01 m at the tip, which moves 1 m" in doubt(of_a_run, second, path(0.04)[::2])
+    assert "tip error 0.01 m against a run with steps of 0.2 s, where the tip moves 1 m" in doubt(
+        of_a_run, second, path(0.04)[::2]
+    )
 
 
 @pytest.mark.parametrize(("tolerances", "doubted"), [(1.1, False), (2.0, False), (10.0, True)])

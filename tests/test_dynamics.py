@@ -209,7 +209,8 @@ def test_no_number_where_rounding_leaves_m_no_digit(method: str, distance: float
     q, qd, tau = rng.uniform(-0.3, 0.3, (3, chain.n))
     q[5] = np.pi / 2 - distance
     with pytest.raises(
-        fl.errors.SingularMassError, match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated' has its q̈"
+        fl.errors.SingularMassError,
+        match=r"joint 'a\.2\.z'.*a\.2\.y = (90|89\.9999)°.*'articulated', which has no need of M",
     ) as e:
         fl.forward_dynamics(chain, q, qd, tau, solver=method)
     assert len(str(e.value)) < 250
@@ -260,7 +261,7 @@ def test_heavy_payloads_are_not_singular(rng) -> None:
 @pytest.mark.parametrize("method", SOLVERS)
 def test_rates_beyond_float64_are_not_taken_for_a_singular_mass_matrix(models, method: str) -> None:
     chain = fl.lump(fl.load_scene(models / "t3_spatial.toml"))
-    with pytest.raises(fl.errors.ArgumentError, match=r"q̈ of .* leaves float64: qd up to 1e\+200 rad/s"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"q̈ of .* overflows float64: qd up to 1e\+200 rad/s"):
         fl.forward_dynamics(chain, np.zeros(chain.n), np.full(chain.n, 1e200), np.zeros(chain.n), solver=method)
 
 

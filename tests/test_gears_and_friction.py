@@ -164,7 +164,7 @@ def test_a_run_past_a_limit_says_so_and_is_not_stopped() -> None:
     assert not free.warnings
     assert len(run.warnings) == 1
     assert "joint 'a' is at 45.0" in run.warnings[0]
-    assert run.warnings[0].endswith("past its limits -90° … 45°; no stop holds it")
+    assert run.warnings[0].endswith("past its limits -90° … 45°; the model has no end stops")
 
 
 def test_exports_hold_limits_and_no_engine_enforces_them(rng) -> None:

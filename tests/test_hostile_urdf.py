@@ -56,7 +56,7 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "MJCF": ("<mujoco/>", "<mujoco>: the root element"),
     "our own export": (edited("</joint>", '<flexlink stiffness="9"/></joint>'), "exported by flexlink"),
     "no link": ("<robot name='r'/>", "no link"),
-    "no joint": ("<robot name='r'><link name='a'/></robot>", "there is no hinge"),
+    "no joint": ("<robot name='r'><link name='a'/></robot>", "no movable joint"),
     # entities, size, depth
     "billion laughs": (f'<!DOCTYPE r [<!ENTITY l0 "ha">{LAUGHS}]><robot name="&l9;"/>', "<!DOCTYPE r>"),
     "quadratic": (f'<!DOCTYPE r [<!ENTITY x "{"x" * 100_000}">]><robot>{"&x;" * 100_000}</robot>', "<!DOCTYPE r>"),
@@ -129,8 +129,8 @@ HOSTILE: dict[str, tuple[str | bytes, str]] = {
     "no type": (edited('type="continuous"', ""), "<joint type>: missing"),
     "screw": (edited("continuous", "screw"), "type = 'screw': allowed are revolute"),
     "capital": (edited("continuous", "Continuous"), "did you mean 'continuous'"),
-    "floating": (edited("continuous", "floating"), "there is no hinge"),
-    "planar": (edited("continuous", "planar"), "there is no hinge"),
+    "floating": (edited("continuous", "floating"), "no movable joint"),
+    "planar": (edited("continuous", "planar"), "no movable joint"),
     "zero axis": (edited("</joint>", '<axis xyz="0 0 0"/></joint>'), "<axis xyz> = (0.0, 0.0, 0.0): must not be zero"),
     "no limit": (edited("continuous", "revolute"), "<limit>: missing"),
     "limits turned round": (

@@ -238,7 +238,7 @@ WRONG = {
     "several arms": ({"tip": None}, "several arms begin at 'p0'; choose one of their ends: "),
     "sliding": ({}, "joint 'j4', between 'p0' and 'p8', is prismatic"),
     "following": ({"tip": "c2"}, "joint 'd2', between 'p0' and 'c2', mimics 'b2'"),
-    "no joints": ({"base": "p1", "tip": "p2"}, "no free hinge between 'p1' and 'p2'"),
+    "no joints": ({"base": "p1", "tip": "p2"}, "no movable joint between 'p1' and 'p2'"),
     "unknown joint": ({"posture": {"j99": 0.0}}, "posture = 'j99': unknown"),
     "fixed": ({"posture": {"j2": 0.0}}, "posture: joint 'j2' is fixed"),
     "follower": ({"posture": {"d2": 0.0}}, "posture: joint 'd2' mimics 'b2'"),

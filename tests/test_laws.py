@@ -359,7 +359,7 @@ def test_no_file_says_a_law_and_it_is_told() -> None:
         ({"effort": (1.0, 1.0)}, {}, r"drive\.effort = \(1\.0, 1\.0\): expected one number per link, 3"),
         ({"kp": (1.0, 1.0)}, {}, r"drive\.kp = \(1\.0, 1\.0\): expected one number per link, 3"),
         ({"gravity": "some"}, {}, r"drive\.gravity = 'some': .*none.*rigid.*static"),
-        ({"gravity": "rigid", "kind": "computed_torque"}, {}, r"gravity = 'rigid': takes drive kind 'pd'"),
+        ({"gravity": "rigid", "kind": "computed_torque"}, {}, r"gravity = 'rigid': needs drive kind 'pd'"),
         ({"kind": "computed"}, {}, "did you mean 'computed_torque'"),
         ({"rate": 0.0}, {}, r"drive\.rate = 0\.0"),
         ({"rate": 3000.0}, {}, r"drive\.rate = 3000\.0: 1 / rate = 0\.00033\d*: must be a multiple of run\.step"),
@@ -378,7 +378,7 @@ def test_what_a_law_cannot_be_is_refused(drive: dict[str, Any], changes: dict[st
 
 
 def test_what_no_law_has_cannot_be_sampled() -> None:
-    with pytest.raises(fl.errors.SceneError, match=r"rate = 100\.0: drive kind 'none' has no law"):
+    with pytest.raises(fl.errors.SceneError, match=r"rate = 100\.0: has no effect with drive kind 'none'"):
         arm({"kind": "none", "rate": 100.0})
 
 

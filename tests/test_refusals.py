@@ -64,7 +64,7 @@ def test_a_description_that_contradicts_itself_is_refused(build: Callable[[], ob
 
 
 def test_an_explicit_method_has_no_modes() -> None:
-    with pytest.raises(fl.errors.ArgumentError, match="only implicit methods have modes of A"):
+    with pytest.raises(fl.errors.ArgumentError, match="only implicit methods are solved by the eigenvectors of A"):
         _ = method("RK4").modes
 
 
@@ -85,5 +85,5 @@ def test_a_smooth_table_goes_through_its_torques_with_continuous_slope_and_curva
 
 def test_a_system_whose_accelerations_leave_float64_has_no_matrix_of_first_order() -> None:
     one = np.eye(1)
-    with pytest.raises(fl.errors.ArgumentError, match="accelerations beyond float64"):
+    with pytest.raises(fl.errors.ArgumentError, match="accelerations overflow float64"):
         first_order_matrix(1e-300 * one, one, 1e300 * one)

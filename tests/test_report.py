@@ -137,7 +137,7 @@ def test_an_arm_that_does_not_bend_has_its_joints_held_and_its_steps_judged(mode
     q, _ = fl.initial_state(rigid.scene, rigid.chain)
     assert [line[2] for line in held] == pytest.approx(fl.gravity_torque(rigid.chain, q).tolist(), rel=1e-12)
     assert (found := accuracy.made(rigid)) is not None
-    assert "At the tip, from steps" in found.verdicts[0].text
+    assert "Tip error from steps" in found.verdicts[0].text
 
 
 def test_the_command_writes_the_page_and_a_line_a_chapter(models: Path, tmp_path: Path, capsys, monkeypatch) -> None:

@@ -107,7 +107,7 @@ def test_the_import_on_the_command_line_takes_degrees_metres_and_beams(tmp_path:
     ("words", "message"),
     [
         (["--posture", "j3"], "--posture j3: expected NAME=VALUE, such as elbow=90"),
-        (["--posture", "j3=left"], "--posture j3=left: expected a finite number [deg; of a slide m]"),
+        (["--posture", "j3=left"], "--posture j3=left: expected a finite number [deg; m for a slide]"),
         (["--posture", "j3=400"], "posture: 'j3' = 6.981317007977318 rad (400°): must be between -3.0 rad"),
         (["--base", ""], "base = '': unknown"),
         (["--locked", "j4=[1"], "--locked j4=[1: the value is not TOML"),

@@ -40,7 +40,7 @@ def test_fixed_implicit_steps_are_doubted_before_they_are_wrong_and_not_where_th
     scene = swung()
     exact = fl.simulate(scene, method="DOP853", tolerance=1e-9)
     runs = [fl.simulate(scene, method=name, step=0.17 / parts) for parts in (1, 2, 4, 8)]
-    assert any("tells an error" in told for told in runs[0].warnings)
+    assert any("doubtful: tip error" in told for told in runs[0].warnings)
     assert not runs[-1].warnings
     assert off(runs[-1], exact) < WRONG / 10
     assert [run for run in runs if off(run, exact) > WRONG and not run.warnings] == []
@@ -50,8 +50,8 @@ def test_the_second_run_tells_the_error_within_a_factor_of_three_where_the_order
     scene = swung()
     exact = fl.simulate(scene, method="DOP853", tolerance=1e-9)
     run = fl.simulate(scene, method="Gauss6", step=0.17)
-    (told,) = (warning for warning in run.warnings if "tells an error" in warning)
-    found = float(told.split("error of ")[1].split(" m")[0])
+    (told,) = (warning for warning in run.warnings if "doubtful: tip error" in warning)
+    found = float(told.split("tip error ")[1].split(" m")[0])
     actual = float(np.abs(run.tip - exact.tip).max())
     assert actual <= found <= 5 * actual
 
@@ -63,7 +63,7 @@ def test_steps_that_pass_over_a_blow_are_doubted_though_twice_as_long_ones_are_w
     run = fl.simulate(scene, method="Gauss6", step=0.02, sample=0.02, duration=0.4)
     exact = fl.simulate(scene, method="Radau5", tolerance=1e-7, sample=0.02, duration=0.4)
     assert off(run, exact) > WRONG
-    assert any("tells an error" in told for told in run.warnings)
+    assert any("doubtful: tip error" in told for told in run.warnings)
 
 
 def test_twice_the_step_judges_nothing_where_its_steps_were_taken_in_parts_as_those_of_the_run_were(
@@ -108,7 +108,7 @@ def test_fixed_explicit_steps_are_doubted_where_their_small_errors_grow_and_not_
 def test_a_second_run_that_takes_very_long_is_given_up_and_that_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(single, "GIVEN_UP", 0.1)
     run = fl.simulate(swung(), method="Radau5", step=0.17 / 8)
-    assert any("no run with other steps ends" in told for told in run.warnings)
+    assert any("no run with other steps ended" in told for told in run.warnings)
 
 
 def spinning(rate: float) -> fl.Scene:
@@ -217,5 +217,5 @@ def test_a_sampled_loop_that_is_unstable_multiplies_errors_and_is_doubted(rate: 
     off = np.linalg.norm(run.tip - exact.tip, axis=1).max() / (1e-4 * run.chain.reach)
     assert (off > 10) == grows
     assert [
-        f"the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors" in w for w in run.warnings
+        f"the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors" in w for w in run.warnings
     ] == ([True] if grows else [])

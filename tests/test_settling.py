@@ -64,10 +64,13 @@ def test_the_residual_vibration_is_the_amplitude_whatever_the_place_of_rest(step
 
 def test_what_cannot_be_read_off_is_refused(step_response: fl.Trajectory) -> None:
     with pytest.raises(
-        fl.errors.ArgumentError, match=r"after = 11.0: a run from 0 to 10 s has 0 samples from there on; needs 1"
+        fl.errors.ArgumentError,
+        match=r"after = 11.0: a run from 0 to 10 s has 0 samples from then on; at least 1 needed",
     ):
         fl.settling_time(step_response, target=TARGET, tolerance=1e-3, after=11.0)
-    with pytest.raises(fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from there on; needs 2"):
+    with pytest.raises(
+        fl.errors.ArgumentError, match=r"after = 10.0: .* has 1 samples from then on; at least 2 needed"
+    ):
         fl.residual_vibration(step_response, after=10.0)
     with pytest.raises(fl.errors.ArgumentError, match="after = 'end': expected a time"):
         fl.residual_vibration(step_response, after="end")

@@ -99,14 +99,14 @@ def test_a_study_says_which_files_have_changed_since_without_git(tmp_path: Path,
         "validation/cases/pointwise.toml",
     } <= measured.keys()
     assert stored_full.since("abc", measured).files == ()
-    assert "at commit abc; no file that numbers depend on has changed since" in (
+    assert "at commit abc; no file that affects the results has changed since" in (
         stored_full.since("abc", measured).text
     )
     older = measured | {"flexlink/kernels/bodies/rne.py": "another", "flexlink/gone.py": "any"}
     del older["validation/runner.py"]
     found = stored_full.since("abc", older)
     assert found.files == ("flexlink/gone.py", "flexlink/kernels/bodies/rne.py", "validation/runner.py")
-    assert "3 files that numbers may depend on changed since" in found.text
+    assert "3 files that may affect the results changed since" in found.text
     assert "unknown" in stored_full.since("", {}).text
 
 
@@ -123,7 +123,7 @@ def test_what_was_measured_with_is_stored_and_the_readme_says_what_changed(tmp_p
     assert stored_full.read_sources(folder) == now
     text = (folder / "README.md").read_text(encoding="utf-8")
     assert text.startswith("# The full study: PASS\n\n- Correctness: **PASS**. 1 of 1 check")
-    assert "measured at commit 0123456789ab; 1 file that numbers may depend on changed since" in text
+    assert "measured at commit 0123456789ab; 1 file that may affect the results changed since" in text
     assert "- flexlink/kernels/bodies/rne.py\n" in text
 
 

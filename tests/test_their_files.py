@@ -208,7 +208,9 @@ def test_a_file_that_mujoco_has_written_has_lost_digits(tmp_path: Path) -> None:
     mujoco.mj_saveLastXML(str(path), mujoco.MjModel.from_xml_string(fl.to_mjcf(CHAIN)))
     found = diagnosed(path)
     (finding,) = found.findings
-    assert re.search(r"right to about [56] digits: digits were lost in writing", str(finding)) and found.explained
+    assert (
+        re.search(r"correct to only about [56] digits: digits were lost in writing", str(finding)) and found.explained
+    )
 
 
 @pytest.mark.parametrize("name", ["ur5", "xarm7"])

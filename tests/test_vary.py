@@ -161,7 +161,9 @@ def test_a_message_names_a_number_of_a_link_by_the_path_that_sets_it() -> None:
 
 
 def test_changes_are_a_dict_of_values_by_path(paper: fl.Scene) -> None:
-    with pytest.raises(fl.errors.ArgumentError, match=r"^changes = \['run\.step'\]: expected a dict of values by path"):
+    with pytest.raises(
+        fl.errors.ArgumentError, match=r"^changes = \['run\.step'\]: expected a dict such as {'run\.step': 1e-5}"
+    ):
         paper.varied(["run.step"])  # type: ignore[arg-type]
     with pytest.raises(fl.errors.ArgumentError, match=r"^changes: 3: expected a path"):
         paper.varied({3: 4})  # type: ignore[dict-item]

@@ -108,7 +108,7 @@ class Advisor:
         travel, strict = tip_travel(self.rigid.tip), self.rigid
         tolerance = self.goal.tolerance(travel, 0.0)
         estimate = rigid.estimate(self.runner, strict, self.axes, self.norm)
-        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "unknown, and large"
+        size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to tell"
         vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
         if estimate.error >= CLEARLY_RIGID * tolerance:
@@ -162,8 +162,8 @@ class Advisor:
         """The error of a goal that is a share of next to nothing [m]."""
         what = "springs deflect the tip" if self.goal.deflection else "the tip moves"
         return AdviceError(
-            f"{self.scene.name}: {what} by {size:.2g} m only, and {self.goal} of that is below the {least:.2g} m of "
-            "rounding; give the error as a length, as tip = '1 mm'"
+            f"{self.scene.name}: {what} by only {size:.2g} m, and {self.goal} of that is below the rounding error, "
+            f"{least:.2g} m; give the error as a length, as tip = '1 mm'"
         )
 
     def _cheapest(self, refinement: RefinementStudy, known: Array) -> Advice:
@@ -199,10 +199,10 @@ class Advisor:
         growth = horizons.growth(self.runner, refinement, tolerance)
         why = f" ({refinement.reason})" if refinement.reason else ""
         hinges = refinement.finest.hinges
-        lines = [line("cannot", f"error {length(error)} with {hinges} hinges a link: {self.goal} is not met{why}")]
+        lines = [line("cannot", f"error {length(error)} with {hinges} hinges per link: {self.goal} is not met{why}")]
         if known_to <= tolerance:
             lines.append(
-                line("limit", f"the extrapolated path of the tip is known to {length(known_to)}; see converged_tip")
+                line("limit", f"the extrapolated path of the tip is known within {length(known_to)}; see converged_tip")
             )
         if growth.factor > horizons.SENSITIVE_GROWTH:
             fold = f"; by e in {growth.e_fold:.3g} s" if np.isfinite(growth.e_fold) else ""
@@ -224,7 +224,7 @@ class Advisor:
     ) -> Advice:  # fmt: skip
         part = "" if self.goal.metres else f"{self.goal} of {'the deflection' if self.goal.deflection else 'it'} = "
         first = line("motion", f"tip travels {length(travel)}; tolerance {part}{length(tolerance)}")
-        own = f", with {length(limit.error)} of the reference" if limit else ", at most"
+        own = f", including {length(limit.error)} uncertainty of the reference" if limit else ", at most"
         took = f"advice took {self.runner.count} runs, {time(self.runner.seconds)}"
         last = line("error", f"{length(error)}{own}; CPU time {time(outcome.seconds)}; {took}")
         met = error <= tolerance
@@ -246,6 +246,6 @@ class Advisor:
             taken = outcome.run.steps if outcome.run else ""
             return f"tolerance {length(stepping.tolerance or 0.0)}: {taken}"
         if not any(model):
-            return f"{stepping}, {round(self.scene.run.sample / stepping.step)} to a sample"
+            return f"{stepping}, {round(self.scene.run.sample / stepping.step)} steps per sample"
         share = stepping.step / self.runner.stable_step(model)
         return f"{stepping}, {share:.2f} of the stable step (smallest over {len(self.runner.postures)} postures)"

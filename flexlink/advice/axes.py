@@ -25,7 +25,7 @@ class Trial(NamedTuple):
     kept: bool
 
     def __str__(self) -> str:
-        return f"{self.axis}: {self.effect:.1e} m {'kept' if self.kept else 'left out'}"
+        return f"{self.axis}: tip changes by {self.effect:.1e} m, {'too much' if self.kept else 'accepted'}"
 
 
 class AxisScreening:
@@ -48,16 +48,16 @@ class AxisScreening:
         self.axes, self.trials = axes, list[Trial]()
         self.tip = runner.run(uniform(axes, HINGES), stepping).tip
         self.left_out = np.zeros_like(self.tip)
-        if not self._try("all: to z", limited_axes(axes, "z")):
+        if not self._try("all: flex z only", limited_axes(axes, "z")):
             self._link_by_link()
 
     def _link_by_link(self) -> None:
         if self.axes.count("rigid") < len(self.axes) - 1:
-            self._try("all: to yz", limited_axes(self.axes, "yz"))
+            self._try("all: flex yz only", limited_axes(self.axes, "yz"))
         for k, link in enumerate(self.runner.scene.arm.links):
             while self.axes[k] in FLEX[2:]:
                 flex, less = self.axes[k], FLEX[FLEX.index(self.axes[k]) - 1]
-                if not self._try(f"{link.name}: {flex} to {less}", (*self.axes[:k], less, *self.axes[k + 1 :])):
+                if not self._try(f"{link.name}: flex {flex} to {less}", (*self.axes[:k], less, *self.axes[k + 1 :])):
                     break
 
     def _try(self, name: str, axes: Axes) -> bool:

@@ -73,15 +73,13 @@ def checked_scene(scene: Scene) -> Scene:
         value = getattr(scene.initial, name)
         if value is not None:
             raise SceneError(
-                f"initial.{name} = {truncated(value)}: holds for one model only, and advice compares models; give "
+                f"initial.{name} = {truncated(value)}: fits one number of hinges only, and advice varies it; give "
                 "initial.joint_deg, rate_deg and passive"
             )
     if scene.run.duration == 0:
         raise SceneError(f"run.duration = {scene.run.duration!r}: advice needs a motion; give a duration > 0")
     if not any(map(is_beam, scene.arm.links)):
-        raise SceneError(
-            "link: none can bend, so that advice has nothing to choose; give a link a material and a section"
-        )
+        raise SceneError("link: none can bend, so there is nothing to choose; give a link a material and a section")
     return scene
 
 

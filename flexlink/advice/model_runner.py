@@ -156,7 +156,8 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{single.scene.name}: {fraction:.0%} of a run took the budget of {self.budget:g} s"
+                    f"{single.scene.name}: the budget of {self.budget:g} s ended a run at {fraction:.0%}; give a "
+                    "larger budget"
                 )
 
         return single.finish(stop, check, compared=False)

@@ -80,7 +80,7 @@ class RefinementStudy:
                 self._compare_rules()
             self._errors.append(self.limit.error)
             if hinges >= 32 and self.limit.error > max(self.tolerance, self._errors[-4] * 2 / 3):
-                self.reason = f"more hinges do not help from {hinges} on"
+                self.reason = f"more than {hinges} hinges do not reduce the error"
                 break
 
     @property
@@ -143,7 +143,7 @@ class RefinementStudy:
         ]
         if levels[-1].outcome.seconds * prices[1] / prices[0] <= self.runner.budget:
             return False
-        self.reason = f"a run with {hinges} hinges a link would take more than {self.runner.budget:g} s"
+        self.reason = f"a run with {hinges} hinges per link would take more than {self.runner.budget:g} s"
         return True
 
     def _take(self, hinges: int, family: str) -> Outcome:

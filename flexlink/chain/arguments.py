@@ -156,7 +156,7 @@ def beyond_float64(what: str, **arguments: ArrayLike) -> ArgumentError:
     """The error of a result that float64 cannot hold; it names the largest number among the arguments."""
     flat = ((name, k, abs(float(v))) for name, a in arguments.items() for k, v in enumerate(np.ravel(a)))
     name, k, size = max(flat, key=lambda entry: entry[2])
-    return ArgumentError(f"{what} is beyond the numbers of float64; the arguments go up to |{name}[{k}]| = {size:.3g}")
+    return ArgumentError(f"{what} overflows float64; the arguments go up to |{name}[{k}]| = {size:.3g}")
 
 
 def wrench_vector(tip_wrench: ArrayLike | None) -> Array:

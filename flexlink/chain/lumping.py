@@ -111,7 +111,7 @@ def _check_finite(name: str, array: NDArray[np.void]) -> None:
         return
     for field in fields:
         if field not in limits and not np.isfinite(array[field]).all():
-            raise SceneError(f"{name}: {field} of a segment is beyond the numbers of float64")
+            raise SceneError(f"{name}: {field} of a segment overflows float64")
 
 
 def _add_mount(builder: Builder, link: Link, before: Link | None) -> None:
@@ -172,7 +172,7 @@ def _add_segments(builder: Builder, arm: Arm, link: Link, number: int, nodes: Ar
     rotors = _twist_rotors(link, rule, beam, nodes, weights).tolist()
     stiffnesses = _stiffnesses(beam, material, nodes.tobytes(), weights.tobytes())
     if (stiffnesses[[axis - 1 for axis in AXES[link.flex]]] == 0).any():  # it would count as a joint without a spring
-        raise SceneError(f"link {link.name!r}: the stiffness of a hinge is below the numbers of float64")
+        raise SceneError(f"link {link.name!r}: the stiffness of a hinge underflows float64")
     springs = stiffnesses.tolist()
     for segment, (body, part, end) in enumerate(_segments(beam, nodes.tobytes())):
         if segment:

@@ -30,7 +30,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument("scenes", type=Path, nargs="+", help="scene files (.toml)")
     command.add_argument("--format", choices=FORMATS, action="append", help="may be repeated; default: all")
     command.add_argument("--out", type=Path, default=Path(), help="folder to write to; default: the current one")
-    command.add_argument("--strict", action="store_true", help="write nothing if a format cannot hold all of a scene")
+    command.add_argument(
+        "--strict", action="store_true", help="write nothing if a format cannot represent the whole scene"
+    )
     command.add_argument(
         "--small-mass", type=float, metavar="KG",
         help="mass for links without mass, which some programs refuse; prints what it changes",
@@ -87,13 +89,13 @@ def _missing(target: Path, scene: Scene, chain: Chain, format: str, *, strict: b
     if missing and strict:
         raise ArgumentError(f"--strict: {format} cannot hold {', '.join(missing)}; no file written")
     features = "; ".join(f"{feature} ({instead})" for feature, instead in missing.items())
-    return [f"{target}: {format} cannot hold {features}"] if missing else []
+    return [f"{target}: {format} has no standard element for {features}"] if missing else []
 
 
 def _what_mass_does(path: Path, chain: Chain, mass: float, q: Array) -> str:
     """A note on how far an arm with masses where there are none moves differently."""
     added = added_inertia(chain, q, mass=mass)
     return (
-        f"{path}: {mass:g} kg for every link without mass: the mass matrix at the initial posture grows by up to "
-        f"{added:.2g} (relative), frequencies fall by up to {1 - 1 / math.sqrt(1 + added):.2g} (relative)"
+        f"{path}: every massless link gets {mass:g} kg; relative changes at the initial posture: mass matrix at most "
+        f"+{added:.2g}, frequencies at most −{1 - 1 / math.sqrt(1 + added):.2g}"
     )

@@ -106,7 +106,7 @@ def _show_steps(chain: Chain, factor: float, λ: Complex, free: Complex) -> None
         if np.isfinite(h):
             price = f", {factor * cost / h:.2g} s of CPU time for one second of motion"
         elif rk4 > 0:
-            price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps a second"
+            price = f", as cheap as RK4 with about {rk4 / cost:.0f} steps per second"
         undamped = stable_step_of(free, method)
         without = "" if undamped == h else f"; {_step(undamped)} without structural damping"
         print(f"stable step, {method:<6} {_step(h)}{price}{without}")

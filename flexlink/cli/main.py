@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
         module.add_options(command)
         command.add_argument(
             "--set", action="append", default=[], metavar="PATH=VALUE",
-            help="replace a value of the scene by its path, as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
+            help="change a value of the scene, such as run.step=1e-5 or 'link.*.segments=9'; may be repeated",
         )  # fmt: skip
     return parser
 

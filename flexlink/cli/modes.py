@@ -37,7 +37,7 @@ def print_modes(scene: Scene, found: Modes, which: Iterable[int]) -> None:
     """Frequency, damping ratio, kind, and the damping ratio that the links ask for at that frequency, η ω/2."""
     η = [scene.arm.loss_time(link) for link in scene.arm.links if link.flex != "rigid"]
     asks = any(η)
-    print("mode  frequency [Hz]  damping ratio  kind" + "      asked" * asks)
+    print("mode  frequency [Hz]  damping ratio  kind" + "      specified" * asks)
     for k in which:
         line = f"{k + 1:4d}  {found.hertz[k]:14.6g}  {found.damping_ratios[k]:13.4g}  {found.kinds[k]:<8}"
         bounds = [f"{bound(η) * found.frequencies[k] / 2:.4g}" for bound in (min, max)] if asks else []

@@ -44,7 +44,9 @@ def add_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--accuracy", help="what a relative tolerance is a fraction of: tip (the reach) or deflection; default: tip"
     )
-    command.add_argument("--max-evaluations", type=float, help="stop a run with a tolerance after so many evaluations")
+    command.add_argument(
+        "--max-evaluations", type=float, help="most evaluations of a run with a tolerance; it stops there"
+    )
     command.add_argument("--duration", type=float, help="simulated time [s]")
     command.add_argument("--sample", type=float, help="time between two samples [s], a multiple of the step")
     command.add_argument("--solver", help=f"solver of the forward dynamics: {solvers}")

@@ -32,11 +32,11 @@ def read_regular(path: Path, *, largest: int, error: type[FlexlinkError]) -> byt
     """
     try:
         if path.exists() and not path.is_file() and not path.is_dir():  # of a folder, `open` says what it is
-            raise OSError(errno.EINVAL, "is a pipe or a device; a description is a regular file")
+            raise OSError(errno.EINVAL, "is a pipe or a device; give a regular file")
         with path.open("rb") as file:
             data = file.read(largest + 1)
     except (OSError, ValueError) as reason:  # ValueError: a null character in the path
         raise error(f"{path}: cannot be read: {getattr(reason, 'strerror', reason)}") from None
     if len(data) > largest:
-        raise error(f"{path}: more than {largest} bytes; a description is text that a person can read")
+        raise error(f"{path}: more than {largest} bytes; give a smaller file")
     return data

@@ -83,7 +83,7 @@ class Section(Spec, frozen=True):
         for name, value in properties.items():
             if not 0 < value < math.inf:
                 values = ", ".join(f"{key} = {getattr(self, key)!r}" for key in dimensions)
-                raise SceneError(f"{values}: {name} = {value!r} is beyond the numbers of float64")
+                raise SceneError(f"{values}: {name} {'underflows' if value == 0 else 'overflows'} float64")
 
     @property
     def properties(self) -> SectionProperties:
@@ -168,7 +168,7 @@ class Link(Spec, frozen=True):
         if self.section_tip is not None and self.section is None:
             raise SceneError(f"section_tip = {self.section_tip!r}: needs a section at the joint, too")
         if self.line is not None and self.length:
-            raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too")
+            raise SceneError(f"length = {self.length!r}: line = {truncated(self.line)} is given, too; give only one")
         if self.dh is not None and (self.joint.direction != (0.0, 0.0, 1.0)).any():
             raise SceneError(f"joint.axis = {truncated(self.joint.axis)}: with dh a joint turns about Z")
         length = self.beam.length

@@ -57,11 +57,9 @@ class InitialState(Spec, frozen=True):
         if not self.joint_deg and self.q is None:
             raise SceneError("joint_deg: missing; this key is required where q is not given")
         if self.q is not None and self.passive == "static":
-            raise SceneError(
-                "passive = 'static': computes the hinges' angles, but q is given, too; leave out one of them"
-            )
+            raise SceneError("passive = 'static': computes the hinges' angles, but q is given, too; give only one")
         if self.qd is not None and self.rate_deg is not None:
-            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; leave out one of them")
+            raise SceneError(f"qd = {truncated(self.qd)}: rate_deg is given, too; give only one")
 
     @property
     def rates(self) -> tuple[float, ...]:
@@ -112,9 +110,9 @@ class Drive(Spec, frozen=True):
                 raise SceneError(f"{name}{state} drive kind {self.kind!r} takes {takes}")
         check_table(self.times, {"torques": self.torques}, smooth=self.smooth, hold=self.hold)
         if self.gravity != "none" and self.kind != "pd":
-            raise SceneError(f"gravity = {self.gravity!r}: takes drive kind 'pd'")
+            raise SceneError(f"gravity = {self.gravity!r}: needs drive kind 'pd'")
         if self.rate is not None and self.kind == "none":
-            raise SceneError(f"rate = {self.rate!r}: drive kind 'none' has no law that could be sampled")
+            raise SceneError(f"rate = {self.rate!r}: has no effect with drive kind 'none'; leave rate out")
 
 
 class PrescribedMotion(Spec, frozen=True):
@@ -168,11 +166,11 @@ class Wrench(Spec, frozen=True):
                     raise SceneError(f"{name} = {truncated(rows)}: needs times, one per row")
             return
         if self.forces is None and self.moments is None:
-            raise SceneError(f"times = {truncated(self.times)}: takes forces, moments or both, one row per time")
+            raise SceneError(f"times = {truncated(self.times)}: needs forces, moments or both, one row per time")
         for name in ("force", "moment"):
             if any(getattr(self, name)):
                 raise SceneError(
-                    f"{name} = {truncated(getattr(self, name))}: times are given, too; a table takes {name}s"
+                    f"{name} = {truncated(getattr(self, name))}: times are given, so give {name}s, one row per time"
                 )
 
     @property
@@ -226,10 +224,11 @@ class RunSettings(Spec, frozen=True):
     def _check_tolerance(self) -> None:
         if self.tolerance is not None and self.relative_tolerance is not None:
             raise SceneError(
-                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too"
+                f"relative_tolerance = {self.relative_tolerance!r}: tolerance = {self.tolerance!r} is given, too; "
+                "give only one"
             )
         if self.accuracy == "deflection" and self.relative_tolerance is None:
-            raise SceneError("accuracy = 'deflection': takes relative_tolerance, a part of the deflection")
+            raise SceneError("accuracy = 'deflection': needs relative_tolerance, a fraction of the deflection")
 
     @property
     def controlled(self) -> bool:
@@ -280,7 +279,7 @@ def check_table(
     if smooth and len(times or ()) < 2:
         raise SceneError(f"smooth = {smooth}: needs a table with at least 2 times")
     if hold and (smooth or times is None):
-        raise SceneError(f"hold = {hold}: takes a table that is not smooth")
+        raise SceneError(f"hold = {hold}: needs a table with smooth = False")
     for name, rows in tables.items():
         if times is not None and rows is not None and len(rows) != len(times):
             raise SceneError(f"{name} has {len(rows)} rows: expected one per time, {len(times)}")
@@ -324,7 +323,7 @@ def implied(run: RunSettings, changes: Mapping[str, object]) -> dict[str, None]:
     changed = {path for path, value in changes.items() if value is not None}
     tolerances, step = changed & {"run.tolerance", "run.relative_tolerance"}, "run.step" in changed
     if tolerances and step:
-        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too")
+        raise SceneError(f"run.step = {truncated(changes['run.step'])}: {min(tolerances)} is given, too; give only one")
     gone: list[str] = []
     if tolerances or step:
         gone += ["run.tolerance", "run.relative_tolerance"]

@@ -42,9 +42,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         text = data.decode("utf-8-sig")  # some editors put a byte order mark in front
     except UnicodeDecodeError as error:
-        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; a description is UTF-8 text") from None
+        raise SceneError(f"{path}: not UTF-8 at byte {error.start}; save the file as UTF-8") from None
     if not text.strip():
-        raise SceneError(f"{path}: empty; a description is a TOML file")
+        raise SceneError(f"{path}: empty; expected a TOML file")
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: TOMLDecodeError, or an integer of 5000 digits

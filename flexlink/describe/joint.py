@@ -67,7 +67,9 @@ class Mount(Spec, frozen=True):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.rpy is not None and any(self.rpy_deg):
-            raise SceneError(f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too")
+            raise SceneError(
+                f"rpy = {truncated(self.rpy)}: rpy_deg = {truncated(self.rpy_deg)} is given, too; give only one"
+            )
 
 
 class DenavitHartenberg(Spec, frozen=True):

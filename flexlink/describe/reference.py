@@ -80,14 +80,14 @@ class Reference(Spec, frozen=True):
         # without a limit of the acceleration a trapezoid would be a jump
         needed = {"quintic": LIMITS, "trapezoidal": LIMITS[1:2], "s_curve": LIMITS[2:]}[self.profile]
         if self.duration is not None and limits:
-            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give one of both")
+            raise SceneError(f"duration = {self.duration!r}: {limits[0]} is given, too; give only one")
         if self.duration is None and not set(limits) & set(needed):
             raise SceneError(f"duration: missing; give it, or {' or '.join(needed)}")
 
     def _check_table(self, times: Row) -> None:
         require_increasing("times", times)
         if self.acceleration_deg is not None and self.rate_deg is None:
-            raise SceneError("rate_deg: missing; acceleration_deg is given, too")
+            raise SceneError("rate_deg: missing; acceleration_deg needs it")
         for name in ("angle_deg", "rate_deg", "acceleration_deg"):
             rows = getattr(self, name)
             if rows is not None and len(rows) != len(times):
@@ -160,7 +160,10 @@ class Reference(Spec, frozen=True):
             c[:, 0] += a
             there = apart(knots)
             if not there[:-1].any():
-                raise SceneError(f"start = {self.start!r}: a move of {lasts:.3g} s is shorter than float64 tells")
+                raise SceneError(
+                    f"start = {self.start!r}: too late for a move of {lasts:.3g} s, which rounding to float64 hides; "
+                    "start earlier"
+                )
             courses.append(from_rest_to_rest(knots[there], c[there[:-1], :, None], np.array([b])))
         return side_by_side(courses)
 

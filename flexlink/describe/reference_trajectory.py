@@ -45,7 +45,9 @@ class ReferenceTrajectory:
         if knots.ndim != 1 or c.ndim != 3 or not len(knots) or len(c) != len(knots) or not c.shape[1]:
             raise ArgumentError(f"knots {knots.shape}, coefficients {c.shape}: shapes must be (m,), (m, degree + 1, d)")
         if not (np.isfinite(knots).all() and np.isfinite(c).all()):
-            raise ArgumentError("knots, coefficients: not finite; the angle changes faster than float64 can hold")
+            raise ArgumentError(
+                "knots, coefficients: not finite; the angle changes so fast that its rate overflows float64"
+            )
         if np.any(np.diff(knots) <= 0):
             k = int(np.argmax(np.diff(knots) <= 0))
             raise ArgumentError(f"knots[{k + 1}] = {knots[k + 1]!r}: must be later than the one before, {knots[k]!r}")

@@ -79,7 +79,8 @@ class InputShaper(Spec, frozen=True):
         msgspec.structs.force_setattr(self, "kind", data_files.absolute(self.kind))
         if (self.frequency_hz is None) == (self.poles is None):
             raise SceneError(
-                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give one of both"
+                f"frequency_hz = {truncated(self.frequency_hz)}, poles = {truncated(self.poles)}: give exactly one "
+                "of them"
             )
         if not (self.frequency_hz or self.poles):
             raise SceneError("frequency_hz = (): no vibration to shape away; give one or more")
@@ -140,6 +141,8 @@ class InputShaper(Spec, frozen=True):
             (math.fsum(t for t, _ in one), math.prod(a for _, a in one)) for one in itertools.product(*single)
         ]).T  # fmt: skip
         if not np.isfinite([times, weights]).all():
-            raise ArgumentError(f"kind = {truncated(self.kind)}: impulses farther apart than float64 can hold")
+            raise ArgumentError(
+                f"kind = {truncated(self.kind)}: the times of the impulses overflow float64; shape faster vibrations"
+            )
         order = np.argsort(times, kind="stable")
         return times[order], weights[order]

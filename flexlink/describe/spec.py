@@ -342,7 +342,7 @@ def numbers(name: str, value: ArrayLike, wanted: str = "real numbers") -> Array:
     except (TypeError, ValueError) as error:
         raise ArgumentError(f"{name}: not an array: {error}; expected {wanted}") from None
     if array.dtype.kind not in "fiu":
-        beyond = " (no integers beyond float64)" if array.dtype.kind == "O" else ""
+        beyond = " (no integers that overflow float64)" if array.dtype.kind == "O" else ""
         raise ArgumentError(f"{name} has dtype {array.dtype}; expected {wanted}{beyond}")
     return np.array(array, np.float64, order="C")
 

@@ -50,7 +50,7 @@ def apply_changes(document: dict[str, Any], kinds: Mapping[str, Any], changes: M
         A path that leads nowhere; the message names it, its value and what is allowed there.
     """
     if not isinstance(changes, Mapping):
-        raise ArgumentError(f"changes = {truncated(changes)}: expected a dict of values by path")
+        raise ArgumentError(f"changes = {truncated(changes)}: expected a dict such as {{'run.step': 1e-5}}")
     for path, value in changes.items():
         if not isinstance(path, str):
             raise ArgumentError(f"changes: {truncated(path)}: expected a path such as 'run.step'")

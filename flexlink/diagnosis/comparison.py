@@ -55,7 +55,7 @@ class Comparison:
         return html_table(repr(self), ("engine", "quantity", "error / what rounding explains", "", "worst joint"), rows)
 
     def __str__(self) -> str:
-        lines = [f"{self.scene}: {self.samples} states; difference from native / rounding bound, equal if ≤ 1"]
+        lines = [f"{self.scene}: {self.samples} states; difference from flexlink / rounding bound, equal if ≤ 1"]
         lines.append(f"{'engine':<12}{'quantity':<24}{'difference / bound':<20}{'':<8}worst joint")
         for row in self.rows:
             dots = row.quantity.count("\u0308")  # combining dots, as of q̈, have no width

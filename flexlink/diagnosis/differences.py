@@ -87,7 +87,7 @@ def _numbers(ours: ReadBack, theirs: ReadBack, format: str) -> list[Finding]:
     if len(realigned.displacements) + len(fields) > 1 and all(fewer_digits(diff) for diff in everything.values()):
         labels = ", ".join(FIELDS[field].label for field in everything)
         digits = -np.log10(max(map(_relative_error, everything.values())))
-        what, likely = f"{labels}: right to about {digits:.0f} digits", "digits were lost in writing"
+        what, likely = f"{labels}: correct to only about {digits:.0f} digits", "digits were lost in writing"
         return [Finding(what, likely, "write numbers with all 17 digits (repr, %.17g)", faulty=theirs)]
     findings = [
         *_displacements(realigned, theirs, format),
@@ -240,7 +240,7 @@ def _instead(field: str, diff: Discrepancy) -> str:
         return f"{actual} {unit}, relative error {_relative_error(diff):.3g}"
     factor = f", factor {diff.factor:.6g}" if diff.factor else ""
     if field == "inertias" and not diff.factor and (part := diff.part_factor):
-        factor = f", factor {part:.6g} of one part"
+        factor = f", factor {part:.6g} in the inertia of one part"
     return f"{actual} instead of {expected} {unit}".rstrip() + factor
 
 

@@ -79,7 +79,7 @@ class TrajectoryComparison:
         return all(row.passed for row in self.rows)
 
     def __str__(self) -> str:
-        lines = [f"{self.scene}: {self.steps}; largest differences from native"]
+        lines = [f"{self.scene}: {self.steps}; largest differences from flexlink"]
         titles = ("|Δq| [rad]", "|Δq̇| [rad/s]", "|Δtip| [m]", "|Δq| allowed")
         lines.append(
             f"{'engine':<12}" + "".join(f"{title:<{_width(title)}}" for title in titles) + f"{'':<8}worst joint"

@@ -87,7 +87,7 @@ def _of_one_layout(chain: Chain | Sequence[Chain]) -> Sequence[Chain]:
         raise ArgumentError("chain: no chain given; expected one, or one per state")
     for k, other in enumerate(chains):
         if not chains[0].same_layout(other):
-            raise ArgumentError(f"chain[{k}]: differs from chain[0] in more than numbers; expected one layout")
+            raise ArgumentError(f"chain[{k}]: has other joints or bodies than chain[0]; only numbers may differ")
     return chains
 
 
@@ -96,7 +96,9 @@ def _forward_dynamics_of_many(
 ) -> Array:
     n = chains[0].n
     if not is_batch(*state):
-        raise ArgumentError(f"q, qd, tau: many chains take as many states, of which one part has the shape (b, {n})")
+        raise ArgumentError(
+            f"q, qd, tau: a list of chains needs one state per chain; give at least one of shape (b, {n})"
+        )
     states = rows(n, dict(zip(("q", "qd", "tau"), state, strict=True)))
     b = len(states[0])
     if len(chains) not in {1, b}:
@@ -132,7 +134,7 @@ def _side_by_side(chains: Sequence[Chain], solver: solvers.Solver, states: Seque
 def lanes_workspace(solver: solvers.Solver, chains: Sequence[Chain]) -> Any:
     """Scratch of eight chains of one layout side by side; the last one given fills up the eight."""
     if solver.lanes_workspace is None:
-        raise ArgumentError("solver: only 'articulated' takes chains side by side")
+        raise ArgumentError("solver: several chains at once need solver 'articulated'")
     eight = [chains[min(lane, len(chains) - 1)] for lane in range(LANES)]
     return solver.lanes_workspace(
         np.array([c.bodies for c in eight]), np.array([c.hinges for c in eight]), np.array([c.gravity for c in eight])

@@ -23,7 +23,7 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
     rest = np.zeros(chain.n)
     if np.isfinite(solver.accelerations(chain.arrays, np.zeros(6), q, rest, rest)).all():
         return ArgumentError(
-            f"q̈ of {chain.name!r} leaves float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
+            f"q̈ of {chain.name!r} overflows float64: qd up to {np.abs(qd).max():.3g} rad/s, tau up to "
             f"{np.abs(tau).max():.3g} N m, tip_wrench up to {np.abs(wrench).max():.3g}; expected less"
         )
     k = idle_joint(chain, q)
@@ -32,7 +32,7 @@ def no_acceleration(chain: Chain, solver: Solver, wrench: Array, q: Array, qd: A
         f"{chain.joint_name(j)} = {np.degrees(q[j]):.6g}°" for j in range(int(point["first"]), int(point["stop"]))
     )
     others = ARTICULATED.accelerations(chain.arrays, wrench, q, qd, tau)
-    way_out = "solver 'articulated' has its q̈" if np.isfinite(others).all() else "give it an armature"
+    way_out = "use solver 'articulated', which has no need of M" if np.isfinite(others).all() else "give it an armature"
     return SingularMassError(
         f"mass matrix of {chain.name!r} is singular: joint {chain.joint_name(k)!r} moves no inertia of its own "
         f"at {angles}; {way_out}, or take another posture"

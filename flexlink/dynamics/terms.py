@@ -262,7 +262,7 @@ def mass_matrix(chain: Chain, q: ArrayLike, *, algorithm: str = "composite") -> 
     M = np.zeros((chain.n, chain.n))
     trace = require_one_of("algorithm", algorithm, MASS_ALGORITHMS)(chain.arrays, q, M)
     if not math.isfinite(trace):
-        raise ArgumentError(f"the mass matrix of {chain.name!r} is beyond float64; expected smaller masses and lengths")
+        raise ArgumentError(f"the mass matrix of {chain.name!r} overflows float64; expected smaller masses and lengths")
     return M
 
 

@@ -123,19 +123,21 @@ class ReadBack:
             bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
             if len(bad):
                 raise ArgumentError(
-                    f"{field} of joint {self.names[bad[0]]!r}: engine read {rows[bad[0]]}; must be finite"
+                    f"{field} of joint {self.names[bad[0]]!r}: the engine read {rows[bad[0]]}; must be finite"
                 )
         if np.isnan(self.effort).any():
             k = int(np.flatnonzero(np.isnan(self.effort).any(axis=1))[0])
             raise ArgumentError(
-                f"torque limit of joint {self.names[k]!r}: engine read {self.effort[k]}; must be numbers"
+                f"torque limit of joint {self.names[k]!r}: the engine read {self.effort[k]}; must be numbers"
             )
         if self.gravity.shape != (3,) or not np.isfinite(self.gravity).all():
-            raise ArgumentError(f"gravity: engine read {self.gravity}; must be three finite numbers")
+            raise ArgumentError(f"gravity: the engine read {self.gravity}; must be three finite numbers")
         lengths = np.linalg.norm(self.axes, axis=1)
         k = int(np.abs(lengths - 1).argmax())
         if abs(lengths[k] - 1) > 1e-9:
-            raise ArgumentError(f"axis of joint {self.names[k]!r}: engine read length {lengths[k]:.6g}; must be 1")
+            raise ArgumentError(
+                f"axis of joint {self.names[k]!r}: the engine read a vector of length {lengths[k]:.6g}; must be 1"
+            )
 
 
 def no_limits(n: int) -> Array:

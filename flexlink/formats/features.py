@@ -29,7 +29,7 @@ def _starts_elsewhere(scene: Scene, chain: Chain) -> bool:
 
 
 def _features() -> dict[str, Feature]:
-    ignored = "in elements that other programs ignore"
+    ignored = "written in elements that other programs ignore"
 
     def feature(there: Callable[[Scene, Chain], bool], everywhere: str = "", **instead: str) -> Feature:
         return Feature(there, dict.fromkeys(("urdf", "mjcf", "sdf"), everywhere) if everywhere else instead)
@@ -39,27 +39,27 @@ def _features() -> dict[str, Feature]:
         "springs": feature(lambda _, chain: bool(chain.stiffness.any()), urdf=ignored),
         "rotor inertia": feature(
             lambda _, chain: bool(chain.hinges["armature"].any()),
-            urdf=ignored, sdf="as drake:rotor_inertia, which only Drake reads",
+            urdf=ignored, sdf="in drake:rotor_inertia, which only Drake reads",
         ),
         "dry friction": feature(
             lambda _, chain: bool(chain.hinges["coulomb"].any()),
-            urdf=f"the torque c as <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
-            mjcf="the torque c as frictionloss, which is disabled; the width w of c tanh(q̇/w) as user number",
-            sdf=f"the torque c as <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
+            urdf=f"the torque c in <dynamics friction>; the width w of c tanh(q̇/w) {ignored}",
+            mjcf="the torque c in frictionloss, which is disabled; the width w of c tanh(q̇/w) in user",
+            sdf=f"the torque c in <friction>, which Drake ignores; the width w of c tanh(q̇/w) {ignored}",
         ),
         "elastic gear": feature(
             lambda _, chain: any(c.axis and not c.segment for c in chain.coordinates),
             "two joints about one axis, first the motor, then the gear",
         ),
-        "prescribed motion": feature(lambda scene, _: bool(scene.motion), "nothing: the joint is free"),
+        "prescribed motion": feature(lambda scene, _: bool(scene.motion), "no motion: the joint moves freely"),
         "drive torques": feature(lambda scene, _: scene.drive.kind != "none", "a motor without a torque"),
         "control law": feature(
             lambda scene, _: scene.drive.kind in {"pd", "computed_torque"} or scene.drive.rate is not None,
-            "nothing: reference, gains and rate are only in the scene",
+            "none: reference, gains and rate are left out",
         ),
-        "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "nothing: torques are unlimited"),
-        "tip wrench": feature(lambda scene, _: scene.wrench.acts, "nothing"),
-        "initial state": feature(_starts_elsewhere, urdf="nothing: zero angles", sdf="nothing: zero angles"),
+        "torque limits": feature(lambda scene, _: scene.drive.effort is not None, "none: torques are unlimited"),
+        "tip wrench": feature(lambda scene, _: scene.wrench.acts, "none"),
+        "initial state": feature(_starts_elsewhere, urdf="all zero", sdf="all zero"),
     }  # fmt: skip
 
 

@@ -36,7 +36,10 @@ def motion_arrays(scene: Scene, chain: Chain) -> MotionTable:
         pieces = [_pieces(motion) for motion in scene.motion]
     for motion, piece in zip(scene.motion, pieces, strict=True):
         if not np.isfinite(piece).all():
-            raise SceneError(f"motion.{motion.link}.angle_deg: changes faster between two times than float64 can hold")
+            raise SceneError(
+                f"motion.{motion.link}.angle_deg: its rate between two times overflows float64; expected a slower "
+                "motion"
+            )
     knots = [np.array(motion.times) for motion in scene.motion]
     return MotionTable(
         np.array(joints, dtype=np.int64),

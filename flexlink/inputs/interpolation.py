@@ -26,7 +26,10 @@ def pieces_of(name: str, times: Array, rows: Array, *, smooth: bool) -> Array:
 
             coefficients[:-1] = CubicSpline(times, rows).c[::-1].transpose(1, 0, 2)
     if not np.isfinite(coefficients).all():
-        raise SceneError(f"{name}: change faster from one time to the next than float64 can hold")
+        raise SceneError(
+            f"{name}: the change from one time to the next overflows float64; give smaller changes, or times farther "
+            "apart"
+        )
     return coefficients
 
 

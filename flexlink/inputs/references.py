@@ -42,8 +42,8 @@ def _check_start(scene: Scene, chain: Chain, links: list[int]) -> None:
         starts, said = math.degrees(initial.q[k]), initial.joint_deg[link]
         if abs(starts - said) > close:
             raise SceneError(
-                f"drive.reference.from_deg: missing; the joint of {chain.link_names[link]!r} is at {starts:.9g} deg "
-                f"by initial.q, at {said:.9g} by initial.joint_deg"
+                f"drive.reference.from_deg: missing; for the joint of {chain.link_names[link]!r} initial.q gives "
+                f"{starts:.9g} deg and initial.joint_deg {said:.9g}"
             )
 
 

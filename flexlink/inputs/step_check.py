@@ -44,5 +44,7 @@ def judge_step(scene: Scene, chain: Chain, q: Array, qd: Array, inputs: Inputs) 
         f"of {scene.name!r} (fastest eigenvalue {np.abs(λ).max():.4g} 1/s)"
     )
     if run.unstable == "refuse":
-        raise UnstableStepError(f"{reason}; take a smaller step, or insist with unstable = 'allow' (--insist)", largest)
-    return (f"insisted on {reason}",)
+        raise UnstableStepError(
+            f"{reason}; take a smaller step, or allow this one: unstable = 'allow' (--insist)", largest
+        )
+    return (f"{reason}; allowed by unstable = 'allow'",)

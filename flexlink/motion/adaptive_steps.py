@@ -311,11 +311,11 @@ class AdaptiveSteps:
         now, h = self.work.stepper[STEPPER.time], self.work.stepper[STEPPER.step]
         if not self.run.controlled:
             h = self.run.step / PARTS[-1]
-        text = f"no step is small enough for the tolerance at t = {now:.6g} s, down to {h:.3g} s"
+        text = f"no step down to {h:.3g} s meets the tolerance at t = {now:.6g} s"
         if self.work.stepper[STEPPER.refusal] == REFUSAL.iteration:
             joint = self.record.chain.joint_name(int(self.work.stepper[STEPPER.worst_joint]))
-            unsolved = f"Newton's iteration does not end (joint {joint!r})"
-            text = f"no step is found at t = {now:.6g} s, down to {h:.3g} s: {unsolved}"
+            unsolved = f"Newton's iteration does not converge (joint {joint!r})"
+            text = f"no step down to {h:.3g} s works at t = {now:.6g} s: {unsolved}"
         known = hindrance(self.record, self.state[0])
         return Failure(f"{text}; {known.cause}", known.advice) if known else Failure(text)
 
@@ -355,8 +355,8 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
         return np.inf, 0.0, run.step, exact * reach, 0.0, 1.0, run.step, run.step
     if run.accuracy == "deflection" and not (record.chain.hinges["stiffness"] > 0).any():
         raise SceneError(
-            f"run.accuracy = 'deflection': nothing of {record.chain.name!r} bends, and a part of no deflection is no "
-            "tolerance; take accuracy = 'tip'"
+            f"run.accuracy = 'deflection': no link of {record.chain.name!r} bends, so there is no deflection to take "
+            "a fraction of; take accuracy = 'tip'"
         )
     least = least_tolerance(record)
     absolute, part = least, run.relative_tolerance or 0.0  # of no deflection what rounding leaves
@@ -364,7 +364,7 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
         absolute, part = run.tolerance_within(reach), 0.0
         if absolute < least:
             raise SceneError(
-                f"run.tolerance = {absolute:.3g} m: smaller than what rounding leaves of an arm of {reach:.3g} m, at "
+                f"run.tolerance = {absolute:.3g} m: below the rounding error of an arm of {reach:.3g} m at "
                 f"angles up to {np.abs(record.q[0]).max():.2g} rad; allowed are {least:.2g} m and more"
             )
     order = float(method.order if method.explicit else method.stages + 1)

@@ -70,7 +70,7 @@ class Budget:
         mean = past / max(steps, 1.0)
         if mean < SHORTEST * self.duration:
             short = f"{mean:.2g} s, below {SHORTEST:g} of the duration"
-            self.over = f"the last {evaluations:,.0f} evaluations made steps of {short}"
+            self.over = f"the last {evaluations:,.0f} evaluations took steps of only {short}"
             return
         rest = (self._end - now.time) / past * evaluations
         crawled, self._crawls = self._crawls, now.evaluations - self._start.evaluations + rest > self.most

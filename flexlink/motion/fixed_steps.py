@@ -84,7 +84,7 @@ class FixedSteps:
         (q, qd, _), step = self.state, self._done + 1
         joint = self.joint_name(int(np.argmin(np.isfinite(q) & np.isfinite(qd))))
         time = (self.origin + step) * self.run.step
-        return Failure(f"no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
+        return Failure(f"the state is no longer finite at t = {time:.6g} s (step {step}, joint {joint!r})")
 
 
 def steps_up_to(run: RunSettings, number: int) -> Steps:

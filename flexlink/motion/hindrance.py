@@ -32,9 +32,9 @@ def hindrance(record: Record, q: Array) -> Hindrance | None:
     growth, without = sampled_growth(record)
     if growth > max(1.0, without) * (1.0 + faster_growth):
         return Hindrance(
-            f"the loop of drive.rate = {record.scene.drive.rate:g} Hz is unstable by itself: near the start motion "
-            f"grows by a factor of {growth:.3g} from instant to instant",
-            "take a higher rate or smaller gains, or leave rate away",
+            f"the control loop is unstable at drive.rate = {record.scene.drive.rate:g} Hz: near the start, "
+            f"motion grows by a factor of {growth:.3g} from one sample to the next",
+            "use a higher rate, smaller gains, or no rate",
         )
     return _locked_gimbal(record, q)
 
@@ -49,8 +49,8 @@ def _locked_gimbal(record: Record, q: Array) -> Hindrance | None:
         if len(axes) == 3 and abs(np.cos(q[axes[1]])) < near_gimbal_lock:
             name, angle = chain.joint_name(axes[1]), np.degrees(q[axes[1]])
             return Hindrance(
-                f"hinge {name!r} is bent by {angle:.1f}°, where the outer two of its three axes coincide",
-                "take more segments, or end the run before",
+                f"hinge {name!r} is bent by {angle:.1f}°, near gimbal lock: two of its three axes coincide",
+                "use more segments, or a shorter run",
             )
     return None
 

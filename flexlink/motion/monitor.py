@@ -195,7 +195,7 @@ class RunMonitor:
             else:
                 self._stop_at(rows, garbage, f"{unbalanced} (allowed are {balance.SHARE:.0%})")
         self._stop_at(rows, energy[0] < -ε, "the kinetic energy is negative: M is not positive definite")
-        self._stop_at(rows, ~finite, "energies or torques are beyond float64")
+        self._stop_at(rows, ~finite, "energies or torques overflow float64")
 
     def _allowance(self, kinetic: Array) -> balance.Allowance:
         """Energy imbalance [J] of the next samples that the tolerance explains, from their kinetic energies [J]."""
@@ -223,7 +223,9 @@ class RunMonitor:
         most = bends.max(axis=1)
         if (most > FAR).any():
             row = int(np.argmax(most > FAR))
-            text = f"{self._bent(rows.start + row, bends[row])}: beyond 84° a chain says little of the beam"
+            text = (
+                f"{self._bent(rows.start + row, bends[row])}: beyond 84° the chain is no longer a good model of a beam"
+            )
             self._warn("bend", rows.start + row, f"{text}; use more segments")
         row = int(np.argmax(most))
         if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
@@ -242,7 +244,11 @@ class RunMonitor:
             if out.any():
                 row, (least, most) = rows.start + int(np.argmax(out)), np.degrees([lower, upper])
                 angle = f"joint {chain.joint_name(int(k))!r} is at {np.degrees(self.record.q[row, k]):.6g}°"
-                self._warn(f"limit {k}", row, f"{angle}, past its limits {least:.6g}° … {most:.6g}°; no stop holds it")
+                self._warn(
+                    f"limit {k}",
+                    row,
+                    f"{angle}, past its limits {least:.6g}° … {most:.6g}°; the model has no end stops",
+                )
 
     def _bent(self, row: int, bends: Array) -> str:
         """Name and angle of the hinge that is bent most in a sample, for messages."""
@@ -275,15 +281,16 @@ class RunMonitor:
         moved = self.extent
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
-                f"doubtful: the steps' own errors add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} m; "
+                f"doubtful: the errors of the steps add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} "
+                "m; "
                 "halve the step and compare"
             )
         rounded = self._rounded_away()
         if rounded > DOUBT * TIP_SHARE * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (
-                f"doubtful: angles up to {largest:.2g} rad are rounded step by step, that adds "
-                f"up to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
+                f"doubtful: rounding of angles up to {largest:.2g} rad adds up, step by step, "
+                f"to {rounded:.2g} m where the tip moves {moved:.3g} m; start within a few turns"
             )
         if self.suspicious and not self.confirmed:
             yield (

@@ -78,9 +78,11 @@ def _check_known(scene: Scene) -> None:
     for name, part, known in (("drive", scene.drive, of_drives), ("wrench", scene.wrench, {"force", "moment"})):
         for field, value in _said(part):
             if field not in known:
-                raise ArgumentError(f"{name}.{field} = {truncated(value)}: sensitivities are not known of it")
+                raise ArgumentError(
+                    f"{name}.{field} = {truncated(value)}: not supported by sensitivities; leave it out"
+                )
     if scene.drive.kind not in {"none", "constant", "table", "pd"}:
-        raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: sensitivities are not known of it")
+        raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: not supported by sensitivities")
 
 
 def _said(part: Spec) -> Iterator[tuple[str, object]]:
@@ -126,11 +128,11 @@ def _value(scene: Scene, path: object) -> float:
         )
     values = scene.values_at(path)
     if any(isinstance(value, bool) or not isinstance(value, int | float) for value in values):
-        raise ArgumentError(
-            f"parameters: {truncated(path)} = {truncated(values[0])}: not a number that is given in the scene"
-        )
+        raise ArgumentError(f"parameters: {truncated(path)} = {truncated(values[0])}: not a number given in the scene")
     if len(set(values)) != 1:
-        raise ArgumentError(f"parameters: {truncated(path)} = {truncated(values)}: differ; take them one by one")
+        raise ArgumentError(
+            f"parameters: {truncated(path)} = {truncated(values)}: the values differ; name each path by itself"
+        )
     return float(values[0])
 
 
@@ -172,7 +174,7 @@ def _numbers_at(scene: Scene, chain: Chain, path: str, value: float) -> Numbers:
         (chain.bodies, other.bodies, ("first", "stop")), (chain.hinges, other.hinges, ("axis", "prescribed")),
     ):  # fmt: skip
         if len(ours) != len(theirs) or any(not np.array_equal(ours[name], theirs[name]) for name in names):
-            raise ArgumentError("the chain has other joints there")
+            raise ArgumentError("a small change of it changes the number or kind of joints")
     return _numbers(varied, other)
 
 

@@ -161,15 +161,15 @@ def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) 
     require_callable("control", law)
     if law is None:
         if rate is not None:
-            raise ArgumentError(f"rate = {rate!r}: there is no control to be sampled")
+            raise ArgumentError(f"rate = {rate!r}: has no effect without control; give control, or leave rate out")
         return None
     run = scene.run
     if scene.drive.kind != "none":
-        raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; drop one of both")
+        raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
     if rate is None and not steps_explicitly(run):
         what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
         raise ArgumentError(
-            f"control: asked at every stage, with {what}: a law that is not sampled takes fixed steps of an explicit "
-            "method, such as RK4; give rate"
+            f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method, "
+            "such as RK4"
         )
     return Control(law, rate, scene, chain)

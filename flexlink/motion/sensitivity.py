@@ -83,9 +83,11 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     run = require_type("scene", scene, Scene).run
     paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
     if not paths:
-        raise ArgumentError("parameters = (): nothing to differentiate by; name at least one path")
+        raise ArgumentError("parameters = (): empty; name at least one path")
     if not steps_explicitly(run):
-        raise ArgumentError(f"run.method = {run.method!r}: sensitivities take fixed steps of an explicit method")
+        raise ArgumentError(
+            f"run.method = {run.method!r}: sensitivities need fixed steps of an explicit method, such as RK4"
+        )
     trajectory = simulate(scene)
     chain, inputs = trajectory.chain, input_arrays(scene, trajectory.chain)
     varied, (δq, δqd) = parametric(scene, chain, paths)
@@ -100,7 +102,8 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
         first = record.origin + (row - 1) * every
         if not integrate_derivatives(*fixed, first, first + every, state, slopes):
             raise DivergenceError(
-                f"{chain.name}: t = {trajectory.t[row]:.6g} s: a derivative is no longer finite",
+                f"{chain.name}: a derivative overflows at t = {trajectory.t[row]:.6g} s; shorten the run, or take "
+                "smaller steps",
                 trajectory,
             )
         found[0, row], found[1, row] = slopes[0].reshape(δq.shape), slopes[1].reshape(δq.shape)
@@ -121,4 +124,6 @@ def _check_drive(scene: Scene, run: Trajectory, drive: Array) -> None:
     other = np.abs(parts.sum(axis=0) - run.tau) > close * np.abs(parts).sum(axis=0)
     other[:, run.chain.hinges["prescribed"] != 0] = False
     if other.any():
-        raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: its torques are not what sensitivities differentiate")
+        raise ArgumentError(
+            f"drive.kind = {scene.drive.kind!r}: the torques of the run are not those that sensitivities differentiate"
+        )

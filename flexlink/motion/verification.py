@@ -30,8 +30,8 @@ GIVEN_UP = 50
 nobody waits for a second run much longer than for the first."""
 
 UNKNOWN = (
-    "doubtful: no run with other steps ends, in {times} times the evaluations, and so none tells the errors of this "
-    "one; {advice} and compare"
+    "doubtful: error unknown, since no run with other steps ended within {times} times the evaluations; {advice} and "
+    "compare"
 )
 
 
@@ -73,13 +73,13 @@ def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
     """The warning that follows from the tips of a verification run; empty if both runs agree."""
     error = float(np.linalg.norm(monitor.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
-    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"{second.run.step:g} s a step"
-    told = f"doubtful: a run with {steps} tells an error of {error:.2g} m at the tip"
+    steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.step:g} s"
+    told = f"doubtful: tip error {error:.2g} m against a run with {steps}"
     if monitor.run.controlled and error > TOLERABLE * _tolerance(monitor):
         return f"{told}{multiplies(monitor)}; {advice(monitor)} and compare"
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
-        return f"{told}, which moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
+        return f"{told}, where the tip moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
     return ""
 
 
@@ -87,7 +87,7 @@ def multiplies(monitor: RunMonitor) -> str:
     """Why a run may multiply its errors, as the end of a sentence; empty if there is no known reason."""
     # Growth of motion by a sampled loop within a run, beyond that without the drive, that calls for a verification run.
     # Of 44 random loops the stable ones came to 2.1 and less, the others to 4e3 and more.
-    growth = 10.0
+    notable_growth = 10.0
     # Angle travelled by all joints [rad] that calls for a verification run: errors of rates become errors of angles,
     # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
     # with errors of more than ten tolerances travelled 29 and more.
@@ -96,8 +96,8 @@ def multiplies(monitor: RunMonitor) -> str:
         return ": this motion multiplies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.scene.drive.rate or 0.0
-    if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(growth):
-        return f": the loop of drive.rate = {rate:g} Hz, unstable by itself, multiplies errors"
+    if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
+        return f": the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors"
     return ""
 
 

@@ -156,5 +156,7 @@ class RunSamples(Result):
     @property
     def _known_work(self) -> Array:
         if self.work is None:
-            raise ArgumentError("imbalance: known of flexlink's own runs only; other engines do not integrate work")
+            raise ArgumentError(
+                "imbalance: only for runs of flexlink's own engine; other engines do not integrate work"
+            )
         return self.work

@@ -112,6 +112,6 @@ def _from(run: Trajectory, after: float, least: int = 1) -> tuple[Array, Array]:
     if kept.sum() < least:
         span = f"run from {t[0]:g} to {t[-1]:g} s" if len(t) else "run without samples"
         raise ArgumentError(
-            f"after = {truncated(after)}: a {span} has {kept.sum()} samples from there on; needs {least}"
+            f"after = {truncated(after)}: a {span} has {kept.sum()} samples from then on; at least {least} needed"
         )
     return t[kept], run.tip[kept]

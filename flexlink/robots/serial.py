@@ -96,7 +96,7 @@ def serial(
                 f"as by --locked {joint.name}=0.0"
             )
     if not free:
-        raise ArgumentError(f"no free hinge between {base!r} and {tip!r}; the arm needs one")
+        raise ArgumentError(f"no movable joint between {base!r} and {tip!r}; the arm needs at least one")
     positions = _positions(robot, {**posture, **locked})
     parts, end = _parts(robot, base, way, [joint.name for joint in free], positions)
     return SerialPath(base, tip, parts, end, positions, _held(robot, parts))
@@ -165,7 +165,7 @@ def _only_tip(robot: Robot, base: str, locked: Mapping[str, float]) -> str:
         chains.setdefault(joints[link], []).append(link)
     longest = max(chains, key=len)
     if not longest:
-        raise ArgumentError(f"tip: missing; there is no hinge beyond {base!r}")
+        raise ArgumentError(f"no movable joint beyond {base!r}; the arm needs at least one")
     others = [links[0] for way, links in chains.items() if longest[: len(way)] != way]
     if others:
         ends = short_list([chains[longest][-1], *others])
@@ -209,7 +209,7 @@ def _check_stated(robot: Robot, key: str, name: object, value: object) -> None:
     number = finite(value)
     if number is None:
         raise ArgumentError(
-            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; of a slide m]"
+            f"{key}: {truncated(name)} = {truncated(value)}: expected a finite number [rad; m for a slide]"
         )
     lower, upper = joint.limits or (-math.inf, math.inf)
     if not lower <= number <= upper and lower < upper:

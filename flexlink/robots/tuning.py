@@ -41,7 +41,7 @@ def tuned(scene: Scene, link: str, hertz: float) -> Scene:
     young = material.young * (ratio * ratio)
     asked = f"flexible: link {truncated(link)}: frequency_hz = {hertz!r}"
     if not 0 < young < math.inf:
-        raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which float64 cannot hold")
+        raise ArgumentError(f"{asked}: needs young = {young:g} Pa, which is outside the range of float64")
     stiff = msgspec.structs.replace(material, young=young)
     # not by a path: the name may hold any character
     stiffened = scene.varied({"material": scene.arm.materials | {name: stiff}})

@@ -84,7 +84,7 @@ class Study:
             There is none; `attempt` is why.
         """
         if isinstance(self.attempt, FlexlinkError):
-            raise FlexlinkError("there is no run, as the chapter on the motion says")
+            raise FlexlinkError("no run: see “Motion”")
         return self.attempt
 
     @cached_property

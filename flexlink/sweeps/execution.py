@@ -122,7 +122,7 @@ class Execution:
         lost_tasks = [numbers, *self.running.values()]
         self.running.clear()
         if not self.pool.replace():
-            raise EngineError("the executor is broken; all rows are kept: repeat the call with another one")
+            raise EngineError("the executor is broken; all rows are kept: repeat the call with a new executor")
         if len(lost_tasks) > 1:
             self.suspects += lost_tasks
             return []

@@ -43,11 +43,14 @@ class Range(Spec, frozen=True):
         super().__post_init__()
         _check_ends(self.between, self.spacing)
         if (self.count is None) == (self.step is None):
-            raise SceneError("count: a range takes count (how many numbers) or step (their distance); give one of them")
+            raise SceneError("count, step: give exactly one of them, the number of values or their distance")
         if self.step is not None and self.spacing == "log":
-            raise SceneError(f"step = {self.step!r}: with spacing = 'log' give count")
+            raise SceneError(f"step = {self.step!r}: has no effect with spacing = 'log'; give count instead")
         if self.step is not None and (self.between[1] - self.between[0]) / self.step >= MAX_MEMBERS:
-            raise SceneError(f"step = {self.step!r}: more than {MAX_MEMBERS} numbers between {list(self.between)}")
+            raise SceneError(
+                f"step = {self.step!r}: gives more than {MAX_MEMBERS} values between {list(self.between)}; give a "
+                "larger step"
+            )
 
     @property
     def values(self) -> list[float | int]:

@@ -75,7 +75,7 @@ class Store:
         changed = differences(json.loads(there), json.loads(identity))
         if changed:
             raise ArgumentError(
-                f"{self.path}: holds rows of another sweep: {changed}; name another file, or begin anew (--fresh)"
+                f"{self.path}: holds rows of another sweep: {changed}; name another file, or start again (--fresh)"
             )
 
     def __enter__(self) -> Store:
@@ -155,7 +155,7 @@ class Store:
             if "locked" in text or isinstance(error, sqlite3.IntegrityError):
                 why = "another process is writing to it; let it end, or name another file"
             elif "malformed" in text:
-                why = f"is damaged ({text}); name another file, or begin anew (--fresh)"
+                why = f"is damaged ({text}); name another file, or start again (--fresh)"
             elif isinstance(error, ForeignError) or "not a database" in text:
                 why = f"holds no sweep ({text}), and is left as it is; name another file"
             else:

@@ -105,7 +105,7 @@ class LumpingRule(Spec, frozen=True):
         if count % size:
             below = count - count % size
             near = " or ".join(str(k + 1) for k in (below, below + size) if k)
-            raise ArgumentError(f"takes its hinges in groups of {size}; near are {near} segments")
+            raise ArgumentError(f"needs a multiple of {size} hinges; the nearest are {near} segments")
         elements = count // size
         nodes = (np.arange(elements)[:, None] + np.array(self.element.nodes)) / elements
         return nodes.ravel(), np.tile(self.element.weights, elements) / elements

@@ -122,7 +122,7 @@ class Method(Spec, frozen=True):
             The method is explicit.
         """
         if self.explicit:
-            raise ArgumentError(f"{self.about}: explicit; only implicit methods have modes of A")
+            raise ArgumentError(f"{self.about}: explicit; only implicit methods are solved by the eigenvectors of A")
         return _modes(self)
 
     @property
@@ -137,36 +137,38 @@ class Method(Spec, frozen=True):
             The method is explicit, or has no such estimate.
         """
         if self.explicit or not self.controlled:
-            raise ArgumentError(f"{self.about}: no error estimate by nodes; Radau IIA of 3, 5, … stages has one")
+            raise ArgumentError(
+                f"{self.about}: has no error estimate of an implicit method; Radau IIA with 3, 5, … stages has one"
+            )
         return _embedded(self)
 
     def _check_family(self, family: str) -> None:
         for name in ("A", "b", "c"):
             if getattr(self, name) is not None:
-                raise SceneError(f"family, {name}: a method is of a family or has A, b, c, not both")
+                raise SceneError(f"family, {name}: both are given; give either family, or A, b and c")
         if not 1 <= self.stages <= MOST_STAGES:
-            raise SceneError(f"stages = {self.stages}: family {family!r} takes 1 to {MOST_STAGES}")
+            raise SceneError(f"stages = {self.stages}: must be 1 … {MOST_STAGES} for family {family!r}")
         order = collocation.ORDER[family](self.stages)
         if self.order != order:
-            raise SceneError(f"order = {self.order}: {family} of {self.stages} stages has order {order}")
+            raise SceneError(f"order = {self.order}: {family} with {self.stages} stages has order {order}")
 
     def _check_tableau(self) -> None:
         if self.A is None or self.b is None or self.c is None:
-            raise SceneError("family, A, b, c: a method is of a family or has all of A, b, c")
+            raise SceneError("family, A, b, c: give either family, or all of A, b and c")
         stages = len(self.c)
         if self.stages not in {0, stages}:
             raise SceneError(f"stages = {self.stages}: c has {stages}")
         lengths = [len(row) for row in self.A]
         if len(self.b) != stages or lengths not in (list(range(stages)), [stages] * stages):
             raise SceneError(
-                f"A, b, c: {stages} stages need b of {stages} and rows of A of 0, 1, …, {stages - 1} (explicit) or all "
-                f"of {stages} (implicit)"
+                f"A, b, c: {stages} stages need {stages} numbers in b, and in the rows of A 0, 1, …, {stages - 1} "
+                f"(explicit) or {stages} each (implicit)"
             )
         for x in chain(self.b, self.c, *self.A):
             _check_number("A, b, c", x)
         msgspec.structs.force_setattr(self, "stages", stages)
         if stages > MOST_STAGES and not self.explicit:
-            raise SceneError(f"A, b, c: {stages} stages: an implicit method has at most {MOST_STAGES}")
+            raise SceneError(f"A, b, c: {stages} stages; an implicit method takes at most {MOST_STAGES}")
         A, b, c = self.exact
         if abs(sum(b, Fraction(0)) - 1) > CLOSE:
             raise SceneError(f"b = {truncated(self.b)}: must sum to 1")
@@ -176,12 +178,12 @@ class Method(Spec, frozen=True):
 
     def _check_error(self) -> None:
         if self.error_rows and not self.explicit:
-            raise SceneError("error: only explicit methods take rows; implicit ones estimate by their nodes")
+            raise SceneError("error: only explicit methods take error weights; leave error out")
         for i, row in enumerate(self.error_rows):
             if len(row) not in {self.stages, self.stages + 1}:
                 raise SceneError(
-                    f"error[{i}] has {len(row)} weights: expected one per stage, {self.stages}, or one more for q̈ at "
-                    "the end of the step"
+                    f"error[{i}] has {len(row)} weights: expected {self.stages}, one per stage, or one more for q̈ "
+                    "at the end of the step"
                 )
             for x in row:
                 _check_number(f"error[{i}]", x)
@@ -205,7 +207,7 @@ def method(name: str) -> Method:
 def _check_number(where: str, x: str) -> None:
     # short exponents: a Fraction of "1e999999999" would take all the memory there is
     if not re.fullmatch(r"[+-]?\d+(/0*[1-9]\d*|(\.\d*)?([eE][+-]?\d{1,2})?)", x):
-        raise SceneError(f"{where}: {truncated(x)}: a coefficient is a decimal or a fraction such as '1/6'")
+        raise SceneError(f"{where}: {truncated(x)}: expected a decimal such as '1e-12', or a fraction such as '1/6'")
 
 
 @functools.lru_cache(maxsize=64)
@@ -255,7 +257,7 @@ def _modes(method: Method) -> Modes:
     A = float64(exact)
     λ, T = np.linalg.eig(A)
     if not np.linalg.cond(T) < 1e7:  # Newton's corrections pass through T and keep 9 digits
-        raise SceneError("A: no basis of eigenvectors (a diagonal that repeats has none); take another method")
+        raise SceneError("A: too few eigenvectors, as with repeated diagonal elements; use another method")
     wrong = λ[(λ.real < 0) | ((λ.real == 0) & (λ.imag != 0))]
     if wrong.size:
         first = wrong[0] if wrong[0].imag else wrong[0].real  # NumPy 2.5: always complex

@@ -162,7 +162,7 @@ def linearize(
 def _names(outputs: object) -> list[str]:
     names = sequence("outputs", outputs, "str")
     if not names:
-        raise ArgumentError(f"outputs = (): nothing is put out; allowed are {', '.join(OUTPUTS)}")
+        raise ArgumentError(f"outputs = (): empty; allowed are {', '.join(OUTPUTS)}")
     return names
 
 

@@ -233,7 +233,7 @@ def factored_mass(chain: Chain, q: Array, free: NDArray[np.intp]) -> tuple[Array
         k = free[stopped - 1 if stopped else int(np.argmin(good))]
         raise SingularMassError(
             f"{chain.name}: joint {chain.joint_name(int(k))!r} moves no inertia of its own at this posture, or one "
-            "beyond float64; M must be positive definite"
+            "that overflows float64; M must be positive definite"
         )
     return M, np.asarray(L)
 
@@ -244,7 +244,7 @@ def first_order_matrix(M: Array, C: Array, K: Array) -> Array:
     lower = [-linalg.cho_solve((L, True), right, check_finite=False) for right in (K, C)]
     A = np.block([[np.zeros_like(M), np.eye(len(M))], lower])
     if not np.isfinite(A).all():
-        raise ArgumentError("stiffness, damping, loads or rates lead to accelerations beyond float64")
+        raise ArgumentError("stiffness, damping, loads or rates are so large that accelerations overflow float64")
     return A
 
 

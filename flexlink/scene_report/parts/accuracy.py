@@ -71,7 +71,7 @@ def _of_the_steps(about: Refinement) -> str:
     if math.isnan(about.of_steps):
         return f"Error of the time steps unknown: the run with a smaller {what} did not end."
     finer = "a tenth of the tolerance" if about.scene.run.controlled else "half the step"
-    return f"Tip error from the time steps: {_length(about.of_steps)}, by a run with {finer}."
+    return f"Tip error from the time steps: {_length(about.of_steps)}, measured against a run with {finer}."
 
 
 def _of_costs(about: Refinement, choices: Sequence[Choice]) -> str:
@@ -109,7 +109,7 @@ def _verdict(about: Refinement) -> Verdict:
     what = "hinges and steps" if any(about.model) else "steps"
     warned = " The run gave warnings: see “Motion”." if doubts else ""
     return Verdict(
-        "Model error", state, _length(error), f"At the tip, from {what}: {number(share)} of the tip’s travel.{warned}"
+        "Model error", state, _length(error), f"Tip error from {what}: {number(share)} of the tip’s travel.{warned}"
     )
 
 

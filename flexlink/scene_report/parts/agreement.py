@@ -71,7 +71,7 @@ def _runs(study: Study) -> tuple[Sequence[RunDifference], str, Sequence[str]]:
     why = [f"Not compared: {reason}." for reason in found.refused]
     why += [f"{row.engine}: {row.diverged}." for row in found.rows if row.diverged]
     if any(row.explained > MEANINGFUL_TOLERANCE for row in found.rows):
-        why.append("The motion amplifies rounding errors so much that comparing runs proves little; rely on the terms.")
+        why.append("This motion amplifies rounding errors: the comparison of runs proves little, that of terms counts.")
     return found.rows, sentence, why
 
 

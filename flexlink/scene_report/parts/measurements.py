@@ -72,7 +72,9 @@ def _of_the_numbers(fits: Sequence[Fit], best: Fit | None) -> list[str]:
         sentences.append(f"Nearly as good, so that the cause is uncertain: {', '.join(rivals)}.")
     elif len(fits) > 1:
         sentences.append(f"The next best, {fits[1].number.what}, leaves {_share(fits[1].left)}.")
-    sentences.append("Each parameter is fitted alone; ± is one standard deviation if the rest is noise.")
+    sentences.append(
+        "Each parameter is fitted alone; ± is one standard deviation if the remaining difference is noise."
+    )
     return sentences
 
 
