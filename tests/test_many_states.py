@@ -107,7 +107,7 @@ def test_states_of_wrong_shape_are_refused_with_the_shapes_allowed(name: str) ->
 def test_an_error_of_one_state_of_many_says_of_which() -> None:
     rates = np.zeros((3, NASTY.n))
     rates[1] = 1e160
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the torque of joint 'waist' is beyond"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the torque of joint 'waist' overflows"):
         fl.bias_torque(NASTY, np.zeros(NASTY.n), rates)
-    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the kinetic energy is beyond"):
+    with pytest.raises(fl.errors.ArgumentError, match=r"^state 1: the kinetic energy overflows"):
         fl.energy(NASTY, np.zeros(NASTY.n), rates)
