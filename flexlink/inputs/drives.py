@@ -21,7 +21,8 @@ from flexlink.inputs.references import constant, reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE, law_torque
+from flexlink.kernels.inputs.drive_torque import drive_torque_unsampled
+from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
 
@@ -106,7 +107,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
                 for side, end in zip((-1, 1), ends, strict=True):
                     there = state.copy()
                     there[part, k] += side * NUDGE
-                    law_torque(law, t, t, there[0], there[1], end)
+                    drive_torque_unsampled(law, t, t, there[0], there[1], end)
                 slopes[part, :, d] = (ends[0] - ends[1]) / (2 * NUDGE)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):

@@ -25,7 +25,7 @@ from flexlink.kernels.derivatives.inverse_derivatives import Arrays
 from flexlink.kernels.derivatives.planar_derivatives import planar_derivatives
 from flexlink.kernels.forward.articulated_rows import ArticulatedWork
 from flexlink.kernels.forward.solvers import DenseWork, forward_dynamics
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.stepping.runge_kutta import add_stage, step_workspace
 from flexlink.kernels.tools.compiler import ARITHMETIC, kernel
 from flexlink.kernels.tools.finite import is_finite
@@ -81,7 +81,7 @@ def integrate_derivatives(work, tableau, inputs, varied, h, first, last, state, 
                 add_stage(A[i, j] * h, L, K, j, q_stage, L[i])
                 add_stage(A[i, j] * h, δL, δK, j, δ_stage, δL[i])
             follow(inputs.motion, t, q_stage, L[i], K[i])
-            drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, L[i], tau)
+            stage_torque(inputs.drive, t, (number + 0.5) * h, q_stage, L[i], tau)
             forward_dynamics(inputs.wrench, q_stage, L[i], tau, K[i], work)
             acceleration_derivatives(work, varied.chain, inputs.wrench, q_stage, L[i], tau, found)
             δq_i, δqd_i = δ_stage.reshape(n, p), δL[i].reshape(n, p)

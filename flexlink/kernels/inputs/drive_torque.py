@@ -2,14 +2,14 @@
 
 from flexlink.kernels.inputs.laws import law_torque
 from flexlink.kernels.inputs.references import locate
-from flexlink.kernels.tools.compiler import entry
+from flexlink.kernels.tools.compiler import entry, inlined
 from flexlink.kernels.tools.lanes import put_at, zero_of
 
 LATE = 1.0 + 8.0 * 2.0**-52  # an instant's number by its time, which is off by less
 
 
-@entry
-def drive_torque(drive, t, middle, q, qd, tau):
+@inlined
+def stage_torque(drive, t, middle, q, qd, tau):
     """Write T_EX at the driven joints by the drive's law, within ± effort; `tau` (n,) stays as it is elsewhere.
 
     `middle` of the step that t belongs to. A sampled law gives what it gave at its last instant (`sample_law`).
@@ -20,6 +20,25 @@ def drive_torque(drive, t, middle, q, qd, tau):
             tau[drive.joints[d]] = drive.held[last, d]
     elif len(drive.joints) > 0:
         law_torque(drive, t, middle, q, qd, tau)
+
+
+@entry
+def drive_torque(drive, t, middle, q, qd, tau):
+    """`stage_torque` for Python."""
+    stage_torque(drive, t, middle, q, qd, tau)
+
+
+@entry
+def drive_torque_unsampled(drive, t, middle, q, qd, tau):
+    """T_EX of the law itself, sampled or not, for Python."""
+    law_torque(drive, t, middle, q, qd, tau)
+
+
+@inlined
+def sample_at_step(drive, t, middle, q, qd, tau):
+    """`sample_law`, whose record is handed over only where there is an instant."""
+    if drive.rate > 0.0:
+        sample_law(drive, t, middle, q, qd, tau)
 
 
 @entry

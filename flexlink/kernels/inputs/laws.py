@@ -14,17 +14,17 @@ their knots: the piece of a step is then that of its middle, so that a stage at 
 
 from flexlink.kernels.bodies.rigid_model import model_torque
 from flexlink.kernels.inputs.references import locate, reference
-from flexlink.kernels.tools.compiler import entry, recursion
+from flexlink.kernels.tools.compiler import inlined, recursion
 from flexlink.kernels.tools.lanes import at, clipped, put_at, zero_of
 
 TABLE, PD, PD_GRAVITY, COMPUTED_TORQUE = range(4)
 
 
-@entry
+@inlined
 def law_torque(drive, t, middle, q, qd, tau):
     """Write T_EX at the driven joints to `tau` (n,), within ± effort, at time t in a step of this `middle`.
 
-    One function for all laws: what each takes to compile is mostly the record that it reads.
+    Expanded where it is called: to hand over the record of a drive takes longer than most laws.
     """
     joints, g = drive.joints, drive.feedforward
     if drive.law == TABLE:

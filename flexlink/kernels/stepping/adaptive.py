@@ -17,7 +17,7 @@ from numba.extending import overload
 
 from flexlink.kernels.forward.mass_plus_diagonal import displacement, place_bodies
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
+from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.stepping.embedded import EmbeddedWork, embedded_step
 from flexlink.kernels.stepping.error_norm import deflection_norm
 from flexlink.kernels.stepping.implicit import ImplicitWork, between_stages, implicit_step
@@ -99,7 +99,7 @@ def advance(work, forward, inputs, settings, count, state, knots, samples, most)
             if absolute == math.inf:
                 forget(stepper)
             if count[COUNT.knot] == len(knots):
-                sample_law(inputs.drive, end, end, state[0], state[1], tau)
+                sample_at_step(inputs.drive, end, end, state[0], state[1], tau)
                 return OUTCOME.ended
             begin(end, inputs, state, tau, forward)
     return OUTCOME.goes_on
@@ -139,8 +139,8 @@ def begin(t, inputs, state, tau, forward):
     for k in range(len(tau)):
         tau[k] = 0.0
     follow(inputs.motion, t, q, qd, qdd)
-    sample_law(inputs.drive, t, t, q, qd, tau)
-    drive_torque(inputs.drive, t, t, q, qd, tau)
+    sample_at_step(inputs.drive, t, t, q, qd, tau)
+    stage_torque(inputs.drive, t, t, q, qd, tau)
     done[1] = forward_under(inputs, t, t, q, qd, tau, qdd, forward)
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from flexlink.kernels.forward.mass_plus_diagonal import place_bodies
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.stepping.error_norm import step_error_norm
 from flexlink.kernels.stepping.runge_kutta import add_stage
 from flexlink.kernels.stepping.step_state import STEPPER
@@ -80,7 +80,7 @@ def evaluate(start, part, h, inputs, q, qd, weights, i, angles, work):
     for j in range(i):
         add_stage(weights[j] * h, L, K, j, angles, L[i])
     follow(inputs.motion, t, angles, L[i], K[i])
-    drive_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
+    stage_torque(inputs.drive, t, start + 0.5 * h, angles, L[i], tau)
     return forward_under(inputs, t, start + 0.5 * h, angles, L[i], tau, K[i], work.forward)
 
 

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 from flexlink.kernels.bodies.inverse import inverse_dynamics_into
 from flexlink.kernels.bodies.joint_torques import elastic, friction
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS, displacement, factor, place_bodies, solve
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow
+from flexlink.kernels.inputs.drive_torque import follow, stage_torque
 from flexlink.kernels.inputs.tip_wrench import put_wrench
 from flexlink.kernels.stepping.error_norm import step_error_norm
 from flexlink.kernels.stepping.step_state import STEPPER
@@ -241,7 +241,7 @@ def residual(t, middle, inputs, q, qd, qdd, R, work):
     chain, tau = work.chain, work.vectors[VECTOR.tau]
     for k in range(len(q)):
         tau[k] = 0.0
-    drive_torque(inputs.drive, t, middle, q, qd, tau)
+    stage_torque(inputs.drive, t, middle, q, qd, tau)
     power = put_wrench(inputs.table, t, middle, q, qd, inputs.wrench)
     power += inverse_dynamics_into(chain, inputs.wrench, q, qd, qdd, R, work.inverse)
     for k in range(len(q)):

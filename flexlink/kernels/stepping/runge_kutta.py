@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
+from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import inlined, kernel, recursion
 from flexlink.kernels.tools.finite import is_finite
 from flexlink.kernels.tools.lanes import at, put_at
@@ -68,7 +68,7 @@ def integrate(work, tableau, inputs, h, origin, first, last, every, state, sampl
 @inlined
 def ask_at(inputs, h, number, state, stages):
     """Ask a sampled law before the step from t = number · h, if that is an instant of it."""
-    sample_law(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
+    sample_at_step(inputs.drive, number * h, (number + 0.5) * h, state[0], state[1], stages.tau)
 
 
 @recursion
@@ -86,7 +86,7 @@ def step(work, tableau, inputs, h, number, state, stages):
         for j in range(i):
             add_stage(A[i, j] * h, L, K, j, q_stage, q_dot)
         follow(inputs.motion, t, q_stage, q_dot, q_dot_dot)
-        drive_torque(inputs.drive, t, (number + 0.5) * h, q_stage, q_dot, tau)
+        stage_torque(inputs.drive, t, (number + 0.5) * h, q_stage, q_dot, tau)
         power = forward_under(inputs, t, (number + 0.5) * h, q_stage, q_dot, tau, q_dot_dot, work)
         put_at(done, at(done, 0) + b[i] * h * power, 0)
     for i in range(len(c)):

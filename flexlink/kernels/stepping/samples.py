@@ -5,7 +5,7 @@ import numpy as np
 from flexlink.kernels.bodies.energy import energies_of
 from flexlink.kernels.bodies.kinematics import kinematics, kinematics_workspace
 from flexlink.kernels.forward.solvers import forward_under
-from flexlink.kernels.inputs.drive_torque import drive_torque, follow, sample_law
+from flexlink.kernels.inputs.drive_torque import follow, sample_at_step, stage_torque
 from flexlink.kernels.tools.compiler import kernel
 
 
@@ -24,8 +24,8 @@ def drive_torques(inputs, ts, qs, qds, taus):
     """T_EX (samples, n) of the drive."""
     taus[:] = 0.0
     for row in range(len(ts)):
-        sample_law(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine
-        drive_torque(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])
+        sample_at_step(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])  # of a run by another engine
+        stage_torque(inputs.drive, ts[row], ts[row], qs[row], qds[row], taus[row])
 
 
 @kernel
