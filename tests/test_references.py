@@ -52,7 +52,7 @@ def derivatives(course: fl.ReferenceTrajectory, number: int) -> list[fl.Referenc
 
 def peaks(course: fl.ReferenceTrajectory, number: int = 3) -> np.ndarray:
     """Exact largest |value| of the course and its derivatives, (number + 1, d)."""
-    return np.array([np.abs(each.extremes).max(axis=0) for each in derivatives(course, number)])
+    return np.array([np.abs(each.extremes()).max(axis=0) for each in derivatives(course, number)])
 
 
 def came_to(course: fl.ReferenceTrajectory, piece: int) -> np.ndarray:
@@ -196,7 +196,7 @@ def test_extremes_are_those_of_every_piece(seed: int) -> None:
     table = dict(zip(("angle_deg", "rate_deg", "acceleration_deg"), parts, strict=True))
     course = fl.Reference(profile="smooth", times=tuple(t), **table).course((0.0, 0.0))
     sampled = course(np.linspace(t[0], t[-1], 4001))[0]
-    low, high = course.extremes
+    low, high = course.extremes()
     passed = peaks(course)[2] * ((t[-1] - t[0]) / 4000) ** 2 / 8
     for found, seen in ((high, sampled.max(axis=0)), (-low, -sampled.min(axis=0))):
         assert np.all(found >= seen - 64 * EPS * peaks(course)[0])

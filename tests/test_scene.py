@@ -162,6 +162,16 @@ def test_a_rule_named_in_python_is_that_of_the_folder_it_was_named_in(tmp_path: 
     assert placed == [0.25 * 1.25, 0.75 * 1.25]
 
 
+def test_the_chain_of_a_scene_follows_its_rule_when_the_file_changes(tmp_path: Path) -> None:
+    rule, placed = tmp_path / "rule.toml", []
+    rule.write_text(one_hinge_rule(0.25), encoding="utf-8")
+    scene = make_scene(flexible("link", segments=2, lumping=str(rule)))
+    for node in (0.25, 0.125):
+        rule.write_text(one_hinge_rule(node), encoding="utf-8")
+        placed.append(lump(scene).bodies["translation"][1, 0])
+    assert placed == [0.25 * 1.25, 0.125 * 1.25]
+
+
 @pytest.mark.parametrize("path", MODELS, ids=lambda path: path.stem)
 def test_a_scene_written_as_toml_reads_back_equal(path: Path, tmp_path: Path) -> None:
     scene = load_scene(path)

@@ -199,7 +199,7 @@ def refuse_beyond(course: ReferenceTrajectory, joints: Sequence[tuple[str, tuple
         The message names the link, the angle reached and the limits.
     """
     rounding = MOST_IMPULSES * np.finfo(float).eps  # of an angle that is the sum of as many
-    for (name, limits), *extremes in zip(joints, *np.degrees(course.extremes), strict=True):
+    for (name, limits), *extremes in zip(joints, *np.degrees(course.extremes()), strict=True):
         low, high = limits or (-math.inf, math.inf)
         for angle in extremes:
             if max(low - angle, angle - high) > rounding * np.abs(extremes).max():

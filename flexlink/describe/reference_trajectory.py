@@ -104,9 +104,13 @@ class ReferenceTrajectory:
             knots, sum(weight * copy.restated(knots) for weight, copy in zip(a, copies, strict=True))
         )
 
-    @functools.cached_property
     def extremes(self) -> tuple[Array, Array]:
         """Smallest and largest angles ever, shape (d,) each: at knots, and where the derivative of a piece is 0."""
+        low, high = self._extremes
+        return low.copy(), high.copy()
+
+    @functools.cached_property
+    def _extremes(self) -> tuple[Array, Array]:
         c = (
             self.coefficients[:-1]
             * np.diff(self.knots)[:, None, None] ** np.arange(self.coefficients.shape[1])[:, None]

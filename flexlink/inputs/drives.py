@@ -21,7 +21,7 @@ from flexlink.inputs.references import constant, reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.inputs.drive_torque import drive_torque_unsampled
+from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
@@ -52,7 +52,7 @@ def drive_of(joints: Indices, **parts: Any) -> Drive:
     d = len(joints)
     nothing = PiecewisePolynomial(np.zeros(1), np.zeros((1, 2, d)))
     blank = Drive(
-        TABLE, 0.0, joints, np.full(d, np.inf), nothing, nothing, np.zeros(d), np.zeros(d), rigid_model(no_chain()),
+        TABLE, 0.0, joints, np.full(d, np.inf), nothing, nothing, np.zeros(d), np.zeros(d), no_model(),
         np.zeros((0, d)), np.zeros(1, np.int64),
     )  # fmt: skip
     return blank._replace(**parts)
@@ -107,7 +107,7 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
                 for side, end in zip((-1, 1), ends, strict=True):
                     there = state.copy()
                     there[part, k] += side * NUDGE
-                    drive_torque_unsampled(law, t, t, there[0], there[1], end)
+                    drive_torque(law, t, t, there[0], there[1], end)
                 slopes[part, :, d] = (ends[0] - ends[1]) / (2 * NUDGE)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):
@@ -176,9 +176,9 @@ def rigid_model(chain: Chain) -> RigidModel:
 
 
 @functools.cache
-def no_chain() -> Chain:
-    """A chain without bodies, for laws without a model."""
-    return Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ())
+def no_model() -> RigidModel:
+    """The model of laws that have none: a chain without bodies. All runs share it, as nothing is written to it."""
+    return rigid_model(Chain("", np.empty(0, BODY), np.empty(0, HINGE), np.zeros(3), (), ()))
 
 
 def _no_gravity(scene: Scene, chain: Chain, target: PiecewisePolynomial) -> PiecewisePolynomial:

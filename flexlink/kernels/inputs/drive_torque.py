@@ -28,12 +28,6 @@ def drive_torque(drive, t, middle, q, qd, tau):
     stage_torque(drive, t, middle, q, qd, tau)
 
 
-@entry
-def drive_torque_unsampled(drive, t, middle, q, qd, tau):
-    """T_EX of the law itself, sampled or not, for Python."""
-    law_torque(drive, t, middle, q, qd, tau)
-
-
 @inlined
 def sample_at_step(drive, t, middle, q, qd, tau):
     """`sample_law`, whose record is handed over only where there is an instant."""

@@ -1,0 +1,74 @@
+"""Results that are kept: each one once, for its object and key, from any thread, and never one of another object."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from conftest import ROOT
+
+import flexlink as fl
+from flexlink.common.memo import Memo
+
+
+class Unhashable:
+    """An object that equals every other one of its kind, and has no hash."""
+
+    __hash__ = None
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Unhashable)
+
+
+def test_a_result_is_found_once_for_its_object_and_key() -> None:
+    memo, calls, one = Memo(4), [], Unhashable()
+    for key in ("a", "a", "b", "a"):
+        assert memo(one, key, lambda key=key: calls.append(key) or len(calls)) == {"a": 1, "b": 2}[key]
+    assert calls == ["a", "b"]
+
+
+def test_an_equal_object_is_another_one() -> None:
+    memo, one, other = Memo(4), Unhashable(), Unhashable()
+    assert one == other
+    assert memo(one, 0, object) is not memo(other, 0, object)
+
+
+def test_a_new_object_in_the_place_of_a_dropped_one_has_its_own_result() -> None:
+    """An object's identity is its address, which the next object may take: what is kept must keep its object."""
+    memo = Memo(8)
+    assert [memo(np.array([k]), "", lambda k=k: k) for k in range(100)] == list(range(100))
+
+
+def test_what_was_asked_for_last_is_kept() -> None:
+    memo, objects = Memo(2), [Unhashable() for _ in range(3)]
+    first = [memo(each, 0, object) for each in objects[:2]]
+    assert memo(objects[0], 0, object) is first[0]  # now the second is the oldest
+    memo(objects[2], 0, object)
+    assert memo(objects[0], 0, object) is first[0]
+    assert memo(objects[1], 0, object) is not first[1]
+
+
+def test_threads_share_results() -> None:
+    memo, objects, wrong = Memo(3), [Unhashable() for _ in range(5)], []
+
+    def ask() -> None:
+        for k in range(2000):
+            number = k % 5
+            if memo(objects[number], "", lambda number=number: number) != number:
+                wrong.append(number)
+
+    threads = [threading.Thread(target=ask) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_runs_of_one_arm_share_its_chain_but_not_one_of_another_gravity() -> None:
+    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
+    chain = fl.lump(scene)
+    assert fl.lump(scene.varied({"run.duration": 0.5})) is chain
+    other = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
+    assert other is not chain
+    assert not other.gravity.any()
