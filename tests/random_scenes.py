@@ -15,6 +15,7 @@ import numpy as np
 from msgspec.structs import replace
 
 import flexlink as fl
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.simulate import prepare
 from validation.random_arms import Dice
 
@@ -91,7 +92,7 @@ def with_random_step(dice: Dice, scene: fl.Scene) -> fl.Scene:
 def largest_step(scene: fl.Scene) -> float:
     """The largest stable step at the start, as `simulate` itself finds it."""
     try:
-        prepare(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)}), fl.lump(scene))
+        prepare(problem_of(scene.varied({"run": fl.RunSettings(step=1e9, sample=1e9, duration=1e9)})))
     except fl.errors.UnstableStepError as error:
         return error.largest
     return float("inf")

@@ -18,6 +18,7 @@ from flexlink.advice.rigid import oscillator_response
 from flexlink.advice.verdict import Advice
 from flexlink.cli.main import main
 from flexlink.describe.spec import decode
+from flexlink.inputs.problem import problem_of
 from validation.advice import truth as advice_truth
 from validation.advice.scenes import robot_scene
 from validation.case import CASES, load_case
@@ -275,7 +276,7 @@ def test_prices_are_in_proportion_to_times() -> None:
     scene = arm(links=2)
     chains = [fl.lump(with_model(scene, (Bend(f, "gauss", n),) * 2)) for f in ("z", "xyz") for n in (2, 8, 32)]
     known = [run_cost(chain, "RK4", 1) for chain in chains]
-    ratios = np.array([evaluation_time(scene, chain) for chain in chains]) / known
+    ratios = np.array([evaluation_time(problem_of(scene, chain)) for chain in chains]) / known
     assert ratios.max() / ratios.min() < 2.0  # what is compared is off by less than methods differ
 
 

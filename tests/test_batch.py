@@ -15,6 +15,7 @@ from conftest import compiled, flexible, make_scene, nasty_scene, random_state
 import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.inputs.problem import problem_of
 from flexlink.kernels.tools.lanes import LANES
 from flexlink.motion.simulate import prepare
 from flexlink.motion.step_errors import step_errors, step_errors_side_by_side
@@ -59,7 +60,7 @@ def members(flex: str, count: int) -> list[fl.Scene]:
 @compiled
 def test_the_errors_of_steps_side_by_side_are_those_of_each_alone() -> None:
     scenes = [scene.varied({"run.step": 1e-3, "run.unstable": "allow"}) for scene in members("z", LANES)]
-    monitors = [prepare(scene, fl.lump(scene)) for scene in scenes]
+    monitors = [prepare(problem_of(scene)) for scene in scenes]
     q, qd = (np.stack([getattr(w.record, name)[:1] for w in monitors], axis=-1) for name in ("q", "qd"))
     chains, probed = [w.record.chain for w in monitors], np.array([0])
     scratch = lanes_workspace(solver_for(chains[0], "articulated"), chains)

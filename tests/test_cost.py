@@ -10,6 +10,7 @@ from conftest import flexible, make_scene
 import flexlink as fl
 from flexlink.advice.evaluation_cost import evaluation_time, machine_factor, run_cost, step_cost
 from flexlink.chain.chain import Chain
+from flexlink.inputs.problem import problem_of
 
 
 def chain_of(flex: str, segments: int = 12) -> Chain:
@@ -27,7 +28,7 @@ def test_the_factor_of_a_machine_is_measured_over_listed(monkeypatch) -> None:
     scene = make_scene(flexible("a", "z", 12))
     chain = fl.lump(scene)
     monkeypatch.setattr("flexlink.advice.evaluation_cost.evaluation_time", lambda *_: 3 * run_cost(chain, "RK2", 1))
-    assert machine_factor(scene, chain) == pytest.approx(3.0)
+    assert machine_factor(problem_of(scene)) == pytest.approx(3.0)
 
 
 @pytest.mark.slow
@@ -36,7 +37,7 @@ def test_a_run_takes_the_time_that_was_predicted(flex: str) -> None:
     """Within a factor of three: the run also judges its samples, and other programs share core and caches."""
     scene = make_scene(flexible("a", flex, 12), initial=fl.InitialState(joint_deg=(30.0,)))
     chain = fl.lump(scene)
-    step, seconds = fl.stable_step(chain), machine_factor(scene, chain) * step_cost(chain, "RK4")
+    step, seconds = fl.stable_step(chain), machine_factor(problem_of(scene)) * step_cost(chain, "RK4")
     samples, steps = 10, 2000
     fl.simulate(scene, step=step / 2, sample=step, duration=step)  # compiles
     started = time.thread_time()
@@ -55,7 +56,7 @@ def test_an_implicit_step_takes_about_the_time_that_was_predicted(models, name: 
     """Within a factor of four: two for the passes of Newton's iteration, and two for other programs beside it."""
     scene = fl.load_scene(models / f"{name}.toml")
     chain = fl.lump(scene)
-    predicted = machine_factor(scene, chain) * step_cost(chain, "Radau5")
+    predicted = machine_factor(problem_of(scene)) * step_cost(chain, "Radau5")
     run = {"method": "Radau5", "relative_tolerance": tolerance, "sample": 0.1}
     short, long = (scene.varied({"run": run | {"duration": duration}}) for duration in (0.1, 1.0))
     fl.simulate(short)  # compiles
@@ -78,5 +79,4 @@ def test_a_stage_of_an_implicit_step_costs_what_was_measured_of_the_trade_s_scen
 
 def test_the_time_of_an_evaluation_does_not_depend_on_how_many_are_measured() -> None:
     scene = make_scene(flexible("a", "z", 12))
-    chain = fl.lump(scene)
-    assert 1e-8 < evaluation_time(scene, chain) < 1e-4
+    assert 1e-8 < evaluation_time(problem_of(scene)) < 1e-4

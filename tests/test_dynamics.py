@@ -15,7 +15,7 @@ from flexlink.common.interruption import Stop
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.rounding import EPS, of_mass_matrix, of_residual
 from flexlink.dynamics.terms import MASS_ALGORITHMS
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.kernels.tools.solve import solve_cholesky, solve_lu
 from flexlink.motion.monitor import RunMonitor
 from flexlink.motion.simulate import SingleRun
@@ -242,10 +242,9 @@ def test_a_run_with_a_singular_mass_matrix_is_no_result(method: str) -> None:
     assert 0 < abs(np.linalg.det(M)) < 10 * EPS
     with pytest.raises(fl.errors.SingularMassError):  # told before the run, or where the run gets there, by nan
         fl.simulate(scene)
-    chain = fl.lump(scene)
-    record = Record(scene, chain, input_arrays(scene, chain), run.times, *np.zeros((2, run.samples, 2)))
+    record = Record(problem_of(scene), run.times, *np.zeros((2, run.samples, 2)))
     with pytest.raises(fl.errors.DivergenceError, match="no longer finite"):
-        SingleRun(scene, RunMonitor(run, record)).finish(Stop())
+        SingleRun(RunMonitor(record)).finish(Stop())
 
 
 def test_heavy_payloads_are_not_singular(rng) -> None:

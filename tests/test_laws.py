@@ -17,6 +17,7 @@ from flexlink.engines import base, load
 from flexlink.formats.features import not_held
 from flexlink.inputs import drives
 from flexlink.inputs.drives import drive_arrays, gains_of
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.drive_torque import drive_torque
 from flexlink.kernels.inputs.record import PiecewisePolynomial
@@ -172,7 +173,7 @@ def test_no_stage_sees_more_than_the_effort(name: str, rate: str) -> None:
     scene = arm({**LAWS[name], "effort": EFFORT, **SAMPLED[rate]}, **{"run.sample": 1e-4, "run.duration": 0.02})
     run, chain = fl.simulate(scene), fl.lump(scene)
     A, b, c = method("RK4").arrays
-    drive, h, seen, n = base.drive_function(scene), scene.run.step, [], chain.n
+    drive, h, seen, n = base.drive_function(problem_of(scene)), scene.run.step, [], chain.n
     for number in range(len(run.t) - 1):
         y, F = np.concatenate([run.q[number], run.qd[number]]), np.zeros((4, 2 * chain.n))
         drive.begin(number, h, y[:n], y[n:])
@@ -250,7 +251,7 @@ def test_stepping_loops_are_compiled_once_whatever_drives_the_arm() -> None:
 
 def test_a_probed_step_does_not_ask_a_sampled_law() -> None:
     """One that ends at an instant which the run itself has not reached."""
-    record = prepare(arm({**PD, "rate": 1e4}), fl.lump(arm())).record
+    record = prepare(problem_of(arm({**PD, "rate": 1e4}))).record
     before = [array.copy() for array in drives.remembered(record.inputs.drive)]
     step_errors(record, np.array([0]))
     for array, kept in zip(drives.remembered(record.inputs.drive), before, strict=True):

@@ -8,8 +8,8 @@ from conftest import ROOT, flexible, make_scene
 
 import flexlink as fl
 from flexlink.describe.schemes.methods import method
-from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import drive_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.tstops import ends_of_steps, instants, landings
 from flexlink.motion.marks import Marks
 from flexlink.results.record import Record
@@ -18,9 +18,9 @@ ARM = make_scene(flexible("a", segments=3))
 
 
 def marks(scene: fl.Scene) -> Marks:
-    chain = fl.lump(scene)
-    t, rows = scene.run.times, (scene.run.samples, chain.n)
-    record = Record(scene, chain, input_arrays(scene, chain), t, np.zeros(rows), np.zeros(rows))
+    problem = problem_of(scene)
+    rows = scene.run.samples, problem.chain.n
+    record = Record(problem, scene.run.times, np.zeros(rows), np.zeros(rows))
     return Marks(method(scene.run.method), record, by_drive=True)
 
 

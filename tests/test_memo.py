@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 import numpy as np
-from conftest import ROOT
+import pytest
+from conftest import flexible, make_scene
 
 import flexlink as fl
 from flexlink.common.memo import Memo
+
+HELD = fl.PrescribedMotion(link="a", times=(0.0,), angle_deg=(0.0,), rate_deg=(0.0,), acceleration_deg=(0.0,))
 
 
 class Unhashable:
@@ -65,10 +69,27 @@ def test_threads_share_results() -> None:
     assert not wrong
 
 
-def test_runs_of_one_arm_share_its_chain_but_not_one_of_another_gravity() -> None:
-    scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml")
-    chain = fl.lump(scene)
-    assert fl.lump(scene.varied({"run.duration": 0.5})) is chain
-    other = fl.lump(scene.varied({"gravity": (0.0, 0.0, 0.0)}))
-    assert other is not chain
-    assert not other.gravity.any()
+def arm(**locked: bool) -> fl.Scene:
+    return make_scene(flexible("a", flex="rigid", segments=1, lumping="gauss", joint=fl.Joint(**locked)), flexible("b", segments=2))
+
+
+def test_runs_of_one_arm_share_its_chain() -> None:
+    scene = arm()
+    others = {"run.duration": 0.5}, {"initial.joint_deg.a": 20.0}, {"link.b.length": 2.0}
+    same = [fl.lump(scene.varied(change)) is fl.lump(scene) for change in others]
+    assert same == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("change", "differs"),
+    [
+        ({"name": "another"}, lambda chain: chain.name),
+        ({"gravity": (0.0, 0.0, 0.0)}, lambda chain: chain.gravity.tolist()),
+        ({"motion": (HELD,)}, lambda chain: chain.hinges["prescribed"].tolist()),
+        ({"initial.joint_deg.a": 20.0}, lambda chain: chain.bodies["rotation"].tolist()),
+    ],
+    ids=["name", "gravity", "motion", "angle of a locked joint"],
+)
+def test_a_run_of_the_same_arm_whose_chain_differs_gets_its_own(change: dict, differs: Callable) -> None:
+    scene = arm(locked=True) if "initial.joint_deg.a" in change else arm()
+    assert differs(fl.lump(scene.varied(change))) != differs(fl.lump(scene))

@@ -15,7 +15,7 @@ from random_scenes import verdict
 
 import flexlink as fl
 from flexlink.dynamics.accelerations import SOLVERS
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.monitor import RunMonitor, allowed_imbalance
 from flexlink.results import balance
 from flexlink.results.record import Record, trajectory_from_states
@@ -84,7 +84,7 @@ def test_many_runs_carry_the_balance_of_single_ones() -> None:
 
 def test_a_run_of_another_engine_says_that_its_work_is_not_known(paper: fl.Scene) -> None:
     run = fl.simulate(paper, duration=0.01)
-    other = trajectory_from_states(paper, run.chain, input_arrays(paper, run.chain), run.t, run.q, run.qd)
+    other = trajectory_from_states(problem_of(paper), run.t, run.q, run.qd)
     assert "work [J]" not in other.columns
     with pytest.raises(fl.errors.ArgumentError, match="runs of flexlink's own engine"):
         _ = other.imbalance
@@ -230,9 +230,8 @@ def test_a_hinge_bent_to_where_its_axes_coincide_is_named() -> None:
 
 def looked_at(scene: fl.Scene, q: np.ndarray) -> RunMonitor:
     """The monitor of a run whose only sample is a posture, at rest."""
-    chain, run = fl.lump(scene), replace(scene.run, duration=0.0)
-    states = np.array([q]), np.zeros((1, chain.n))
-    monitor = RunMonitor(run, Record(replace(scene, run=run), chain, input_arrays(scene, chain), np.zeros(1), *states))
+    problem = problem_of(replace(scene, run=replace(scene.run, duration=0.0)))
+    monitor = RunMonitor(Record(problem, np.zeros(1), np.array([q]), np.zeros((1, problem.chain.n))))
     monitor.check(1)
     return monitor
 

@@ -12,6 +12,7 @@ from random_jumps import random_jump
 
 import flexlink as fl
 from flexlink.common.interruption import Stop
+from flexlink.inputs.problem import problem_of
 from flexlink.motion import simulate as single
 from flexlink.motion import verification as second_run
 from flexlink.motion.monitor import RunMonitor
@@ -190,7 +191,8 @@ def test_runs_side_by_side_from_rest_are_doubted_for_their_energy_as_single_ones
 
 def test_a_second_run_that_is_stopped_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = fl.load_scene(ROOT / "models" / "paper_fig5.toml").varied({"initial.joint_deg": (0.0, 70.0, 90.0)})
-    run = single.SingleRun(scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)}))
+    varied = scene.varied({"run": fl.RunSettings(tolerance=1e-3, sample=0.1, duration=2.5)})
+    run = single.SingleRun(single.prepare(problem_of(varied)))
     stop, began = Stop(), []
 
     def stopped(monitor: RunMonitor, name: str) -> Iterator[Second]:

@@ -11,7 +11,7 @@ from conftest import make_scene
 from scipy.integrate import solve_ivp
 
 import flexlink as fl
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 
 
@@ -218,7 +218,7 @@ def test_from_states_leaves_the_arrays_of_its_caller_alone(paper: fl.Scene) -> N
     chain = fl.lump(paper)
     q, qd = fl.initial_state(paper, chain)
     t, q, qd = np.zeros(1), q[None].copy(), qd[None].copy()
-    run = trajectory_from_states(paper, chain, input_arrays(paper, chain), t, q, qd)
+    run = trajectory_from_states(problem_of(paper), t, q, qd)
     for array in (t, q, qd):
         assert array.flags.writeable
     for array in (run.t, run.q, run.qd):

@@ -17,9 +17,10 @@ import flexlink as fl
 from flexlink.common.interruption import Stop
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.references import constant
 from flexlink.kernels.inputs.laws import TABLE
-from flexlink.motion.simulate import SingleRun
+from flexlink.motion.simulate import SingleRun, prepare
 from validation.random_arms import Dice
 
 pytestmark = compiled
@@ -235,7 +236,7 @@ def test_the_deflection_of_an_arm_that_starts_bent_in_a_stiff_way_is_no_more_tha
     zigzag = fl.InitialState(q=(0.0, 0.03, -0.03, 0.03, -0.03))
     run = fl.RunSettings(method="DOP853", relative_tolerance=1e-2, accuracy="deflection", duration=0.1, sample=0.01)
     scene = make_scene(flexible("a", segments=5), initial=zigzag).varied({"run": run})
-    ready = SingleRun(scene)
+    ready = SingleRun(prepare(problem_of(scene)))
     there = ready.steps.deflection
     ready.finish(Stop())
     largest = float(np.abs(ready.monitor.record.q).sum(axis=1).max()) * ready.monitor.record.chain.reach

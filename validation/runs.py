@@ -12,7 +12,7 @@ from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.trajectory import Trajectory
 from validation.facts import Fact
@@ -66,9 +66,7 @@ def points_of(scene: Scene, chain: Chain, t: Array, q: Array, qd: Array) -> Traj
     """An engine's samples thinned to what a figure can show as points on our lines."""
     shown = 50  # points of an engine in a figure
     every = slice(None, None, max(1, len(t) // shown))
-    return trajectory_from_states(
-        scene, chain, input_arrays(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy()
-    )
+    return trajectory_from_states(problem_of(scene, chain), t[every].copy(), q[every].copy(), qd[every].copy())
 
 
 def _joint_places(run: Trajectory) -> dict[int, Any]:

@@ -15,12 +15,9 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.describe.data_files import read_toml
-from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import NonNegative, Spec, decode
-from flexlink.dynamics.accelerations import solver_for
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.initial_state import initial_state
+from flexlink.dynamics.problem import Problem
 from flexlink.kernels.stepping.runge_kutta import NEVER, integrate
 
 Bodies = NDArray[np.intp]
@@ -69,18 +66,17 @@ def step_cost(chain: Chain, name: str) -> float:
     return run_cost(chain, name, passes * rule.stages)
 
 
-def machine_factor(scene: Scene, chain: Chain) -> float:
+def machine_factor(problem: Problem) -> float:
     """How many times the listed cost an evaluation takes on this machine, measured in about 30 ms."""
-    return evaluation_time(scene, chain) / run_cost(chain, "RK4", 1)
+    return evaluation_time(problem) / run_cost(problem.chain, "RK4", 1)
 
 
-def evaluation_time(scene: Scene, chain: Chain) -> float:
+def evaluation_time(problem: Problem) -> float:
     """Measured CPU time [s] of one stage of an explicit method in its compiled loop: the shortest of five times."""
-    q, qd = initial_state(scene, chain)
-    state, none = (q.copy(), qd.copy(), np.zeros(1)), (np.empty((0, chain.n)), np.empty((0, chain.n)), np.empty(0))
-    work = solver_for(chain, scene.run.solver).workspace(chain.arrays)
+    state = problem.q.copy(), problem.qd.copy(), np.zeros(1)
+    none = *np.empty((2, 0, problem.chain.n)), np.empty(0)
     rule = method("RK2")
-    steps_of_no_length = work, rule.arrays, input_arrays(scene, chain), 0.0
+    steps_of_no_length = problem.workspace(), rule.arrays, problem.inputs, 0.0
 
     def taken(steps: int) -> float:
         started = time.thread_time()

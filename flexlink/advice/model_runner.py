@@ -21,9 +21,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.vibration.extremes import fastest_decay, fastest_frequency
 from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.drives import gains_of
-from flexlink.inputs.tip_wrench import wrench_at
+from flexlink.inputs.actuation import acting_at, input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
@@ -133,7 +132,7 @@ class ModelRunner:
             scene = self.scene_of(model, stepping)
             scene = scene if initial is None else replace(scene, initial=initial)
             with deferred() as stop:
-                run = self._finish(SingleRun(scene, prepare(scene, self.chain(model))), stop)
+                run = self._finish(SingleRun(prepare(problem_of(scene, self.chain(model)))), stop)
         except DivergenceError as error:
             run, reason = error.trajectory, str(error)
         except FlexlinkError as error:
@@ -156,8 +155,7 @@ class ModelRunner:
             if spent > self.budget:
                 self.seconds += spent
                 raise OverBudgetError(
-                    f"{single.scene.name}: the budget of {self.budget:g} s ended a run at {fraction:.0%}; give a "
-                    "larger budget"
+                    f"{chain.name}: the budget of {self.budget:g} s ended a run at {fraction:.0%}; give a larger budget"
                 )
 
         return single.finish(stop, check, compared=False)
@@ -190,10 +188,10 @@ class ModelRunner:
             chain = self.chain(model)
             inputs = input_arrays(self.scene, chain)
             try:
-                steps = []
-                for time, q, qd in self.states(chain):
-                    (wrench, frame), gains = wrench_at(inputs, time), gains_of(chain, inputs.drive, time, q, qd)
-                    steps.append(stable_step(chain, q, qd, tip_wrench=wrench, frame=frame, gains=gains))
+                steps = [
+                    stable_step(chain, q, qd, **acting_at(inputs, chain, time, q, qd))
+                    for time, q, qd in self.states(chain)
+                ]
             except FlexlinkError:
                 steps = [0.0]
             self._stable_steps[model] = min(steps)

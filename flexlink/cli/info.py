@@ -26,6 +26,7 @@ from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.modal import Modes, modes
 from flexlink.dynamics.vibration.stability import fastest_eigenvalues, stable_step_of
 from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.tip_wrench import initial_wrench
 
 LISTED = 100  # coordinates that `info` names
@@ -67,7 +68,7 @@ def _show(scene: Scene) -> None:
     _show_frequencies(scene, chain, q0, λ, found)
     bare = _without_structural_damping(chain)
     free = λ if bare is chain else fastest_eigenvalues(bare, q0)
-    _show_steps(chain, machine_factor(scene, chain), λ, free)
+    _show_steps(chain, machine_factor(problem_of(scene, chain)), λ, free)
     if bare is not chain and found is not None:
         print("structural damping about the start, with gravity:")
         print_modes(scene, found, np.flatnonzero(found.eigenvalues.imag)[:4])

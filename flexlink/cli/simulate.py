@@ -25,7 +25,8 @@ from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
 from flexlink.dynamics.accelerations import SOLVERS
 from flexlink.dynamics.hints import notes
-from flexlink.motion.simulate import SingleRun
+from flexlink.inputs.problem import problem_of
+from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.files import output_format
 from flexlink.results.stop_reasons import DivergenceError, InterruptedRunError
 from flexlink.results.trajectory import Trajectory
@@ -70,7 +71,7 @@ def run_command(options: argparse.Namespace) -> int:
         require_writable(options.out)
     require_picture(options.plot)
     with prefix_errors(options.scene):
-        ready = SingleRun(scene)  # compiled: a signal need not wait, and no run is timed by it
+        ready = SingleRun(prepare(problem_of(scene)))  # compiled: a signal need not wait, and no run is timed by it
         for note in notes(scene):
             print(f"note: {note}", file=sys.stderr)
     with deferred() as stop, contextlib.ExitStack() as last:

@@ -23,10 +23,8 @@ from flexlink.describe.scene import Scene
 from flexlink.dynamics.placement import tip_position
 from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.engines import ENGINES, load
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.drives import gains_of
-from flexlink.inputs.initial_state import initial_state
-from flexlink.inputs.tip_wrench import wrench_at
+from flexlink.inputs.actuation import acting_at
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
@@ -179,10 +177,9 @@ def in_fixed_steps(scene: Scene, chain: Chain) -> tuple[Scene, str]:
     over = f"{run.duration:g} s in"
     if steps_explicitly(run):
         return scene, f"{over} {run.method} steps of {run.step:g} s"
-    inputs, state = input_arrays(scene, chain), initial_state(scene, chain)
-    wrench, frame = wrench_at(inputs, scene.initial.time)
-    gains = gains_of(chain, inputs.drive, scene.initial.time, *state)
-    stable = stable_step(chain, *state, tip_wrench=wrench, frame=frame, gains=gains, method="RK4")
+    start = problem_of(scene, chain)
+    state = start.q, start.qd
+    stable = stable_step(chain, *state, method="RK4", **acting_at(start.inputs, chain, start.start, *state))
     whole = min(run.sample, 1 / (scene.drive.rate or 1 / run.sample)) if run.controlled else run.step
     step = whole / math.ceil(whole / (0.5 * stable))  # half of it: the motion changes it by less
     fixed = scene.varied({"run.method": "RK4", "run.step": step})

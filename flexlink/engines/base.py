@@ -15,17 +15,14 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.problem import Problem
 from flexlink.engines.read_back import ReadBack
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.drives import drive_arrays
-from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.step_check import judge_step
-from flexlink.inputs.tip_wrench import initial_wrench, wrench_table
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.drive_torque import drive_torque, sample_law
 from flexlink.kernels.inputs.record import Drive
 from flexlink.kernels.inputs.tip_wrench import put_given
@@ -118,11 +115,10 @@ class DriveTorque:
         return self._tau
 
 
-def drive_function(scene: Scene) -> DriveTorque | None:
-    """The scene's drive as a function, or None if the scene has no drive."""
-    chain = lump(scene)
-    drive = drive_arrays(scene, chain)
-    return DriveTorque(drive, chain.n) if len(drive.joints) else None
+def drive_function(problem: Problem) -> DriveTorque | None:
+    """The drive as a function, or None if there is none."""
+    drive = problem.inputs.drive
+    return DriveTorque(drive, problem.chain.n) if len(drive.joints) else None
 
 
 class TipWrench:
@@ -138,12 +134,11 @@ class TipWrench:
         As in `DriveTorque`.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, problem: Problem) -> None:
         self.middle: float | None = None
-        chain = lump(scene)
-        self._table, (self._now, frame) = wrench_table(scene, chain), initial_wrench(scene, chain)
+        self._table, (self._now, frame) = problem.inputs.table, wrench_at(problem.inputs, problem.start)
         self.follows = frame == "tip"
-        self.constant = scene.wrench.times is None
+        self.constant = problem.scene.wrench.times is None
 
     def begin(self, number: int, h: float, q: Array, qd: Array) -> None:
         """As in `DriveTorque`."""
@@ -161,9 +156,9 @@ def rotate_wrench(rotation: Array, wrench: Array) -> Array:
     return (wrench.reshape(2, 3) @ rotation.T).ravel()
 
 
-def wrench_function(scene: Scene) -> TipWrench | None:
-    """The scene's tip wrench as a function of time, or None if the scene has none."""
-    return TipWrench(scene) if scene.wrench.acts else None
+def wrench_function(problem: Problem) -> TipWrench | None:
+    """The tip wrench as a function of time, or None if there is none."""
+    return TipWrench(problem) if problem.scene.wrench.acts else None
 
 
 def refuse_sampled_inputs(engine: str, scene: Scene) -> None:
@@ -211,8 +206,8 @@ def refuse_prescribed_motion(engine: str, chain: Chain) -> None:
         )
 
 
-def allocate_samples(scene: Scene) -> Samples:
-    """Times and states of all samples; row 0 holds the initial state, the other rows are uninitialized.
+def fixed_steps_problem(scene: Scene) -> Problem:
+    """The problem of a scene whose run other engines can follow.
 
     Raises
     ------
@@ -221,22 +216,25 @@ def allocate_samples(scene: Scene) -> Samples:
     UnstableStepError
         The step exceeds the stability limit, and `run.unstable` does not allow it.
     """
-    run, chain = scene.run, lump(scene)
-    if not steps_explicitly(run):
+    problem = problem_of(scene)
+    if not problem.explicit:
         raise ArgumentError(
-            f"method = {run.method!r}: other engines need fixed steps of an explicit method; set method and step"
+            f"method = {scene.run.method!r}: other engines need fixed steps of an explicit method; set method and step"
         )
-    q, qd = np.empty((2, run.samples, chain.n))
-    q[0], qd[0] = initial_state(scene, chain)
-    judge_step(scene, chain, q[0], qd[0], input_arrays(scene, chain))
-    return run.times_from(scene.initial.time), q, qd
+    judge_step(problem)
+    return problem
 
 
-def divergence_error(engine: str, scene: Scene, samples: Samples, row: int) -> DivergenceError:
+def allocate_samples(problem: Problem) -> Samples:
+    """Times and states of all samples; row 0 holds the initial state, the other rows are uninitialized."""
+    run = problem.run
+    q, qd = np.empty((2, run.samples, problem.chain.n))
+    q[0], qd[0] = problem.q, problem.qd
+    return run.times_from(problem.start), q, qd
+
+
+def divergence_error(engine: str, problem: Problem, samples: Samples, row: int) -> DivergenceError:
     """The error of a run whose sample `row` is the first that is not finite; it holds the samples before."""
-    message = (
-        f"{scene.name}: the state in {engine} is no longer finite at t = {samples[0][row]:.6g} s; {row} samples kept"
-    )
-    chain = lump(scene)
-    finite = (array[:row].copy() for array in samples)
-    return DivergenceError(message, trajectory_from_states(scene, chain, input_arrays(scene, chain), *finite))
+    time = f"t = {samples[0][row]:.6g} s"
+    message = f"{problem.scene.name}: the state in {engine} is no longer finite at {time}; {row} samples kept"
+    return DivergenceError(message, trajectory_from_states(problem, *(array[:row].copy() for array in samples)))

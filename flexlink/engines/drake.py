@@ -24,10 +24,10 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 
 from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.problem import Problem
 from flexlink.engines import base, drake_reader
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.sdf import sdf_names, to_sdf
@@ -156,12 +156,13 @@ class DrakeEngine:
     def integrate(self, scene: Scene) -> base.Samples:
         """`Simulator.AdvanceTo` with Drake's own Runge-Kutta method at fixed steps."""
         run = scene.run
-        base.refuse_prescribed_motion("Drake", lump(scene))
+        problem = base.fixed_steps_problem(scene)
+        base.refuse_prescribed_motion("Drake", problem.chain)
         base.refuse_sampled_inputs("Drake", scene)
         methods = {"RK3": "runge_kutta3", "DOPRI5": "runge_kutta5"}  # ours: Drake's
         base.refuse_method("Drake", run.method, methods)
-        samples = t, q, qd = base.allocate_samples(scene)
-        simulator, plant = self._simulator(scene)
+        samples = t, q, qd = base.allocate_samples(problem)
+        simulator, plant = self._simulator(problem)
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate([q[0], qd[0]]))
         integrator = ResetIntegratorFromFlags(simulator, methods[run.method], run.step)
@@ -172,11 +173,11 @@ class DrakeEngine:
                 simulator.AdvanceTo(t[row])
             except RuntimeError as error:
                 if re.search("NaN|hinge inertia", str(error)):  # Drake's errors of a state that is not finite
-                    raise base.divergence_error(self.name, scene, samples, row) from error
+                    raise base.divergence_error(self.name, problem, samples, row) from error
                 raise
             q[row], qd[row] = plant.GetPositions(state), plant.GetVelocities(state)
             if not np.isfinite([q[row], qd[row]]).all():
-                raise base.divergence_error(self.name, scene, samples, row)
+                raise base.divergence_error(self.name, problem, samples, row)
         return samples
 
     def _load(self, plant: MultibodyPlant) -> MultibodyPlant:
@@ -186,11 +187,11 @@ class DrakeEngine:
         plant.Finalize()
         return plant
 
-    def _simulator(self, scene: Scene) -> tuple[Simulator, MultibodyPlant]:
+    def _simulator(self, problem: Problem) -> tuple[Simulator, MultibodyPlant]:
         """A simulator of a plant with the scene's drive and tip wrench and with Coulomb friction, and that plant."""
         builder = DiagramBuilder()
         plant = self._load(builder.AddSystem(MultibodyPlant(time_step=0.0)))
-        drive, wrench = base.drive_function(scene), base.wrench_function(scene)
+        drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         inputs = builder.AddSystem(_Inputs(self, drive, wrench))
         builder.Connect(plant.get_state_output_port(), inputs.state)
         if drive is not None or self.coulomb.any():

@@ -27,10 +27,10 @@ from exudyn.itemInterface import (
 )
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.problem import Problem
 from flexlink.engines import base
 from flexlink.engines.read_back import ReadBack, of_chain
 from flexlink.formats import read_urdf, to_urdf
@@ -92,18 +92,19 @@ class ExudynEngine:
     def integrate(self, scene: Scene) -> base.Samples:
         """Exudyn's own Runge-Kutta method, sample by sample."""
         run = scene.run
-        base.refuse_prescribed_motion("Exudyn", lump(scene))
+        problem = base.fixed_steps_problem(scene)
+        base.refuse_prescribed_motion("Exudyn", problem.chain)
         base.refuse_sampled_inputs("Exudyn", scene)
         base.refuse_method("Exudyn", run.method, METHODS)
-        samples = t, q, qd = base.allocate_samples(scene)
+        samples = t, q, qd = base.allocate_samples(problem)
         whole = self._whole
         whole.load(np.zeros(self.n), None)
-        with whole.driven(self._torque_function(scene), base.wrench_function(scene)):
+        with whole.driven(self._torque_function(problem), base.wrench_function(problem)):
             for row in range(1, len(t)):
                 begin = (row - 1) * run.steps_per_sample * run.step
                 q[row], qd[row] = whole.advance(q[row - 1], qd[row - 1], begin, run)
                 if not np.isfinite([q[row], qd[row]]).all():
-                    raise base.divergence_error(self.name, scene, samples, row)
+                    raise base.divergence_error(self.name, problem, samples, row)
         return samples
 
     def _coulomb(self, qd: Array) -> Array:
@@ -111,9 +112,9 @@ class ExudynEngine:
         torque: Array = hinges["coulomb"] * np.tanh(qd / hinges["coulomb_width"])
         return torque
 
-    def _torque_function(self, scene: Scene) -> TorqueFunction | None:
+    def _torque_function(self, problem: Problem) -> TorqueFunction | None:
         """Drive less Coulomb friction with Exudyn's signature, or None if there is neither."""
-        drive = base.drive_function(scene)
+        drive = base.drive_function(problem)
         if drive is None and not self.read.hinges["coulomb"].any():
             return None
 

@@ -18,7 +18,6 @@ import mujoco
 import numpy as np
 
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
@@ -153,13 +152,14 @@ class MujocoEngine:
         """`mj_step` with MuJoCo's RK4."""
         run, model = scene.run, self.model
         base.refuse_method("MuJoCo", run.method, ["RK4"])
-        base.refuse_prescribed_motion("MuJoCo", lump(scene))
-        samples = t, q, qd = base.allocate_samples(scene)
+        problem = base.fixed_steps_problem(scene)
+        base.refuse_prescribed_motion("MuJoCo", problem.chain)
+        samples = t, q, qd = base.allocate_samples(problem)
         data = self.data
         mujoco.mj_resetData(model, data)
         model.opt.timestep = run.step
         data.qpos[:], data.qvel[:], data.time = q[0], qd[0], scene.initial.time
-        drive, wrench = base.drive_function(scene), base.wrench_function(scene)
+        drive, wrench = base.drive_function(problem), base.wrench_function(problem)
         first_step = round(scene.initial.time / run.step)
         if wrench is not None and wrench.constant and not wrench.follows:
             data.xfrc_applied[self.tip], wrench = wrench(0.0), None
@@ -177,7 +177,7 @@ class MujocoEngine:
                 restarted = abs(data.time - t[row]) > run.step / 2
                 finite = np.isfinite([data.qpos, data.qvel]).all()  # MuJoCo's warnings look at the step before
                 if restarted or data.warning.number.any() or not finite:
-                    raise base.divergence_error(self.name, scene, samples, row)
+                    raise base.divergence_error(self.name, problem, samples, row)
                 q[row], qd[row] = data.qpos, data.qvel
         return samples
 

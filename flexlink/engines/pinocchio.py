@@ -19,11 +19,11 @@ import pinocchio as pin
 
 from flexlink.chain.arguments import vector
 from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
+from flexlink.dynamics.problem import Problem
 from flexlink.engines import pinocchio_reader
 from flexlink.engines.base import (
     ForeignFile,
@@ -32,12 +32,12 @@ from flexlink.engines.base import (
     allocate_samples,
     divergence_error,
     drive_function,
+    fixed_steps_problem,
     wrench_function,
 )
 from flexlink.engines.read_back import ReadBack
 from flexlink.formats.document import xml_joint_names
 from flexlink.formats.urdf import LIMIT, to_urdf
-from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
 
 NOT_IN_URDF = ("stiffness", "rest", "coulomb_width", "armature")  # attributes of our own elements
@@ -164,24 +164,25 @@ class PinocchioEngine:
 
     def integrate(self, scene: Scene) -> Samples:
         """The scene's Runge-Kutta method, as a plain loop over `aba`."""
-        samples = t, q, qd = allocate_samples(scene)
-        run, step = scene.run, self._step_function(scene)
-        first_step = round(scene.initial.time / run.step)
+        problem = fixed_steps_problem(scene)
+        samples = t, q, qd = allocate_samples(problem)
+        run, step = problem.run, self._step_function(problem)
+        first_step = round(problem.start / run.step)
         y = np.concatenate([q[0], qd[0]])
         with np.errstate(all="ignore"):  # divergence raises an error below
             for row in range(1, len(t)):
                 for number in range((row - 1) * run.steps_per_sample, row * run.steps_per_sample):
                     y = step(first_step + number, y)
                 if not np.isfinite(y).all():
-                    raise divergence_error(self.name, scene, samples, row)
+                    raise divergence_error(self.name, problem, samples, row)
                 q[row], qd[row] = y[: self.n], y[self.n :]
         return samples
 
-    def _step_function(self, scene: Scene) -> Callable[[int, Array], Array]:
+    def _step_function(self, problem: Problem) -> Callable[[int, Array], Array]:
         """A function that returns the state (q, q̇) at (number + 1) h from the one at number · h."""
-        n, h, wrench = self.n, scene.run.step, wrench_function(scene)
-        A, b, c = method(scene.run.method).arrays
-        drive, motion = drive_function(scene), motion_arrays(scene, lump(scene))
+        n, h, wrench = self.n, problem.run.step, wrench_function(problem)
+        A, b, c = method(problem.run.method).arrays
+        drive, motion = drive_function(problem), problem.inputs.motion
         F, no_torque, prescribed = np.empty((len(c), 2 * n)), np.zeros(n), np.zeros(n)
 
         def step(number: int, y: Array) -> Array:

@@ -12,9 +12,10 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.equilibrium import solve_static
-from flexlink.inputs.actuation import motion_arrays
-from flexlink.inputs.tip_wrench import initial_wrench
+from flexlink.inputs.actuation import passive_inputs
+from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.kernels.inputs.record import Inputs, MotionTable
 
 APART = 1e-9
 """How far a state may be from a prescribed motion [rad, rad/s], as a part where it is more than 1: what a rate or angle
@@ -50,19 +51,26 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     ConvergenceError
         passive = "static", and the arm finds no equilibrium.
     """
-    initial = require_type("scene", scene, Scene).initial
+    require_type("scene", scene, Scene)
     require_type("chain", chain, Chain)
+    return state_under(passive_inputs(scene, chain), scene, chain)
+
+
+def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:
+    """`initial_state` where the inputs of the scene are known."""
+    initial = scene.initial
     q = _given("q", initial.q, np.radians(spread(chain, initial.joint_deg)))
     qd = _given("qd", initial.qd, np.radians(spread(chain, initial.rates)))
     if initial.passive == "static" and len(chain.active) < chain.n:
-        wrench, frame = initial_wrench(scene, chain)
+        wrench, frame = wrench_at(inputs, initial.time)
         held, posture = chain.active.tolist(), q
         rest = POSTURES(
             chain, (q.tobytes(), wrench.tobytes(), frame),
             lambda: solve_static(chain, posture, tip_wrench=wrench, frame=frame, locked=held),
         )  # fmt: skip
         q = rest.q.copy()
-    _check_followed(scene, chain, q, qd)
+    if scene.motion:
+        _check_followed(inputs.motion, scene, chain, q, qd)
     return q, qd
 
 
@@ -82,11 +90,8 @@ def _given(name: str, numbers: tuple[float, ...] | None, otherwise: Array) -> Ar
     return np.array(numbers)
 
 
-def _check_followed(scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
+def _check_followed(motion: MotionTable, scene: Scene, chain: Chain, q: Array, qd: Array) -> None:
     """Check that prescribed joints start on their motion."""
-    if not scene.motion:
-        return
-    motion = motion_arrays(scene, chain)
     there = q.copy(), qd.copy()
     follow(motion, scene.initial.time, *there, np.zeros(chain.n))
     for name, unit, state, wanted in (("q", "rad", q, there[0]), ("qd", "rad/s", qd, there[1])):

@@ -16,8 +16,8 @@ from flexlink.describe.schemes.methods import Method, method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.vibration.extremes import slowest_frequency
 from flexlink.dynamics.vibration.stability import stable_step
+from flexlink.inputs.actuation import acting_at
 from flexlink.inputs.drives import gains_of
-from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.bodies.plane import planar_workspace
 from flexlink.kernels.bodies.rne import rne_workspace
 from flexlink.kernels.forward.mass_plus_diagonal import FACTORS
@@ -339,9 +339,8 @@ def choose(run: RunSettings, record: Record, slowest: float) -> Choice:
 
 def longest_step(name: str, record: Record, t: float, state: tuple[Array, ...]) -> float:
     """Of an explicit method its largest stable step about a state t, q, q̇ [s], beyond which its error only grows."""
-    inputs, (q, qd, *_) = record.inputs, state
-    (wrench, frame), gains = wrench_at(inputs, t), gains_of(record.chain, inputs.drive, t, q, qd)
-    return stable_step(record.chain, q, qd, method=name, tip_wrench=wrench, frame=frame, gains=gains)
+    chain, (q, qd, *_) = record.chain, state
+    return stable_step(chain, q, qd, method=name, **acting_at(record.inputs, chain, t, q, qd))
 
 
 def settings(run: RunSettings, method: Method, record: Record, largest: float) -> tuple[float, ...]:

@@ -32,7 +32,7 @@ def hindrance(record: Record, q: Array) -> Hindrance | None:
     growth, without = sampled_growth(record)
     if growth > max(1.0, without) * (1.0 + faster_growth):
         return Hindrance(
-            f"the control loop is unstable at drive.rate = {record.scene.drive.rate:g} Hz: near the start, "
+            f"the control loop is unstable at drive.rate = {record.problem.scene.drive.rate:g} Hz: near the start, "
             f"motion grows by a factor of {growth:.3g} from one sample to the next",
             "use a higher rate, smaller gains, or no rate",
         )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.conditions import AUTO, RunSettings, steps_explicitly
+from flexlink.describe.conditions import AUTO, RunSettings
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics import rounding
 from flexlink.dynamics.terms import mass_matrix
@@ -96,10 +96,8 @@ class RunMonitor:
         Sum of the steps' own errors of the tip [m], of fixed steps of an explicit method.
     """
 
-    def __init__(
-        self, run: RunSettings, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None
-    ) -> None:
-        chain = record.chain
+    def __init__(self, record: Record, warnings: tuple[str, ...] = (), control: Control | None = None) -> None:
+        chain, run = record.chain, record.run
         self.record, self.run, self.control = record, run, control
         self.passive = np.array([k for k, c in enumerate(chain.coordinates) if c.segment], dtype=np.intp)
         self.limited = np.flatnonzero(np.isfinite(chain.hinges["lower"]))
@@ -110,7 +108,7 @@ class RunMonitor:
         self._unbalanced = self._excused = 0.0  # largest imbalance so far, apart from what is allowed, and with it [J]
         self.tip_error = 0.0
         self.confirmed = False
-        self.explicit = steps_explicitly(run)
+        self.explicit = record.problem.explicit
         self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
 

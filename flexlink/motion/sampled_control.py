@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import positive, require_callable
-from flexlink.chain.chain import Chain
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import RunSettings, multiples, parts, steps_explicitly, whole
-from flexlink.describe.scene import Scene
+from flexlink.describe.conditions import RunSettings, multiples, parts, whole
 from flexlink.describe.schemes.methods import method
 from flexlink.describe.spec import truncated
+from flexlink.dynamics.problem import Problem
 from flexlink.inputs.drives import effort_of, held_torques
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.stepping.runge_kutta import integrate, stage
@@ -42,9 +41,9 @@ class Control:
         What it gave at its instants, held: so far, 0 later.
     """
 
-    def __init__(self, law: Law, rate: float | None, scene: Scene, chain: Chain) -> None:
-        run, start, self.law, self.chain = scene.run, scene.initial.time, law, chain
-        self.effort = effort_of(scene, chain)
+    def __init__(self, law: Law, rate: float | None, problem: Problem) -> None:
+        run, start, chain, self.law, self.chain = problem.run, problem.start, problem.chain, law, problem.chain
+        self.effort = effort_of(problem.scene, chain)
         self.sampled, self.origin = rate is not None, round(start / run.step)
         between = run.sample if rate is None else 1 / positive("rate", rate)
         if self.sampled:
@@ -149,7 +148,7 @@ class Control:
         return tau
 
 
-def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) -> Control | None:
+def control_of(problem: Problem, law: Law | None, rate: float | None) -> Control | None:
     """The law of a run, checked, or None.
 
     Raises
@@ -163,13 +162,13 @@ def control_of(scene: Scene, chain: Chain, law: Law | None, rate: float | None) 
         if rate is not None:
             raise ArgumentError(f"rate = {rate!r}: has no effect without control; give control, or leave rate out")
         return None
-    run = scene.run
+    run, scene = problem.run, problem.scene
     if scene.drive.kind != "none":
         raise ArgumentError(f"control: the scene has a drive, {scene.drive.kind!r}, too; give only one")
-    if rate is None and not steps_explicitly(run):
+    if rate is None and not problem.explicit:
         what = "a tolerance" if run.controlled else f"method = {run.method!r}, which is implicit"
         raise ArgumentError(
             f"control: with {what}, a control law needs a rate; give rate, or take fixed steps of an explicit method, "
             "such as RK4"
         )
-    return Control(law, rate, scene, chain)
+    return Control(law, rate, problem)

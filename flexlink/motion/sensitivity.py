@@ -9,16 +9,14 @@ import numpy as np
 from flexlink.chain.arguments import require_type, sequence
 from flexlink.common.errors import ArgumentError
 from flexlink.common.types import Array
-from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.placement import jacobian
 from flexlink.dynamics.result import Result
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.kernels.derivatives.sensitivity import integrate_derivatives, tip_derivatives
 from flexlink.motion.parameters import parametric
 from flexlink.motion.simulate import simulate
-from flexlink.results.record import Record
 from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 
@@ -80,26 +78,27 @@ def sensitivities(scene: Scene, parameters: object) -> Sensitivities:
     SceneError, UnstableStepError, DivergenceError, InterruptedRunError
         As in `simulate`; a DivergenceError, too, where a derivative leaves the finite numbers.
     """
-    run = require_type("scene", scene, Scene).run
+    problem = problem_of(require_type("scene", scene, Scene))
+    run, chain = problem.run, problem.chain
     paths = sequence("parameters", parameters, "path, such as 'tip.mass'")
     if not paths:
         raise ArgumentError("parameters = (): empty; name at least one path")
-    if not steps_explicitly(run):
+    if not problem.explicit:
         raise ArgumentError(
             f"run.method = {run.method!r}: sensitivities need fixed steps of an explicit method, such as RK4"
         )
     trajectory = simulate(scene)
-    chain, inputs = trajectory.chain, input_arrays(scene, trajectory.chain)
     varied, (δq, δqd) = parametric(scene, chain, paths)
     _check_drive(scene, trajectory, varied.drive)
     found = np.empty((2, len(trajectory.t), chain.n, len(paths)))
-    record = Record(scene, chain, inputs, trajectory.t, trajectory.q.copy(), trajectory.qd.copy())
+    origin = round(problem.start / run.step)  # steps from t = 0 to the start
     state = trajectory.q[0].copy(), trajectory.qd[0].copy()
     slopes = δq.ravel().copy(), δqd.ravel().copy()
-    fixed, every = (record.scratch, method(run.method).arrays, inputs, varied, run.step), run.steps_per_sample
+    fixed = problem.workspace(), method(run.method).arrays, problem.inputs, varied, run.step
+    every = run.steps_per_sample
     found[0, 0], found[1, 0] = δq, δqd
     for row in range(1, len(trajectory.t)):
-        first = record.origin + (row - 1) * every
+        first = origin + (row - 1) * every
         if not integrate_derivatives(*fixed, first, first + every, state, slopes):
             raise DivergenceError(
                 f"{chain.name}: a derivative overflows at t = {trajectory.t[row]:.6g} s; shorten the run, or take "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import signal
 from collections.abc import Callable, Iterator
@@ -11,14 +12,12 @@ from msgspec.structs import replace
 from numpy.typing import ArrayLike
 
 from flexlink.chain.arguments import require_callable, require_type
-from flexlink.chain.chain import Chain
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError, SceneError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.conditions import Accuracy, ForwardSolver, Unstable, check_method, multiples
 from flexlink.describe.scene import Scene
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.initial_state import initial_state
+from flexlink.dynamics.problem import Problem
+from flexlink.inputs.problem import problem_of
 from flexlink.inputs.step_check import judge_step
 from flexlink.motion.adaptive_steps import AdaptiveSteps
 from flexlink.motion.budget import warn
@@ -114,7 +113,7 @@ def simulate(
     said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
     said |= starting_from(q0, qd0, t0)
     scene = require_type("scene", scene, Scene).varied(said) if said else require_type("scene", scene, Scene)
-    run = SingleRun(scene, prepare(scene, lump(scene), control, rate))
+    run = SingleRun(prepare(problem_of(scene), control, rate))
     with deferred() as stop:
         return run.finish(stop, progress, warn=warn)
 
@@ -132,9 +131,8 @@ def starting_from(q0: ArrayLike | None, qd0: ArrayLike | None, t0: float | None)
 class SingleRun:
     """A run that is ready to start: checked, allocated, compiled; errors as in `simulate`."""
 
-    def __init__(self, scene: Scene, monitor: RunMonitor | None = None) -> None:
-        self.scene = scene
-        self.monitor = prepare(scene, lump(scene)) if monitor is None else monitor
+    def __init__(self, monitor: RunMonitor) -> None:
+        self.monitor = monitor
         self.steps = steps_of(self.monitor)
 
     def finish(
@@ -153,7 +151,7 @@ class SingleRun:
         try:
             self.advance(stop, progress or (lambda _: None), warn=warn)
             if compared and not (monitor.failure or steps.failure or stop.asked):
-                monitor.warnings += verify(self.scene, monitor, steps.steps.method, stop)
+                monitor.warnings += verify(monitor, steps.steps.method, stop)
         except LawFailure as failure:
             raise ControlError(f"{monitor.record.chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
         except KeyboardInterrupt:  # of a caller's own handler, or of its `progress`
@@ -185,14 +183,14 @@ class SingleRun:
                 break
 
 
-def verify(scene: Scene, monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
+def verify(monitor: RunMonitor, name: str, stop: Stop) -> Iterator[str]:
     """Compare a finished run of this method with verification runs: yields a warning where they contradict it."""
-    text, own = "", monitor.steps.evaluations
+    text, own, problem = "", monitor.steps.evaluations, monitor.record.problem
     for second in second_runs(monitor, name):
         text = text or UNKNOWN.format(times=GIVEN_UP, advice=advice(monitor))
         try:
-            again = replace(scene, run=second.run)  # whose steps may not be such that one begins at its start
-            other = SingleRun(again, prepare(again, monitor.record.chain))
+            again = replace(problem.scene, run=second.run)  # whose steps may not be such that one begins at its start
+            other = SingleRun(prepare(problem_of(again, problem.chain)))
             other.advance(stop, lambda _: None, most=GIVEN_UP * own)
         except FlexlinkError:
             continue
@@ -218,16 +216,16 @@ def steps_of(monitor: RunMonitor) -> FixedSteps | AdaptiveSteps:
 
 
 def prepare(
-    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+    problem: Problem, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
     """`allocate` a run and check its first sample; errors as there."""
-    monitor = allocate(scene, chain, law, rate, rows=rows)
+    monitor = allocate(problem, law, rate, rows=rows)
     monitor.check(1)
     return monitor
 
 
 def allocate(
-    scene: Scene, chain: Chain, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
+    problem: Problem, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
     """Allocate the sample arrays of a run, write the initial state into row 0, and check the fixed step.
 
@@ -238,23 +236,23 @@ def allocate(
     UnstableStepError
         As in `simulate`.
     """
-    run, inputs = scene.run, input_arrays(scene, chain)
+    run, chain = problem.run, problem.chain
     check_method(run)
-    control = control_of(scene, chain, law, rate)
+    control = control_of(problem, law, rate)
     if control is not None:
-        inputs = inputs._replace(drive=control.drive)
+        problem = dataclasses.replace(problem, inputs=problem.inputs._replace(drive=control.drive))
     try:
-        times = multiples(scene.initial.time, run.between, run.samples if rows is None else rows)
-        record = Record(scene, chain, inputs, times, *np.empty((2, len(times), chain.n)))
+        times = multiples(problem.start, run.between, run.samples if rows is None else rows)
+        record = Record(problem, times, *np.empty((2, len(times), chain.n)))
     except (MemoryError, ValueError):  # ValueError: more than numpy can count
         raise SceneError(
             f"run.sample = {run.sample!r}: {run.samples} samples of {chain.n} joints do not fit into memory"
         ) from None
-    record.q[0], record.qd[0] = start = initial_state(scene, chain)
-    monitor = RunMonitor(run, record, judge_step(scene, chain, *start, inputs), control)
+    record.q[0], record.qd[0] = problem.q, problem.qd
+    monitor = RunMonitor(record, judge_step(problem), control)
     if control is not None:
         try:
-            control.note(0, *start)
+            control.note(0, problem.q, problem.qd)
         except LawFailure as failure:
-            raise ControlError(f"{scene.name}: {failure}", monitor.trajectory()) from failure.__cause__
+            raise ControlError(f"{chain.name}: {failure}", monitor.trajectory()) from failure.__cause__
     return monitor

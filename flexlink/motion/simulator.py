@@ -15,8 +15,8 @@ from flexlink.common.errors import ArgumentError
 from flexlink.describe.conditions import parts, whole
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
-from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.drives import effort_of, held_torques, remembered
+from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.samples import tips_and_energies
 from flexlink.motion.monitor import allowed_imbalance, tolerance_of
 from flexlink.motion.simulate import prepare, starting_from, steps_of
@@ -85,7 +85,8 @@ class Simulator:
             The step is larger than the largest stable one there.
         """
         changes = starting_from(q, qd, time)
-        monitor = prepare(self._scene.varied(changes) if changes else self._scene, self.chain, rows=1)
+        scene = self._scene.varied(changes) if changes else self._scene
+        monitor = prepare(problem_of(scene, self.chain), rows=1)
         self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
         inputs = self._record.inputs
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)
@@ -189,7 +190,5 @@ class Simulator:
         advice = fault.advice or f"try {'another tolerance, or fixed steps' if run.controlled else fixed}"
         return fault.kind(
             f"{self.chain.name}: after t = {t:.6g} s: {fault.text}; {advice}",
-            trajectory_from_states(
-                self._scene, self.chain, input_arrays(self._scene, self.chain), np.array([t]), q[None], qd[None]
-            ),
+            trajectory_from_states(problem_of(self._scene, self.chain), np.array([t]), q[None], qd[None]),
         )

@@ -95,7 +95,7 @@ def multiplies(monitor: RunMonitor) -> str:
     if turned(monitor) > far:
         return ": this motion multiplies errors"
     growth, without = sampled_growth(monitor.record)
-    more, rate = growth / max(1.0, without), monitor.record.scene.drive.rate or 0.0
+    more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
     if more > 1.0 and np.log(more) * rate * monitor.run.duration > np.log(notable_growth):
         return f": the control loop, unstable at drive.rate = {rate:g} Hz, multiplies errors"
     return ""

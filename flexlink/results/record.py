@@ -7,21 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
-from flexlink.describe.scene import Scene
-from flexlink.dynamics.accelerations import solver_for
+from flexlink.dynamics.problem import Problem
 from flexlink.dynamics.terms import Energy
-from flexlink.kernels.inputs.record import Inputs
 from flexlink.kernels.stepping.samples import drive_torques, prescribed_torques, tips_and_energies
 from flexlink.kernels.tools.machine_code import direct
 from flexlink.results.samples import Steps
 from flexlink.results.trajectory import Trajectory
 
 
-def trajectory_from_states(scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> Trajectory:
-    """Add tip, energies and drive torques to states that another engine's run of `scene` went through."""
-    record = Record(scene, chain, inputs, t, q.copy(), qd.copy())
+def trajectory_from_states(problem: Problem, t: Array, q: Array, qd: Array) -> Trajectory:
+    """Add tip, energies and drive torques to states that another engine's run of a problem went through."""
+    record = Record(problem, t, q.copy(), qd.copy())
     record.derive(0, len(t))
     return record.trajectory(len(t), balanced=False)
 
@@ -38,14 +35,14 @@ class Record:
         Number of fixed steps from t = 0 to the start of the run.
     """
 
-    def __init__(self, scene: Scene, chain: Chain, inputs: Inputs, t: Array, q: Array, qd: Array) -> None:
-        self.scene, self.run, self.chain, self.t, self.q, self.qd = scene, scene.run, chain, t, q, qd
+    def __init__(self, problem: Problem, t: Array, q: Array, qd: Array) -> None:
+        self.problem, self.run, self.chain, self.inputs = problem, problem.run, problem.chain, problem.inputs
+        self.t, self.q, self.qd = t, q, qd
         self.tau, self.tip, self.energy = np.empty_like(q), np.empty((len(t), 3)), np.empty((3, len(t)))
         self.works = np.zeros(len(t))
-        self.inputs = inputs
         self.origin = 0 if self.run.controlled else round(float(t[0]) / self.run.step)
         self._drive_torques: Callable[..., Any] | None = None
-        self.scratch = solver_for(chain, self.run.solver).workspace(chain.arrays)
+        self.scratch = problem.workspace()
 
     def derive(self, first: int, stop: int) -> None:
         """Tip, energies and drive torques of the samples first … stop − 1."""
@@ -69,7 +66,7 @@ class Record:
         work = self.work(slice(stop)) if balanced else None
         t, q, qd, tau, tip = (_kept(a, stop) for a in (self.t, self.q, self.qd, self.tau, self.tip))
         energy, wrench = Energy(*self.energy[:, :stop]), self.inputs.tip_wrenches(t, q, qd)
-        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.scene)
+        return Trajectory(self.chain, t, q, qd, tau, tip, energy, work, warnings, steps, wrench, self.problem.scene)
 
 
 def _kept(array: Array, stop: int) -> Array:

@@ -19,6 +19,7 @@ from flexlink.advice.model_runner import Outcome, Stepping
 from flexlink.common.types import Array
 from flexlink.describe.schemes.lumping_rules import lumping_rule
 from flexlink.describe.schemes.methods import method
+from flexlink.inputs.problem import problem_of
 from flexlink.results.convergence import Limit, extrapolated, observed_order
 from flexlink.results.tip_motion import distances, largest_distance, largest_so_far
 from flexlink.scene_report.study import Study
@@ -149,7 +150,7 @@ class Refinement:
     @cached_property
     def scale(self) -> float:
         """CPU time of evaluations on this machine over that in the list of `advice.evaluation_cost`."""
-        return machine_factor(self.scene, self.chain)
+        return machine_factor(problem_of(self.scene, self.chain))
 
     @cached_property
     def own(self) -> Choice:

@@ -8,8 +8,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import ArgumentError, FlexlinkError, SceneError
 from flexlink.describe.spec import did_you_mean, truncated
 from flexlink.engines import load
-from flexlink.inputs.actuation import input_arrays
-from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.problem import problem_of
 from flexlink.results.record import trajectory_from_states
 from flexlink.sweeps.measures import DEFLECTION, MEASURES
 from flexlink.sweeps.plan import Plan
@@ -48,7 +47,5 @@ def preflight(plan: Plan) -> None:
 def _columns(plan: Plan, number: int) -> list[str]:
     """Names of the columns of a member's initial state."""
     scene, _ = plan.member(number)
-    chain = lump(scene)
-    q, qd = initial_state(scene, chain)
-    state = trajectory_from_states(scene, chain, input_arrays(scene, chain), scene.run.times[:1], q[None], qd[None])
-    return list(state.columns)
+    start = problem_of(scene)
+    return list(trajectory_from_states(start, scene.run.times[:1], start.q[None], start.qd[None]).columns)

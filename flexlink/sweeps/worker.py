@@ -9,13 +9,12 @@ from typing import Literal, NamedTuple
 
 import msgspec
 
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import EngineError, FlexlinkError
 from flexlink.common.interruption import Stop, deferred
 from flexlink.describe.conditions import steps_explicitly
 from flexlink.describe.scene import Scene
 from flexlink.engines import load
-from flexlink.inputs.actuation import input_arrays
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.batch import Outcome, outcomes
 from flexlink.results.record import trajectory_from_states
 from flexlink.results.stop_reasons import InterruptedRunError
@@ -119,8 +118,8 @@ def _outcomes(plan: Plan, numbers: Sequence[int], stop: Stop) -> list[Outcome]:
 
 def _integrated(scene: Scene, engine: str) -> Trajectory:
     """The run of another engine."""
-    chain = lump(scene)
-    return trajectory_from_states(scene, chain, input_arrays(scene, chain), *load(engine, chain).integrate(scene))
+    problem = problem_of(scene)
+    return trajectory_from_states(problem, *load(engine, problem.chain).integrate(scene))
 
 
 def _row(plan: Plan, number: int, outcome: Outcome) -> Row:

@@ -26,8 +26,9 @@ from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.inputs.problem import problem_of
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
-from flexlink.motion.simulate import SingleRun
+from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 
@@ -124,7 +125,7 @@ def within_budget(scene: Scene, budget: float, *, compared: bool = True) -> Traj
             raise KeyboardInterrupt
 
     with deferred() as stop:
-        return SingleRun(scene).finish(stop, look, compared=compared)
+        return SingleRun(prepare(problem_of(scene))).finish(stop, look, compared=compared)
 
 
 def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOutcome:

@@ -20,8 +20,8 @@ from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
 from validation.speed.stopwatch import Work
@@ -29,14 +29,12 @@ from validation.speed.stopwatch import Work
 
 def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
-    chain, h = lump(scene), scene.run.step
-    work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
-    start = initial_state(scene, chain)
-    samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
+    problem, h = problem_of(scene), scene.run.step
+    fixed = problem.workspace(), method("RK4").arrays, problem.inputs, h, 0
+    samples = *np.zeros((2, 2, problem.chain.n)), np.zeros(2)
 
     def take(steps: int) -> None:
-        state = start[0].copy(), start[1].copy(), np.zeros(1)
+        state = problem.q.copy(), problem.qd.copy(), np.zeros(1)
         _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
@@ -45,9 +43,10 @@ def native(scene: Scene) -> Work:
 def native_batch(members: Sequence[Scene]) -> Work:
     """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
     scene = members[0]
-    chain, h = lump(scene), scene.run.step
+    problem, h = problem_of(scene), scene.run.step
+    chain = problem.chain
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
+    fixed = work, method("RK4").arrays, problem.inputs, h, 0
     starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
     blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
     samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))

@@ -16,6 +16,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
 from flexlink.inputs.initial_state import initial_state
+from flexlink.inputs.problem import problem_of
 from validation.trade.scenes import errors, seen, trade_scene
 from validation.trade.work_precision import Point
 
@@ -50,7 +51,7 @@ class DrakeRuns:
 
     def run(self, scheme: str, accuracy: float, longest: float) -> Point | None:
         """A run; an error of infinity if Drake gives up, None if it takes more than `longest` [s]."""
-        simulator, plant = self.engine._simulator(self.scene)
+        simulator, plant = self.engine._simulator(problem_of(self.scene, self.chain))
         state = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         plant.SetPositionsAndVelocities(state, np.concatenate(self.start))
         integrator = ResetIntegratorFromFlags(simulator, scheme, self.scene.run.sample)

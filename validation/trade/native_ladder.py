@@ -18,7 +18,8 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.inputs.initial_state import initial_state
-from flexlink.motion.simulate import SingleRun
+from flexlink.inputs.problem import problem_of
+from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.tip_motion import tip_travel
 from validation.trade.scenes import OUTPUTS, Seen, errors, reference, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
@@ -39,7 +40,7 @@ class Timed(NamedTuple):
 
 def timed_run(scene: Scene, longest: float = math.inf) -> Timed:
     """A run of a scene: the time of its steps alone; errors as in `simulate`, and of one longer than `longest` [s]."""
-    run = SingleRun(scene)
+    run = SingleRun(prepare(problem_of(scene)))
     monitor, rows, begun = run.monitor, 1, time.thread_time()
     for reached in run.steps:
         rows = reached.rows
