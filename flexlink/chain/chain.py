@@ -110,7 +110,7 @@ class Chain:
         """Number of degrees of freedom."""
         return len(self.hinges)
 
-    @property
+    @functools.cached_property
     def mass(self) -> float:
         """Mass of all bodies [kg]."""
         return float(self.bodies["mass"].sum())
@@ -181,6 +181,11 @@ class Chain:
         """How far from the origin of frame 0 any of the masses can get [m], at most."""
         offsets, centers = (np.linalg.norm(self.bodies[name], axis=1) for name in ("translation", "center"))
         return float(offsets.sum() + centers.max())
+
+    @functools.cached_property
+    def weight(self) -> float:
+        """Σ m g of all bodies [N]."""
+        return self.mass * float(np.linalg.norm(self.gravity))
 
     @functools.cached_property
     def _sequential(self) -> dict[Coordinate, int]:

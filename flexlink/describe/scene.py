@@ -267,12 +267,14 @@ class Scene(Spec, frozen=True):
             changes = {**implied(self.run, changes), **changes}
         anew = top_level_keys(changes)
         seen = {} if "link" in anew else {"link": _document_of(self.arm.links)}
-        document = apply_changes({**self.document(anew), **seen}, FIELDS, changes)
         parts = {**_parts(self), **_parts(self.arm)}
+        document = apply_changes({**_document_of_parts(parts, anew), **seen}, FIELDS, changes)
         kept = {key: value for key, value in parts.items() if key not in anew}
         arm = None if anew & _OF_ARM.keys() else self.arm
         varied = scene_from({key: value for key, value in document.items() if key in anew}, kept, arm)
-        check_named(varied)
+        if arm is None:
+            hinges_of(varied.arm)
+        check_method(varied.run)
         return varied
 
     def values_at(self, path: str) -> list[Any]:
@@ -312,12 +314,7 @@ class Scene(Spec, frozen=True):
     def document(self, keys: Container[str] | None = None) -> dict[str, Any]:
         """What a TOML parser returns of this scene, or of some of its keys, with all defaults written out."""
         parts = {**_parts(self), **_parts(self.arm)}
-        del parts["arm"]
-        return {
-            key: to_document(value)
-            for key, value in parts.items()
-            if (keys is None or key in keys) and value is not None
-        }
+        return _document_of_parts(parts, FIELDS if keys is None else keys)
 
 
 def _outside_limits(link: Link, angle: float) -> str:
@@ -387,6 +384,10 @@ def check_named(scene: Scene) -> None:
 def _document_of(links: tuple[Link, ...]) -> Any:
     """Links as a TOML parser returns them, to look at only: variants of a scene share them."""
     return to_document(links)
+
+
+def _document_of_parts(parts: Mapping[str, Any], keys: Container[str]) -> dict[str, Any]:
+    return {key: to_document(value) for key, value in parts.items() if key in keys and value is not None}
 
 
 def _parts(spec: Spec) -> dict[str, Any]:

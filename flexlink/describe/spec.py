@@ -244,6 +244,7 @@ def path_to(keys: Iterable[Any], value: Any, kind: Any, path: str = "") -> str:
     return path.lstrip(".")
 
 
+@functools.cache
 def is_per_link(kind: Any) -> bool:
     """Whether an annotation, or one of a union, is marked by `ONE_PER_LINK`."""
     parts = get_args(kind) if get_origin(kind) in {Union, UnionType} else (kind,)
@@ -269,6 +270,7 @@ def _class_of(kind: Any) -> type:
     return kind if isinstance(kind, type) else object
 
 
+@functools.cache
 def type_below(kind: Any, key: str) -> Any:
     """The annotation of `key` inside `kind`: one step down a key path."""
     kind = bare_type(kind)
@@ -278,6 +280,7 @@ def type_below(kind: Any, key: str) -> Any:
     return inner[-1] if inner and get_origin(kind) in {tuple, list, dict} else None
 
 
+@functools.cache
 def bare_type(kind: Any) -> Any:
     """An annotation without its range and without its `| None`."""
     while get_origin(kind) in {Annotated, Union, UnionType}:

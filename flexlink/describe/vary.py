@@ -111,7 +111,7 @@ class _Change:
         """From a table or list of this kind follow the rest of the path: tables or lists at its end, and their keys."""
         for key in self._keys(node, kind, depth):
             if depth < len(self.parts) - 1:
-                below = kind[key] if isinstance(kind, Mapping) else type_below(kind, str(key))
+                below = kind[key] if isinstance(kind, dict) else type_below(kind, str(key))
                 if isinstance(node, dict) and key not in node:
                     node[key] = [0.0] * len(self.links) if is_per_link(below) else {}
                 yield from self.places(node[key], below, depth + 1)
@@ -123,10 +123,10 @@ class _Change:
 
     def _keys(self, node: Any, kind: Any, depth: int) -> Sequence[Any]:
         """Keys of the table, or numbers of the list's items from 0, that this part of the path stands for."""
-        part, above, per_link = self.parts[depth], self._above(depth), is_per_link(kind)
-        kind = kind if isinstance(kind, Mapping) else bare_type(kind)
-        if isinstance(kind, Mapping):
+        part = self.parts[depth]
+        if isinstance(kind, dict):
             return [self._one_of(part, kind)]
+        above, per_link, kind = self._above(depth), is_per_link(kind), bare_type(kind)
         if isinstance(node, dict) and isinstance(kind, type) and issubclass(kind, msgspec.Struct):
             return [self._one_of(part, [field.encode_name for field in fields_of(kind)])]
         if isinstance(node, dict) and get_origin(kind) is dict:

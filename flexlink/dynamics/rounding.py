@@ -208,7 +208,7 @@ def of_energy_balance(chain: Chain, energy: Array, work: Array, q: Array) -> Arr
     A step rounds angles, rates and work to eps of themselves, which changes the energies by a few eps of themselves;
     gravity's by eps |q| m g times the arm's reach, wherever its zero lies.
     """
-    weight = chain.bodies["mass"].sum() * np.linalg.norm(chain.gravity) * chain.reach
+    weight = chain.weight * chain.reach
     size = np.abs(energy).sum(axis=0) + np.abs(work) + weight * np.maximum(1.0, np.abs(q).max(axis=1))
     return np.asarray(4 * EPS * size)
 

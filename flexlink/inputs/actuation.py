@@ -12,21 +12,21 @@ from flexlink.common.errors import SceneError
 from flexlink.common.types import Array
 from flexlink.describe.conditions import PrescribedMotion
 from flexlink.describe.scene import Scene
-from flexlink.inputs.drives import drive_arrays, drive_of, gains_of
+from flexlink.inputs.drives import drive_arrays, gains_of
 from flexlink.inputs.tip_wrench import wrench_at, wrench_table
-from flexlink.kernels.inputs.record import Inputs, MotionTable
+from flexlink.kernels.inputs.record import Drive, Inputs, MotionTable
 
 
 def input_arrays(scene: Scene, chain: Chain) -> Inputs:
     """The inputs of a scene; errors as in `drive_arrays`, `motion_arrays` and `wrench_table`."""
-    return passive_inputs(scene, chain)._replace(drive=drive_arrays(scene, chain))
+    return inputs_with(drive_arrays(scene, chain), scene, chain)
 
 
-def passive_inputs(scene: Scene, chain: Chain) -> Inputs:
-    """Those of a scene without its drive; errors as in `motion_arrays` and `wrench_table`."""
+def inputs_with(drive: Drive, scene: Scene, chain: Chain) -> Inputs:
+    """Those of a scene with another drive; errors as in `motion_arrays` and `wrench_table`."""
     table = wrench_table(scene, chain)
     wrench = scene.tip_wrench if table is None else np.full(6, np.nan)  # until a stage writes it
-    return Inputs(drive_of(np.empty(0, np.int64)), motion_arrays(scene, chain), wrench, table)
+    return Inputs(drive, motion_arrays(scene, chain), wrench, table)
 
 
 def acting_at(inputs: Inputs, chain: Chain, t: float, q: Array, qd: Array) -> dict[str, Any]:

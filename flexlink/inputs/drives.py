@@ -21,7 +21,7 @@ from flexlink.inputs.references import constant, reference_arrays
 from flexlink.inputs.static_feedforward import holding_torque
 from flexlink.kernels.bodies.rigid_model import RigidModel
 from flexlink.kernels.bodies.rne import rne_workspace
-from flexlink.kernels.inputs.drive_torque import drive_torque
+from flexlink.kernels.inputs.drive_torque import drive_slopes
 from flexlink.kernels.inputs.laws import COMPUTED_TORQUE, PD, PD_GRAVITY, TABLE
 from flexlink.kernels.inputs.record import Drive, PiecewisePolynomial
 from flexlink.kernels.layout import BODY, HINGE
@@ -42,7 +42,7 @@ def drive_arrays(scene: Scene, chain: Chain) -> Drive:
     """
     kind = scene.drive.kind if len(chain.active) else "none"
     if kind == "none":
-        return drive_of(np.empty(0, np.int64))
+        return no_drive()
     law = LAWS[kind](scene, chain)
     return law if scene.drive.rate is None else _sampled(scene, law)
 
@@ -100,15 +100,8 @@ def gains_of(chain: Chain, drive: Drive, t: float, q: Array, qd: Array) -> Gains
         return Gains(*np.zeros((2, n)))
     slopes = np.zeros((2, n, len(joints)))
     if not drive.rate:
-        law, state = drive._replace(effort=np.full(len(joints), np.inf)), np.array([q, qd])
-        for part in range(2):
-            for d, k in enumerate(joints):
-                ends = np.zeros((2, n))
-                for side, end in zip((-1, 1), ends, strict=True):
-                    there = state.copy()
-                    there[part, k] += side * NUDGE
-                    drive_torque(law, t, t, there[0], there[1], end)
-                slopes[part, :, d] = (ends[0] - ends[1]) / (2 * NUDGE)
+        unlimited = drive._replace(effort=np.full(len(joints), np.inf))
+        drive_slopes(unlimited, t, np.array([q, qd]), NUDGE, np.zeros((2, n)), slopes)
     own = slopes[:, joints]
     if not np.any(own - own * np.eye(len(joints))):
         diagonal = np.zeros((2, n))
@@ -173,6 +166,12 @@ def rigid_model(chain: Chain) -> RigidModel:
     """A chain with the motion that a law asks it about, and scratch."""
     arrays = chain.arrays
     return RigidModel(arrays, rne_workspace(arrays), np.zeros(6), *np.zeros((4, chain.n)))
+
+
+@functools.cache
+def no_drive() -> Drive:
+    """A drive of no joints. All runs share it, as nothing is written to it."""
+    return drive_of(np.empty(0, np.int64))
 
 
 @functools.cache

@@ -12,7 +12,8 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import truncated
 from flexlink.dynamics.equilibrium import solve_static
-from flexlink.inputs.actuation import passive_inputs
+from flexlink.inputs.actuation import inputs_with
+from flexlink.inputs.drives import no_drive
 from flexlink.inputs.tip_wrench import wrench_at
 from flexlink.kernels.inputs.drive_torque import follow
 from flexlink.kernels.inputs.record import Inputs, MotionTable
@@ -53,7 +54,7 @@ def initial_state(scene: Scene, chain: Chain) -> tuple[Array, Array]:
     """
     require_type("scene", scene, Scene)
     require_type("chain", chain, Chain)
-    return state_under(passive_inputs(scene, chain), scene, chain)
+    return state_under(inputs_with(no_drive(), scene, chain), scene, chain)
 
 
 def state_under(inputs: Inputs, scene: Scene, chain: Chain) -> tuple[Array, Array]:

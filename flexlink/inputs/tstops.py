@@ -50,6 +50,8 @@ def landings(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
     through all of their knots and midpoints.
     """
     knots, given = table.knots, table.coefficients
+    if len(knots) < 3:  # nothing to put together
+        return knots
     c = np.concatenate([given, np.zeros_like(given[:, :1])], axis=1)  # held torques have a slope, too: none
     x = np.diff(knots)[:, None]
     powers = np.arange(c.shape[1])[:, None, None]

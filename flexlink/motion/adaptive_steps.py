@@ -101,8 +101,8 @@ class AdaptiveSteps:
                 pace.size = self._affordable(pace.size)
                 how = self._advance(pace.size) if pace.size else OUTCOME.stuck
                 if how == OUTCOME.goes_on:
-                    pace.end()
-                    yield self._reached()
+                    if pace.end():
+                        yield self._reached()
                     pace.start()
             if how == OUTCOME.stuck:
                 yield self._reached()

@@ -24,6 +24,7 @@ class ChunkSize:
     def __init__(self, n: int) -> None:
         evaluations = 2000  # of one joint, and of a step of any method: 20 ms at most
         self.size, self._started = max(1, evaluations // n), time.perf_counter()
+        self._looked = self._started
 
     def start(self) -> int:
         """Time what is done from now on; returns `size`."""
@@ -35,6 +36,11 @@ class ChunkSize:
         """Whether `BREATH` has passed since the start."""
         return time.perf_counter() - self._started >= BREATH
 
-    def end(self) -> None:
-        """`size` steps have been taken."""
-        self.size = max(1, int(self.size * min(GROW, BREATH / max(time.perf_counter() - self._started, 1e-9))))
+    def end(self) -> bool:
+        """`size` steps have been taken; returns whether it is time to look at them."""
+        now = time.perf_counter()
+        self.size = max(1, int(self.size * min(GROW, BREATH / max(now - self._started, 1e-9))))
+        due = not 0 < now - self._looked < BREATH / 2  # 0: the clock stands
+        if due:
+            self._looked = now
+        return due

@@ -106,8 +106,9 @@ def pieces(monitor: RunMonitor, scratch: Any, state: Arrays, samples: Arrays) ->
     while first < last:
         stop = min(first + pace.start(), last)
         done = int(integrate(*fixed, first, stop, every, state, samples))
-        pace.end()
-        yield done
+        due = pace.end()
+        if due or done < stop or stop == last:
+            yield done
         if done < stop:
             return
         first = stop

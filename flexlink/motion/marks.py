@@ -42,7 +42,7 @@ class Marks:
             number = np.concatenate([*map(corners, tables), motion.knots]) / run.step
             number = number[np.abs(number - np.round(number)) > on_the_grid]
             given = np.concatenate([number, np.ceil(number)]) * run.step
-        self.given: list[float] = np.unique(given).tolist()
+        self.given: list[float] = sorted(set(given.tolist()))
 
     def up_to(self, start: float, end: float) -> Array:
         """Those after `start` and before `end`, and `end` [s]."""

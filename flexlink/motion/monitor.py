@@ -73,10 +73,9 @@ def allowed_imbalance(
     """
     if not run.controlled:
         return balance.NOTHING
-    mass = float(chain.bodies["mass"].sum())
-    weight, momentum = mass * float(np.linalg.norm(chain.gravity)), np.sqrt(2 * mass * np.abs(kinetic))
+    momentum = np.sqrt(2 * chain.mass * np.abs(kinetic))
     share = 2 * TOLERABLE * δ / moved if explicit and moved > 0 else np.inf
-    return balance.Allowance(δ * (weight + momentum * LONG / run.duration), share, not explicit, compared)
+    return balance.Allowance(δ * (chain.weight + momentum * LONG / run.duration), share, not explicit, compared)
 
 
 class RunMonitor:
@@ -111,6 +110,7 @@ class RunMonitor:
         self.explicit = record.problem.explicit
         self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
+        self._extent = 0, 0.0  # number of samples, and theirs
 
     def check(
         self,
@@ -141,7 +141,9 @@ class RunMonitor:
         return not self.failure
 
     def trajectory(self) -> Trajectory:
-        """The valid samples, with the warnings."""
+        """The valid samples, with the warnings; the first one if none was checked yet."""
+        if not self.n_valid:
+            self.check(1)
         return self.record.trajectory(self.n_valid, (*self.warnings, *self._doubts()), self.steps)
 
     @property
@@ -157,7 +159,9 @@ class RunMonitor:
     @property
     def extent(self) -> float:
         """Extent of the tip in the valid samples (`extent_of_motion`) [m]."""
-        return extent_of_motion(self.record.tip[: self.n_valid])
+        if self._extent[0] != self.n_valid:
+            self._extent = self.n_valid, extent_of_motion(self.record.tip[: self.n_valid])
+        return self._extent[1]
 
     def diverged(self, failure: Failure | None = None) -> DivergenceError:
         """The error to raise for a run that failed a check, or whose steps ended early."""
@@ -180,7 +184,9 @@ class RunMonitor:
         allowance = self._allowance(energy[0])
         judged = self._balance.judge(energy, work, record.q[rows], self._steps_up_to(rows), allowance)
         r, X, explained, ε, garbage = judged
-        finite = np.isfinite(r) & np.isfinite(X) & np.isfinite(record.tau[rows]).all(axis=1)
+        finite = np.isfinite(r) & np.isfinite(X)
+        if not np.isfinite(record.tau[rows]).all():
+            finite &= np.isfinite(record.tau[rows]).all(axis=1)
         self._exchanged = float(X[-1])
         sound = finite & ~garbage
         self._unbalanced = max(self._unbalanced, float((np.abs(r) - explained)[sound].max(initial=0.0)))
@@ -218,14 +224,13 @@ class RunMonitor:
         if not passive.size:
             return
         bends = np.abs(record.q[rows][:, passive])
-        most = bends.max(axis=1)
-        if (most > FAR).any():
-            row = int(np.argmax(most > FAR))
+        if bends.max() > FAR:
+            row = int(np.argmax(bends.max(axis=1) > FAR))
             text = (
                 f"{self._bent(rows.start + row, bends[row])}: beyond 84° the chain is no longer a good model of a beam"
             )
             self._warn("bend", rows.start + row, f"{text}; use more segments")
-        row = int(np.argmax(most))
+        row = int(np.argmax(bends.max(axis=1))) if self.negative_rotors else 0
         if self.negative_rotors and np.linalg.eigvalsh(mass_matrix(record.chain, record.q[rows][row]))[0] <= 0:
             self.n_valid = rows.start + row
             bent = self._bent(self.n_valid, bends[row])
@@ -276,14 +281,14 @@ class RunMonitor:
         """Warnings of a run that passed all checks but may be inaccurate."""
         if self.n_valid < 2:
             return
-        moved = self.extent
+        rounded = self._rounded_away()
+        moved = self.extent if self.tip_error or rounded else np.inf
         if self.tip_error > DOUBT * TIP_SHARE * moved:
             yield (
                 f"doubtful: the errors of the steps add up to {self.tip_error:.2g} m where the tip moves {moved:.3g} "
                 "m; "
                 "halve the step and compare"
             )
-        rounded = self._rounded_away()
         if rounded > DOUBT * TIP_SHARE * moved:
             largest = np.abs(self.record.q[: self.n_valid]).max()
             yield (

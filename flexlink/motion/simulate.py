@@ -172,9 +172,10 @@ class SingleRun:
         """Advance until the run ends, a check fails, somebody stops it, or `most` evaluations are spent."""
         monitor, steps = self.monitor, self.steps
         for reached in steps:
-            judged = monitor.check(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
-            if not judged or steps.failure:
-                break
+            if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
+                judged = monitor.check(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
+                if not judged or steps.failure:
+                    break
             told(reached.part)
             if warn and steps.slow:
                 warn(f"{monitor.record.chain.name}: {steps.slow}")
@@ -218,9 +219,9 @@ def steps_of(monitor: RunMonitor) -> FixedSteps | AdaptiveSteps:
 def prepare(
     problem: Problem, law: Law | None = None, rate: float | None = None, *, rows: int | None = None
 ) -> RunMonitor:
-    """`allocate` a run and check its first sample; errors as there."""
+    """`allocate` a run, with its checks compiled; errors as there."""
     monitor = allocate(problem, law, rate, rows=rows)
-    monitor.check(1)
+    monitor.record.derive(0, 0)
     return monitor
 
 

@@ -87,6 +87,7 @@ class Simulator:
         changes = starting_from(q, qd, time)
         scene = self._scene.varied(changes) if changes else self._scene
         monitor = prepare(problem_of(scene, self.chain), rows=1)
+        monitor.check(1)
         self._run, self._record, self._steps = monitor.run, monitor.record, steps_of(monitor)
         inputs = self._record.inputs
         self._driven, self._pushed = inputs, inputs._replace(drive=self._held)

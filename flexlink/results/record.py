@@ -50,14 +50,18 @@ class Record:
         t, q, qd = self.t[rows], self.q[rows], self.qd[rows]
         tips_and_energies(self.chain.arrays, q, qd, self.tip[rows], self.energy[:, rows])
         arguments = self.inputs, t, q, qd, self.tau[rows]  # of the same types in all calls
-        self._drive_torques = self._drive_torques or direct(drive_torques, *arguments)
+        if self._drive_torques is None:
+            self._drive_torques = direct(drive_torques, *arguments)
         self._drive_torques(*arguments)
         if len(self.inputs.motion.joints):
             prescribed_torques(self.scratch, self.inputs, t, q, qd, self.tau[rows])
 
     def work(self, rows: slice) -> Array:
         """Work done up to these samples [J]: to the integrated one a constant force f adds f·(p − p(0)), p the tip."""
-        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ self.inputs.potential_force)
+        force = self.inputs.potential_force
+        if not force.any():
+            return self.works[rows].copy()
+        return np.asarray(self.works[rows] + (self.tip[rows] - self.tip[0]) @ force)
 
     def trajectory(
         self, stop: int, warnings: tuple[str, ...] = (), steps: Steps | None = None, balanced: bool = True

@@ -28,6 +28,24 @@ def drive_torque(drive, t, middle, q, qd, tau):
     stage_torque(drive, t, middle, q, qd, tau)
 
 
+@entry
+def drive_slopes(drive, t, state, nudge, ends, slopes):
+    """−∂T_EX/∂q and −∂T_EX/∂q̇ (2, n, d) by the angle and rate of each driven joint, at q and q̇ of a `state` (2, n).
+
+    By central differences, a `nudge` to either side, which are exact for a linear law but for rounding; `ends` (2, n)
+    are the torques there, zero before.
+    """
+    for part in range(2):
+        for d in range(len(drive.joints)):
+            own = state[part, drive.joints[d]]
+            for side in range(2):
+                state[part, drive.joints[d]] = own + (2 * side - 1) * nudge
+                drive_torque(drive, t, t, state[0], state[1], ends[side])
+            state[part, drive.joints[d]] = own
+            for k in range(state.shape[1]):
+                slopes[part, k, d] = (ends[0, k] - ends[1, k]) / (2 * nudge)
+
+
 @inlined
 def sample_at_step(drive, t, middle, q, qd, tau):
     """`sample_law`, whose record is handed over only where there is an instant."""
