@@ -70,7 +70,9 @@ def test_threads_share_results() -> None:
 
 
 def arm(**locked: bool) -> fl.Scene:
-    return make_scene(flexible("a", flex="rigid", segments=1, lumping="gauss", joint=fl.Joint(**locked)), flexible("b", segments=2))
+    return make_scene(
+        flexible("a", flex="rigid", segments=1, lumping="gauss", joint=fl.Joint(**locked)), flexible("b", segments=2)
+    )
 
 
 def test_runs_of_one_arm_share_its_chain() -> None:

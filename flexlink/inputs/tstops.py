@@ -12,14 +12,14 @@ LINEAR = 2
 """Coefficients of a piece of a table that is not smooth."""
 
 
-def ends_of_steps(given: Drive | WrenchTable, part: float) -> Array:
+def breakpoints(given: Drive | WrenchTable, part: float) -> Array:
     """Times [s] between which an input is smooth, sampling instants not counted."""
     if isinstance(given, WrenchTable):
-        return landings(given, part)
+        return merged_breakpoints(given, part)
     if given.rate:
         return np.empty(0)
     if given.law == TABLE:
-        return landings(given.feedforward, part)
+        return merged_breakpoints(given.feedforward, part)
     return np.concatenate([given.reference.knots, given.feedforward.knots if given.law == PD else []])
 
 
@@ -41,7 +41,7 @@ def instants(drive: Drive | None, start: float, end: float) -> Array:
     return np.asarray(np.arange(first, last + 1) / drive.rate)
 
 
-def landings(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
+def merged_breakpoints(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
     """Knots [s] between which the table is one cubic polynomial, up to `part` of the largest number of each column.
 
     What a step sees at its stages is then, up to that part, what happens between them. Two pieces of a smooth table are
@@ -58,23 +58,23 @@ def landings(table: PiecewisePolynomial | WrenchTable, part: float) -> Array:
     middles = (c[:-1].transpose(1, 0, 2) * (0.5 * x) ** powers).sum(axis=0)
     slopes = c[:-1, 1], (powers[1:] * c[:-1, 1:].transpose(1, 0, 2) * x ** powers[:-1]).sum(axis=0)  # at both ends
     t, values = interleaved(knots, knots[:-1] + 0.5 * x[:, 0]), interleaved(c[:, 0], middles)
-    allowed, lands = part * np.abs(c[:, 0]).max(axis=0, initial=0.0), np.ones(len(knots), dtype=bool)
+    allowed, kept = part * np.abs(c[:, 0]).max(axis=0, initial=0.0), np.ones(len(knots), dtype=bool)
     size = 2  # pieces of a block
     if given.shape[1] > LINEAR:
-        lands[1:-1:2], size = False, 4
+        kept[1:-1:2], size = False, 4
     while size < len(knots):
         blocks = (len(knots) - 1) // size
         a = size * np.arange(blocks)
         points = 2 * a[:, None] + np.arange(2 * size)
         ends = values[2 * a], values[2 * (a + size)], slopes[0][a], slopes[1][a + size - 1]
         off = np.abs(values[points] - hermite(t[points], t[2 * a], t[2 * (a + size)], ends)).max(axis=1)
-        halves = lands[a[:, None] + np.arange(1, size)].sum(axis=1) == 1
+        halves = kept[a[:, None] + np.arange(1, size)].sum(axis=1) == 1
         together = halves & (off <= allowed).all(axis=1)
         if not together.any():
             break
-        lands[a[together] + size // 2] = False
+        kept[a[together] + size // 2] = False
         size *= 2
-    return knots[lands]
+    return knots[kept]
 
 
 def interleaved(ends: Array, middles: Array) -> Array:

@@ -34,10 +34,10 @@ from flexlink.kernels.tools.machine_code import direct
 from flexlink.motion.budget import Budget, Spent, warn
 from flexlink.motion.chunk_size import ChunkSize, Reached
 from flexlink.motion.hindrance import hindrance
-from flexlink.motion.marks import SHORTEST, Marks
 from flexlink.motion.method_choice import Choice, cheapest
 from flexlink.motion.monitor import LONG, RunMonitor, least_tolerance
 from flexlink.motion.sampled_control import Control
+from flexlink.motion.stop_times import SHORTEST, StopTimes
 from flexlink.results.record import Record
 from flexlink.results.samples import Steps
 from flexlink.results.stop_reasons import EvaluationLimitError, Failure, LawFailure
@@ -116,7 +116,7 @@ class AdaptiveSteps:
         """Go on from `start` to `end` [s] under these inputs; returns why not, if not. If they are one, it compiles."""
         if inputs is not self.inputs:
             self.inputs = inputs
-            for array, value in zip(self.work.springs, held_by(self.record.chain, inputs), strict=False):
+            for array, value in zip(self.work.springs, drive_gains(self.record.chain, inputs), strict=False):
                 array[:] = value
             self._compile()
         self._aim(start, end)
@@ -124,11 +124,11 @@ class AdaptiveSteps:
         if end == start:
             self._advance(0)
             return None
-        told = False
+        warned = False
         while (most := self._affordable(NEVER)) and self._advance(most) == OUTCOME.goes_on:
-            if self.budget.slow and not told:
+            if self.budget.slow and not warned:
                 warn(f"{self.record.chain.name}: {self.slow}")
-                told = True
+                warned = True
         return self.failure
 
     def saved(self) -> Any:
@@ -148,7 +148,7 @@ class AdaptiveSteps:
 
     def _aim(self, start: float, end: float) -> None:
         """Begin a piece between two times [s], at which torques may jump."""
-        self.end, self.knots = end, self.marks.up_to(start, end)
+        self.end, self.knots = end, self.stop_times.between(start, end)
         self.count[COUNT.knot], self.work.stepper[STEPPER.time] = 0, start
         self._begin(start, self.inputs, self.state, self.tau, self.record.scratch)
 
@@ -181,7 +181,7 @@ class AdaptiveSteps:
         run, record, (self.name, self.why) = self.run, self.record, choice
         self.method = method(self.name)
         self.work = workspace(self.method, record, self.slowest)
-        self.marks = Marks(self.method, record, self.control is None)
+        self.stop_times = StopTimes(self.method, record, self.control is None)
         longest = longest_step(self.name, record, now, self.state) if self.method.explicit else np.inf
         self.settings = settings(run, self.method, record, longest)
         self.end, self.knots = now, np.array([now])
@@ -267,7 +267,7 @@ class AdaptiveSteps:
         return float(self.work.stepper[STEPPER.deflection])
 
     @property
-    def turned(self) -> float:
+    def angle_travelled(self) -> float:
         """Angle [rad] that all free joints went through so far, forth and back."""
         return float(self.work.stepper[STEPPER.angle_travelled])
 
@@ -373,7 +373,7 @@ def settings(run: RunSettings, method: Method, record: Record, largest: float) -
     return *errors, order, SHORTEST * run.duration, largest
 
 
-def held_by(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
+def drive_gains(chain: Chain, inputs: Inputs) -> tuple[Array, Array, Array]:
     """Gains (n,) of the drive, for Newton's matrix, and T k_d of a sampled one.
 
     At one state whatever the run's, which so goes on to the bit.
@@ -393,7 +393,7 @@ def workspace(method: Method, record: Record, slowest: float) -> EmbeddedWork | 
     numbers, new = np.zeros(STEPPER.size), np.zeros((3, n))
     numbers[STEPPER.inverse_ω1], numbers[STEPPER.rounding] = 1.0 / slowest, rounding.of_position(chain)
     numbers[STEPPER.max_iterations] = FEW_PASSES if record.run.controlled else of_fixed_step
-    springs = Springs(*held_by(chain, record.inputs), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
+    springs = Springs(*drive_gains(chain, record.inputs), np.zeros((n, FACTORS.size)), *np.zeros((2, n)))
     if method.explicit:
         coefficients = EmbeddedMethod(*method.arrays, method.error)
         K, L = np.zeros((2, s + 1, n))

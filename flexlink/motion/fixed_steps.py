@@ -27,7 +27,7 @@ Arrays = tuple[Array, Array, Array]
 class FixedSteps:
     """Stepper of a run; `failure` says why it ended early."""
 
-    slow, deflection, turned = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
+    slow, deflection, angle_travelled = "", 0.0, 0.0  # of steps with a tolerance, or of an implicit method
 
     def __init__(self, monitor: RunMonitor) -> None:
         record, run = monitor.record, monitor.run

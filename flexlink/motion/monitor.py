@@ -108,7 +108,7 @@ class RunMonitor:
         self.tip_error = 0.0
         self.confirmed = False
         self.explicit = record.problem.explicit
-        self.steps, self.deflection, self.turned = Steps(run.method, 0, 0), 0.0, 0.0
+        self.steps, self.deflection, self.angle_travelled = Steps(run.method, 0, 0), 0.0, 0.0
         self._warned: set[str] = set()
         self._extent = 0, 0.0  # number of samples, and theirs
 
@@ -119,14 +119,16 @@ class RunMonitor:
         errors: Array | None = None,
         *,
         deflection: float = 0.0,
-        turned: float = 0.0,
+        angle_travelled: float = 0.0,
     ) -> bool:
         """Compute and check the samples before `stop` that are new; returns whether all are valid.
 
         `errors`, if known: the `step_errors` of the steps from the samples that are `probed`. `deflection`: the
-        largest so far [m], of steps with a tolerance; `turned`: what free joints went through in all steps [rad].
+        largest so far [m], of steps with a tolerance; `angle_travelled` by all free
+        joints [rad].
         """
-        first, self.steps, self.deflection, self.turned = self.n_valid, steps or self.steps, deflection, turned
+        first, self.steps = self.n_valid, steps or self.steps
+        self.deflection, self.angle_travelled = deflection, angle_travelled
         if stop == first or self.failure:
             return not self.failure
         with np.errstate(all="ignore"):
@@ -172,8 +174,8 @@ class RunMonitor:
             advice = f"try a {smaller} tolerance, another method, or fixed steps"
         if self.failure or failure is None:
             failure = Failure(f"t = {record.t[self.n_valid]:.6g} s: {self.failure}")
-        told = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
-        return failure.kind(told, self.trajectory())
+        message = f"{record.chain.name}: {failure.text}; {failure.advice or advice}; {self.n_valid} samples kept"
+        return failure.kind(message, self.trajectory())
 
     def _judge_energy(self, rows: slice) -> None:
         """Samples are finite, their kinetic energy is positive, and their energy balances."""

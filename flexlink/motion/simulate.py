@@ -110,9 +110,9 @@ def simulate(
         "tolerance": tolerance, "relative_tolerance": relative_tolerance, "accuracy": accuracy,
         "max_evaluations": max_evaluations,
     }  # fmt: skip
-    said: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
-    said |= starting_from(q0, qd0, t0)
-    scene = require_type("scene", scene, Scene).varied(said) if said else require_type("scene", scene, Scene)
+    changes: dict[str, object] = {f"run.{name}": value for name, value in settings.items() if value is not None}
+    changes |= starting_from(q0, qd0, t0)
+    scene = require_type("scene", scene, Scene).varied(changes) if changes else require_type("scene", scene, Scene)
     run = SingleRun(prepare(problem_of(scene), control, rate))
     with deferred() as stop:
         return run.finish(stop, progress, warn=warn)
@@ -165,7 +165,7 @@ class SingleRun:
     def advance(
         self,
         stop: Stop,
-        told: Callable[[float], None],
+        report: Callable[[float], None],
         most: float = math.inf,
         warn: Callable[[str], None] | None = None,
     ) -> None:
@@ -173,10 +173,11 @@ class SingleRun:
         monitor, steps = self.monitor, self.steps
         for reached in steps:
             if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
-                judged = monitor.check(reached.rows, steps.steps, deflection=steps.deflection, turned=steps.turned)
+                seen = {"deflection": steps.deflection, "angle_travelled": steps.angle_travelled}
+                judged = monitor.check(reached.rows, steps.steps, **seen)
                 if not judged or steps.failure:
                     break
-            told(reached.part)
+            report(reached.part)
             if warn and steps.slow:
                 warn(f"{monitor.record.chain.name}: {steps.slow}")
                 warn = None

@@ -74,12 +74,12 @@ def doubt(monitor: RunMonitor, second: Second, tip: Array) -> str:
     error = float(np.linalg.norm(monitor.record.tip[:: second.every][: len(tip)] - tip, axis=1).max()) / second.larger
     of = second.run.tolerance or STRICTER * _tolerance(monitor)
     steps = f"a tolerance of {of:.2g} m" if second.run.controlled else f"steps of {second.run.step:g} s"
-    told = f"doubtful: tip error {error:.2g} m against a run with {steps}"
+    text = f"doubtful: tip error {error:.2g} m against a run with {steps}"
     if monitor.run.controlled and error > TOLERABLE * _tolerance(monitor):
-        return f"{told}{multiplies(monitor)}; {advice(monitor)} and compare"
+        return f"{text}{multiplies(monitor)}; {advice(monitor)} and compare"
     if not monitor.run.controlled and error > _tolerance(monitor):
         grown = multiplies(monitor) if monitor.explicit else ""
-        return f"{told}, where the tip moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
+        return f"{text}, where the tip moves {monitor.extent:.3g} m{grown}; {advice(monitor)} and compare"
     return ""
 
 
@@ -92,7 +92,7 @@ def multiplies(monitor: RunMonitor) -> str:
     # and postures change without end. Smooth test scenes travel 15.1 and less; of a thousand arms that were hit, those
     # with errors of more than ten tolerances travelled 29 and more.
     far = 16.0
-    if turned(monitor) > far:
+    if angle_travelled(monitor) > far:
         return ": this motion multiplies errors"
     growth, without = sampled_growth(monitor.record)
     more, rate = growth / max(1.0, without), monitor.record.problem.scene.drive.rate or 0.0
@@ -106,11 +106,11 @@ def advice(monitor: RunMonitor) -> str:
     return "take a hundredth of the tolerance" if monitor.run.controlled else "halve the step"
 
 
-def turned(monitor: RunMonitor) -> float:
+def angle_travelled(monitor: RunMonitor) -> float:
     """Angle [rad] that all driven joints travel, back and forth, in all steps, or by their rates at the samples."""
     record, chain = monitor.record, monitor.record.chain
     rates = np.abs(record.qd[:, [k for k in chain.active if not chain.hinges["prescribed"][k]]])
-    return max(monitor.turned, float(np.trapezoid(rates, record.t, axis=0).sum()))
+    return max(monitor.angle_travelled, float(np.trapezoid(rates, record.t, axis=0).sum()))
 
 
 def _stricter_and_stricter(monitor: RunMonitor) -> Iterator[Second]:

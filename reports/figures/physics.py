@@ -59,7 +59,7 @@ def draw(results: Results) -> Iterator[Picture]:
 
 
 READ = (
-    "Marks: numbers of hinges that were tried. The number beside a rule is its observed order, fitted to the last "
+    "StopTimes: numbers of hinges that were tried. The number beside a rule is its observed order, fitted to the last "
     "three marks of the first panel."
 )
 PRICE = (

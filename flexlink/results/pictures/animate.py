@@ -65,12 +65,12 @@ def shot(path: str | Path, *, magnify: float, colour: str, fps: float, speed: fl
 def animate(run: RunSamples, wanted: Shot, progress: Progress | None = None) -> Path:
     """Draw what is wanted of a run and write it; errors as of `Trajectory.animate`."""
     require_callable("progress", progress)
-    told, path = progress or (lambda _: None), wanted.path
+    report, path = progress or (lambda _: None), wanted.path
     film = film_of(run, magnify=wanted.magnify, colour=wanted.colour, fps=wanted.fps, speed=wanted.speed)
-    told(0.0)
+    report(0.0)
 
     def pulse(part: float) -> None:
-        told(part)
+        report(part)
         if stop.signal is not None:
             raise InterruptedFilmError(path, stop.signal)
 
@@ -106,27 +106,27 @@ def _drawing() -> ModuleType:
         ) from None
 
 
-def _gif(film: Film, place: Path, width: int, told: Progress) -> None:
+def _gif(film: Film, place: Path, width: int, report: Progress) -> None:
     drawing = _drawing().Drawing(film, width)
     like = [drawing.image(int(k)) for k in np.linspace(0, len(film.t) - 1, 6)]
-    write_gif(place, _counted(drawing, film, told), like, round(1000 / film.fps))
+    write_gif(place, _counted(drawing, film, report), like, round(1000 / film.fps))
 
 
-def _mp4(film: Film, place: Path, width: int, told: Progress) -> None:
+def _mp4(film: Film, place: Path, width: int, report: Progress) -> None:
     drawing = _drawing().Drawing(film, width)
-    write_mp4(place, _counted(drawing, film, told), drawing.size, film.fps)
+    write_mp4(place, _counted(drawing, film, report), drawing.size, film.fps)
 
 
-def _counted(drawing: Any, film: Film, told: Progress) -> Iterator[NDArray[np.uint8]]:
+def _counted(drawing: Any, film: Film, report: Progress) -> Iterator[NDArray[np.uint8]]:
     """Every frame, and how far they are."""
     for k in range(len(film.t)):
         yield drawing.image(k)
-        told((k + 1) / len(film.t))
+        report((k + 1) / len(film.t))
 
 
-def _html(film: Film, place: Path, width: int, told: Progress) -> None:
+def _html(film: Film, place: Path, width: int, report: Progress) -> None:
     place.write_bytes(page(film, width).encode())
-    told(1.0)
+    report(1.0)
 
 
 WRITERS = {".gif": _gif, ".mp4": _mp4, ".html": _html}

@@ -68,17 +68,19 @@ def write_mp4(place: Path, images: Iterable[Image], size: tuple[int, int], fps: 
         require_ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}",
         "-r", f"{fps:.6f}", "-i", "-", "-an", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4", str(place),
     ]  # fmt: skip
-    with tempfile.TemporaryFile() as said:
-        code = _fed(command, images, said)
-        said.seek(0)
-        reason = " ".join(said.read().decode(errors="replace").split())
+    with tempfile.TemporaryFile() as output:
+        code = _fed(command, images, output)
+        output.seek(0)
+        reason = " ".join(output.read().decode(errors="replace").split())
     if code:
         raise EngineError(f"ffmpeg failed with exit code {code}: {reason[-300:]}; take .gif or .html")
 
 
-def _fed(command: list[str], images: Iterable[Image], said: IO[bytes]) -> int:
+def _fed(command: list[str], images: Iterable[Image], output: IO[bytes]) -> int:
     """Exit code of a program that reads the frames; in a session of its own, so that a Ctrl-C is ours to answer."""
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said, start_new_session=True) as process:
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=output, stderr=output, start_new_session=True
+    ) as process:
         assert process.stdin is not None
         try:
             for image in images:

@@ -10,18 +10,18 @@ import flexlink as fl
 from flexlink.describe.schemes.methods import method
 from flexlink.inputs.drives import drive_arrays
 from flexlink.inputs.problem import problem_of
-from flexlink.inputs.tstops import ends_of_steps, instants, landings
-from flexlink.motion.marks import Marks
+from flexlink.inputs.tstops import breakpoints, instants, merged_breakpoints
+from flexlink.motion.stop_times import StopTimes
 from flexlink.results.record import Record
 
 ARM = make_scene(flexible("a", segments=3))
 
 
-def marks(scene: fl.Scene) -> Marks:
+def stop_times(scene: fl.Scene) -> StopTimes:
     problem = problem_of(scene)
     rows = scene.run.samples, problem.chain.n
     record = Record(problem, scene.run.times, np.zeros(rows), np.zeros(rows))
-    return Marks(method(scene.run.method), record, by_drive=True)
+    return StopTimes(method(scene.run.method), record, by_drive=True)
 
 
 def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) -> fl.Scene:
@@ -31,7 +31,7 @@ def driven(times: tuple[float, ...], torques: tuple[float, ...], **run: object) 
 
 def test_a_fixed_step_is_cut_at_a_corner_and_the_next_ends_on_the_grid_again() -> None:
     scene = driven((0.0, 0.0125, 1.0), (0.0, 1.0, 0.0), method="Radau5", step=0.01)
-    assert marks(scene).up_to(0.0, 0.1) == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
+    assert stop_times(scene).between(0.0, 0.1) == pytest.approx([0.0125, 0.02, 0.1], abs=1e-15)
 
 
 def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
@@ -39,7 +39,7 @@ def test_a_bump_of_ten_times_the_tolerance_is_not_stepped_over() -> None:
     times = np.linspace(0.0, 1.0, 65)
     torques = times + 0.01 * (np.arange(65) == 33)
     scene = driven(tuple(times), tuple(torques), method="Radau5", relative_tolerance=1e-3)
-    assert times[33] in marks(scene).given
+    assert times[33] in stop_times(scene).fixed
 
 
 def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
@@ -48,7 +48,7 @@ def test_a_table_is_landed_on_where_it_is_off_by_more_than_its_part() -> None:
     for bump, landed in ((1.0, False), (5.0, True)):
         torques = times + bump * part * (np.arange(65) == 33)
         scene = driven(tuple(times), tuple(torques))
-        found = landings(drive_arrays(scene, fl.lump(scene)).feedforward, part)
+        found = merged_breakpoints(drive_arrays(scene, fl.lump(scene)).feedforward, part)
         assert (times[33] in found) == landed
 
 
@@ -59,7 +59,7 @@ def test_a_sampled_law_is_asked_at_the_last_instant_before_the_end_too() -> None
     )
     law = drive_arrays(scene, fl.lump(scene))
     assert instants(law, 0.0, 0.34) == pytest.approx([0.0, 0.1, 0.2, 0.3])
-    assert marks(scene).up_to(0.0, 0.34) == pytest.approx([0.1, 0.2, 0.3, 0.34])
+    assert stop_times(scene).between(0.0, 0.34) == pytest.approx([0.1, 0.2, 0.3, 0.34])
 
 
 def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
@@ -68,4 +68,4 @@ def test_steps_end_where_pieces_of_the_feed_forward_do_too() -> None:
     assert scene.drive.gravity == "static"
     law = drive_arrays(scene, fl.lump(scene))
     assert len(law.feedforward.knots) > len(law.reference.knots)
-    assert {*law.feedforward.knots, *law.reference.knots} <= {*ends_of_steps(law, 1e-3)}
+    assert {*law.feedforward.knots, *law.reference.knots} <= {*breakpoints(law, 1e-3)}

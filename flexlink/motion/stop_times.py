@@ -10,14 +10,14 @@ import numpy as np
 from flexlink.common.types import Array, Indices
 from flexlink.describe.conditions import parts
 from flexlink.describe.schemes.methods import Method
-from flexlink.inputs.tstops import corners, ends_of_steps, instants
+from flexlink.inputs.tstops import breakpoints, corners, instants
 from flexlink.results.record import Record
 
 SHORTEST = 1e-14
 """Part of the duration below which a step is none."""
 
 
-class Marks:
+class StopTimes:
     """Times at which the steps of a run stop, beside the ends of its pieces.
 
     A long step of an explicit method ends at its samples: between its ends it is known less well than there. Fixed
@@ -36,22 +36,22 @@ class Marks:
         self.at_samples = method.explicit or not run.controlled
         if run.controlled:
             reach = record.chain.reach
-            lands = [ends_of_steps(table, part * run.tolerance_within(reach) / reach) for table in tables]
-            given = np.concatenate([*lands, motion.knots])
+            smooth = [breakpoints(table, part * run.tolerance_within(reach) / reach) for table in tables]
+            fixed = np.concatenate([*smooth, motion.knots])
         else:
             number = np.concatenate([*map(corners, tables), motion.knots]) / run.step
             number = number[np.abs(number - np.round(number)) > on_the_grid]
-            given = np.concatenate([number, np.ceil(number)]) * run.step
-        self.given: list[float] = sorted(set(given.tolist()))
+            fixed = np.concatenate([number, np.ceil(number)]) * run.step
+        self.fixed: list[float] = sorted(set(fixed.tolist()))
 
-    def up_to(self, start: float, end: float) -> Array:
+    def between(self, start: float, end: float) -> Array:
         """Those after `start` and before `end`, and `end` [s]."""
-        given = self.given[bisect_right(self.given, start) : bisect_left(self.given, end)]
+        fixed = self.fixed[bisect_right(self.fixed, start) : bisect_left(self.fixed, end)]
         samples = self._samples(start, end) if self.at_samples else range(0)
         asked = instants(self.drive, start, end)
-        if not given and not samples and not len(asked):
+        if not fixed and not samples and not len(asked):
             return np.array([end])
-        times = np.unique(np.concatenate([given, self._times(np.array(samples)), asked]))
+        times = np.unique(np.concatenate([fixed, self._times(np.array(samples)), asked]))
         shortest = SHORTEST * self.run.duration + 2 * np.spacing(end)
         times = times[(times > start + shortest) & (times < end - shortest)]
         return np.append(times, end)
