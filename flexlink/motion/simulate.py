@@ -173,8 +173,9 @@ class SingleRun:
         monitor, steps = self.monitor, self.steps
         for reached in steps:
             if reached.rows > 1 or reached.part == 1.0 or steps.failure:  # one look is enough for a short run
-                seen = {"deflection": steps.deflection, "angle_travelled": steps.angle_travelled}
-                judged = monitor.check(reached.rows, steps.steps, **seen)
+                judged = monitor.check(
+                    reached.rows, steps.steps, deflection=steps.deflection, angle_travelled=steps.angle_travelled
+                )
                 if not judged or steps.failure:
                     break
             report(reached.part)
