@@ -80,6 +80,7 @@ def test_a_crash_is_an_error_that_names_the_question_the_arm_and_the_signal(numb
 def test_a_process_that_cannot_start_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "numba.py").write_text("raise SystemExit('no numba today')")
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(child_process, "_idle", {})
     with pytest.raises(EngineError, match=r"load of test: .*exit code 1; last line of its output: no numba today$"):
         IsolatedEngine("native", lump(SCENE))
 
@@ -130,10 +131,43 @@ def test_ctrl_c_that_only_the_process_heard_counts_as_ours() -> None:
         engine.mass_matrix(np.zeros(engine.n))
 
 
-def test_the_process_ends_with_the_engine() -> None:
+def test_the_process_of_an_engine_serves_the_next_one_and_no_other_at_the_same_time() -> None:
+    engine = IsolatedEngine("native", lump(SCENE))
+    first, other = process_of(engine), process_of(IsolatedEngine("native", lump(SCENE)))
+    assert other is not first
+    del engine
+    longer = make_scene(flexible("arm", segments=9))
+    engine = IsolatedEngine("native", lump(longer))
+    assert process_of(engine) in (first, other)
+    assert engine.n == lump(longer).n
+
+
+def test_what_a_process_printed_for_an_engine_is_not_that_of_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_process, "_idle", {})
+    engine = IsolatedEngine("native", lump(SCENE))
+    engine._call("print", print, "Error: of the first", flush=True)
+    assert engine.stderr_errors == ["of the first"]
+    process = process_of(engine)
+    del engine
+    engine = IsolatedEngine("native", lump(SCENE))
+    assert process_of(engine) is process
+    assert engine.stderr_errors == []
+
+
+def test_a_process_that_died_while_it_waited_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(child_process, "_idle", {})
     engine = IsolatedEngine("native", lump(SCENE))
     process = process_of(engine)
     del engine
+    process.kill()
+    process.wait()
+    assert IsolatedEngine("native", lump(SCENE)).n == lump(SCENE).n
+
+
+def test_the_process_ends_with_its_last_reference() -> None:
+    child = child_process.ChildProcess()
+    process = child.process
+    del child
     assert process.returncode == -signal.SIGKILL
 
 

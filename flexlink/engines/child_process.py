@@ -3,7 +3,8 @@
 The child is a new Python: it neither copies this process nor runs its main script again. Calls and results go through
 a pipe, and what the child prints goes into a temporary file. The child is killed with its `ChildProcess`, and it ends
 with this process, however that ends (its standard input is closed then). The system's timer ends it if a call takes too
-long: code that hangs, or that holds Python's lock, cannot keep it alive.
+long: code that hangs, or that holds Python's lock, cannot keep it alive. A child whose engine is no longer used waits
+for the next one of that name: to start and import takes a second or two.
 """
 
 from __future__ import annotations
@@ -52,6 +53,7 @@ class ChildProcess:
             stdin=subprocess.PIPE, stdout=self._output, stderr=self._output,
         )  # fmt: skip
         end.close()
+        self._seen = 0  # bytes of output from before
         self._kill = weakref.finalize(self, _kill, self.process, self._pipe, self._output)
 
     def call(self, what: str, seconds: float, function: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
@@ -85,11 +87,20 @@ class ChildProcess:
             raise result
         return result
 
+    @property
+    def alive(self) -> bool:
+        """Whether it can be called."""
+        return self.process.poll() is None
+
+    def forget_output(self) -> None:
+        """Let `output` begin here."""
+        self._seen = os.fstat(self._output.fileno()).st_size
+
     def output(self) -> list[str]:
         """The lines that the child has printed so far, stdout and stderr."""
         if self._output.closed:
             return []
-        self._output.seek(0)
+        self._output.seek(self._seen)
         return [line.strip() for line in self._output.read().decode(errors="replace").split("\n")]
 
     def _failure(self, what: str, seconds: float) -> BaseException:
@@ -157,7 +168,8 @@ class IsolatedEngine:
 
     def __init__(self, name: str, source: Chain | ForeignFile) -> None:
         self.name, self._source = name, source.name if isinstance(source, Chain) else str(source.path)
-        self._child = ChildProcess()
+        self._child = _child_for(name)
+        weakref.finalize(self, _keep, name, self._child)
         try:
             self.version, self.n = self._call("load", _load, name, source)
         except ArgumentError as error:
@@ -188,6 +200,22 @@ class IsolatedEngine:
     def _call(self, what: str, function: Callable[..., Any], *arguments: Any, more: float = 0.0, **named: Any) -> Any:
         words = f"{self.name}: {what} of {self._source}"
         return self._child.call(words, CALL_TIMEOUT + more, function, *arguments, **named)
+
+
+_idle: dict[tuple[str, int], ChildProcess] = {}  # by the name of an engine, and by process: a fork has its own
+
+
+def _child_for(name: str) -> ChildProcess:
+    child = _idle.pop((name, os.getpid()), None)
+    if child is None or not child.alive:
+        return ChildProcess()
+    child.forget_output()
+    return child
+
+
+def _keep(name: str, child: ChildProcess) -> None:
+    if child.alive:
+        _idle.setdefault((name, os.getpid()), child)
 
 
 _loaded: dict[str, Any] = {}  # of the child: its engine
