@@ -68,14 +68,14 @@ def run(
             works = {"native": _native(own, law, between)}
             if method == "RK4":
                 works["mujoco"] = _mujoco(own, chain, law, between)
-            laps = race(works, turns, turn)
+            seconds = race(works, turns, turn)
             facts: Facts = {"method": method, "step": step, "n": chain.n}
-            for party, lap in laps.items():
-                yield Measured("time of a sample", 1e6 * lap.seconds, scene.name, party, facts, timed=True)
-            ours = laps.pop("native").seconds
+            for party, of_sample in seconds.items():
+                yield Measured("time of a sample", 1e6 * of_sample, scene.name, party, facts, timed=True)
+            ours = seconds.pop("native")
             yield Measured(f"{name}: times real time", between / ours, scene.name, "native", facts, timed=True)
-            for party, lap in laps.items():
-                yield Measured(f"{party} / native", lap.seconds / ours, scene.name, party, facts, timed=True)
+            for party, theirs in seconds.items():
+                yield Measured(f"{party} / native", theirs / ours, scene.name, party, facts, timed=True)
 
 
 def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:

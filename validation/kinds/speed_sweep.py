@@ -44,8 +44,8 @@ def run(
         theirs, ours = dict.fromkeys(works, math.inf), math.inf
         for number in range(turns):
             ours = min(ours, _seconds(file, members, workers, Path(folder) / f"{number}.db"))
-            for name, lap in race(works, 1, turn).items():
-                theirs[name] = min(theirs[name], lap.seconds)
+            for name, seconds in race(works, 1, turn).items():
+                theirs[name] = min(theirs[name], seconds)
         own = _processor_time(lambda: fl.sweep(file, out=Path(folder) / "own.db")) / members
         cost = {name: _processor_time(lambda w=w: w(beside)) / beside for name, w in works.items()}  # type: ignore[misc]
     yield Measured("members a second", 1 / ours, varied=facts, timed=True)
