@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,6 +28,17 @@ def run_facts(run: RunSettings) -> dict[str, Fact]:
 def apart(a: Array, b: Array) -> float:
     """The largest distance of two paths, (samples, 2 or 3), at the same times [m]."""
     return float(np.linalg.norm(a - b, axis=1).max())
+
+
+def stable_step_at_start(scene: Scene, method: str) -> float:
+    """The largest stable step of a method at the start [s]."""
+    chain = fl.lump(scene)
+    return fl.stable_step(chain, *fl.initial_state(scene, chain), method=method)
+
+
+def stable_steps(scene: Scene, method: str, of_stable: float = 1.0) -> int:
+    """Steps between two samples that are no longer than this part of the largest stable one at the start."""
+    return max(1, math.ceil(scene.run.sample / (of_stable * stable_step_at_start(scene, method))))
 
 
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:

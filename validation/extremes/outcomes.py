@@ -30,6 +30,7 @@ from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
+from validation.runs import apart
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
@@ -62,7 +63,7 @@ class Truth(NamedTuple):
     @property
     def motion(self) -> float:
         """Largest distance of the tip from its start [m]."""
-        return float(np.linalg.norm(self.tip - self.tip[0], axis=1).max())
+        return apart(self.tip, self.tip[0])
 
 
 class RunOutcome(NamedTuple):
@@ -80,9 +81,9 @@ def truth_of(scene: Scene, budget: float) -> Truth:
     good = 1e-9 * lump(scene).reach  # as good as any
     for method, tip in _references(scene, budget):
         for other, before in found:
-            apart = float(np.linalg.norm(tip - before, axis=1).max())
-            if other != method and apart < best.apart:
-                best = Truth(before, apart, f"{other}, {method}")
+            distance = apart(tip, before)
+            if other != method and distance < best.apart:
+                best = Truth(before, distance, f"{other}, {method}")
         if best.apart <= good:
             break
         found.append((method, tip))
@@ -146,7 +147,7 @@ def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -
     if not known.tip.size:
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
-    error = float(np.linalg.norm(tip - known.tip, axis=1).max())
+    error = apart(tip, known.tip)
     doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
     return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 

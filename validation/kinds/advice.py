@@ -19,6 +19,7 @@ from validation.advice.scenes import SAMPLES, random_scene, released_scene, robo
 from validation.advice.truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.runs import apart
 
 TRUTH_KNOWN_TO = 0.1
 """Part of a tolerance to which the truth must be known to judge."""
@@ -105,7 +106,7 @@ def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
     seconds = time.thread_time() - started
     try:
         tip = simulate(advice.scene).tip
-        error = float(np.linalg.norm(tip - true.tip, axis=1).max())
+        error = apart(tip, true.tip)
     except DivergenceError:
         error = np.inf
     return Cell(scene.name, tolerance, advice, error, naive_cost(scene), seconds, true)

@@ -8,7 +8,6 @@ finer, which is compared. The reference states its own error, by its mesh, step,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -21,7 +20,7 @@ from validation.case import Case, Measured
 from validation.physics.beam_references import beam_reference, beam_scene, file_name, plane_of
 from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
-from validation.runs import apart
+from validation.runs import apart, stable_steps
 from validation.store import Series
 
 LONG = True
@@ -55,9 +54,7 @@ def run(
 def _tip(scene: Scene, cut: Rule, of_stable: float) -> Array:
     """Of the chain at a step that divides the time between samples."""
     scene = scene.varied({"link.*.lumping": cut.rule, "link.*.segments": cut.hinges + 1})
-    chain, sample = fl.lump(scene), scene.run.sample
-    stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
-    return fl.simulate(scene, step=sample / math.ceil(sample / (of_stable * stable))).tip
+    return fl.simulate(scene, step=scene.run.sample / stable_steps(scene, scene.run.method, of_stable)).tip
 
 
 def _series(scene: Scene, exact: Array, fine: Array) -> Series:

@@ -12,11 +12,10 @@ import msgspec
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
+from validation.runs import apart, stable_step_at_start
 from validation.speed.families import of_steps
 from validation.trade.error_parts import Fine, Setup, Type
 
@@ -62,8 +61,7 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
 
 def _cost(scene: Scene) -> float:
     """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
-    chain = fl.lump(scene)
-    stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
+    stable = stable_step_at_start(scene, "RK4")
     timed = 0.01 * stable  # no posture that is passed has a shorter stable step
     numbers = 500, 3500
     few, many = (min(_seconds(of_steps(scene, n, timed)) for _ in range(5)) for n in numbers)

@@ -6,22 +6,18 @@ the time is that of the steps alone, as in `speed_trade`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.initial_state import initial_state
 from flexlink.results.tip_motion import tip_travel
 from validation.case import Case, Measured
-from validation.runs import apart
+from validation.runs import apart, stable_steps
 from validation.store import Series, table
 from validation.trade.error_parts import Fine, Setup, Type
 from validation.trade.native_ladder import OF_STABLE, timed_run
@@ -68,7 +64,8 @@ class Grid(Spec, frozen=True):
             for method, parts in self.tolerances.items():
                 yield from (replace(cut, method=method, tolerance=part * motion) for part in parts)
             for method in self.stepped:
-                yield replace(cut, method=method, step=_largest_step(cut.scene(scene), method))
+                steps = stable_steps(cut.scene(scene), method, OF_STABLE)
+                yield replace(cut, method=method, step=scene.run.sample / steps)
 
 
 class Run(NamedTuple):
@@ -117,13 +114,6 @@ def run(
         title = f"{base.name}: which model, and what it costs"
         x, y = COLUMNS[-2:]
         yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
-
-
-def _largest_step(scene: Scene, method: str) -> float:
-    """The largest stable step of the start that divides a sample [s]."""
-    chain = lump(scene)
-    stable = stable_step(chain, *initial_state(scene, chain), method=method)
-    return scene.run.sample / max(1, math.ceil(scene.run.sample / (OF_STABLE * stable)))
 
 
 def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float) -> Run | None:

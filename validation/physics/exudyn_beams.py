@@ -12,8 +12,6 @@ error, is added up as the own error of the finest run. Needs exudyn; takes a min
 from __future__ import annotations
 
 import argparse
-import datetime
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -36,12 +34,11 @@ from exudyn.itemInterface import (
     SensorNode,
 )
 
-from flexlink.common.output import write_whole
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
-from validation.reference_values import REFERENCE_FOLDER
+from validation.reference_values import store_reference
 from validation.runs import apart
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
@@ -87,23 +84,19 @@ def compute(name: str) -> float:
     if all(section.shape != "general" for section in scene.arm.sections.values()):
         own = tip(name, plane, scene.run, FINEST._replace(stiffness=None))
         reference["shear_and_stretch_m"] = apart(finest, own)
-    document = {
-        "about": f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
-        "source": "python -m validation.physics.exudyn_beams",
-        "date": datetime.date.today().isoformat(),
-        "cpu_seconds": round(time.process_time() - began, 1),
-        "exudyn": exu.__version__,
-        "settings": {
+    store_reference(
+        file_name(name),
+        f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
+        "python -m validation.physics.exudyn_beams",
+        time.process_time() - began,
+        exudyn=exu.__version__,
+        settings={
             "element": "ObjectBeamGeometricallyExact2D, 3 nodes", "finest": FINEST._asdict(),
             "coarser": {key: value for key, (value, _) in COARSER.items()},
             "solver": "GeneralizedAlpha", "spectral_radius": SPECTRAL_RADIUS,
         },
-        "reference": reference | {"t_s": scene.run.times.tolist(), "tip": finest.tolist()},
-    }  # fmt: skip
-    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-    path = REFERENCE_FOLDER / f"{file_name(name)}.json"
-    path.parent.mkdir(exist_ok=True)
-    write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+        reference=reference | {"t_s": scene.run.times.tolist(), "tip": finest.tolist()},
+    )  # fmt: skip
     return sum(errors.values())
 
 

@@ -96,9 +96,10 @@ class MujocoRuns:
                 q[row] = data.qpos
         return Timed(q, seconds)
 
-    def seconds_a_step(self, integrator: str, step: float, steps: int) -> float:
+    def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
         """CPU seconds of a step, from the first of a run."""
-        with self._ready(integrator, step):
+        steps = min(steps_per_sample, 5000)  # as many as tell it
+        with self._ready(integrator, self.scene.run.sample / steps_per_sample):
             return _seconds_of(self.model, self.data, steps) / steps
 
     @contextlib.contextmanager

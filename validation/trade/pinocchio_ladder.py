@@ -15,13 +15,12 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio as pin
 
-import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.inputs.initial_state import initial_state
+from validation.runs import stable_steps
 from validation.speed.families import timed_states
 from validation.speed.pinocchio_models import build_all
 from validation.trade.first_order import FirstOrder, Solved
@@ -85,7 +84,7 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
     form = PinocchioForm(trade_scene(name), most)
     aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
     for method, a_step in EVALUATIONS_OF_A_STEP.items():
-        first = _steps_of_limit(form.scene, method)
+        first = stable_steps(form.scene, method)
         evaluations = a_step * OUTPUTS * first
         if evaluations > most:
             too_long = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
@@ -100,12 +99,6 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
         else:
             found[method] = _by_tolerance(name, form, method, aba, tolerances)
     return found | {"Radau": _by_tolerance(name, form, "Radau", aba, tolerances)}
-
-
-def _steps_of_limit(scene: Scene, method: str) -> int:
-    """Steps between outputs at the largest stable step of the start."""
-    chain = fl.lump(scene)
-    return math.ceil(scene.run.sample / fl.stable_step(chain, *initial_state(scene, chain), method=method))
 
 
 def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, tolerances: Sequence[float]) -> list[Point]:
