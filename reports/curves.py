@@ -88,6 +88,11 @@ def draw_series(axes: Axes, series: Series) -> None:
             curve.x[visible], curve.y[visible], label=curve.label, color=CYCLE[place % len(CYCLE)],
             marker=MARKERS[place % len(MARKERS)] if few else None, linestyle="-" if place < len(CYCLE) else "--",
         )  # fmt: skip
+    put_labels(axes, series)
+
+
+def put_labels(axes: Axes, series: Series) -> None:
+    """Scales and labels as the series says."""
     axes.set(xscale=series.x_scale, yscale=series.y_scale, xlabel=series.x_label, ylabel=series.y_label)
     tidy_logs(axes)
 

@@ -50,14 +50,8 @@ def _contestant(axes: Axes, many: Sequence[Run], aim: str) -> None:
         best, f"{marker}-", {"markersize": 4.0, "label": DISPLAY_NAMES.get(who, who)},
     )  # fmt: skip
     for part, line, look in looks:
-        axes.plot(
-            [run.errors[aim] for run in part],
-            [run.seconds for run in part],
-            line,
-            color=colour,
-            zorder=4 if who == OURS else 3,
-            **look,
-        )
+        x, y = [run.errors[aim] for run in part], [run.seconds for run in part]
+        axes.plot(x, y, line, color=colour, zorder=4 if who == OURS else 3, **look)
     for run in _named(best, aim):
         axes.annotate(
             run.method, (run.errors[aim], run.seconds), xytext=(0, -9 if who == OURS else 8), color=colour, fontsize=8,

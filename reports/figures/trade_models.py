@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv
 from reports.prices import Run, front
 from reports.results import Results
 from validation.store import Series
@@ -47,8 +47,7 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set_xlim(ROOM * axes.get_xlim()[0])
         tidy_logs(axes)
         legend_above(figure, axes, 4)
-        csv = table_csv(list(series.columns), zip(*(v.tolist() for v in series.columns.values()), strict=True))
-        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, csv)
+        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, columns_csv(series.columns))
 
 
 def _runs(series: Series) -> Iterator[Run]:

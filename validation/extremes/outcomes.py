@@ -21,16 +21,19 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import tip_position
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 from validation.runs import apart
+from validation.trade.mujoco_runs import INTEGRATORS
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
@@ -140,6 +143,23 @@ def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOu
     seconds = time.thread_time() - started
     words = "; ".join(run.warnings) or str(run.steps)
     return judged(scene, run.tip, truth(), words, seconds)
+
+
+def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Truth]) -> RunOutcome:
+    """Run a scene with fixed steps in an engine; it refuses no step and checks no result."""
+    run, started = scene.run, time.thread_time()
+    if run.duration / run.step > 20_000:  # nobody can stop them
+        return RunOutcome("dear", np.nan, f"{round(run.duration / run.step)} steps", 0.0)
+    try:
+        chain = lump(scene)
+        engine = engines.load(name, chain)
+        if name == "mujoco":
+            engine.model.opt.integrator = INTEGRATORS[method]  # type: ignore[attr-defined]
+        _, q, _ = engine.integrate(scene.varied({"run.unstable": "allow"}))
+        tip = np.array([tip_position(chain, row) for row in q])
+    except FlexlinkError as error:
+        return RunOutcome("error", math.nan, str(error), time.thread_time() - started)
+    return judged(scene, tip, truth(), "", time.thread_time() - started)
 
 
 def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:

@@ -20,8 +20,7 @@ from flexlink.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.extremes.cells import Cell as Corner
 from validation.extremes.cells import Map, recipe
-from validation.extremes.other_engine import outcome_beside
-from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_of, truth_of
+from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_beside, outcome_of, truth_of
 from validation.facts import Fact, Facts, in_words
 from validation.store import Series, table
 

@@ -26,8 +26,7 @@ from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.physics.formulas import INPUTS
-from validation.physics.hinge_sweep import Point, Sweep, report
-from validation.physics.published import published
+from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
 from validation.runs import apart, run_facts, stable_steps

@@ -16,7 +16,7 @@ from pydrake.systems.analysis import ResetIntegratorFromFlags
 from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
 from flexlink.inputs.initial_state import initial_state
-from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
 
 SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
@@ -68,5 +68,5 @@ class DrakeRuns:
             if seconds > longest:
                 return None
             q.append(np.array(plant.GetPositions(state)))
-        found = errors(self.name, seen(self.chain, np.array(q)))
-        return Point(accuracy, found.tip, seconds, found.bend, integrator.get_num_derivative_evaluations())
+        evaluations = integrator.get_num_derivative_evaluations()
+        return point(self.name, seen(self.chain, np.array(q)), accuracy, seconds, evaluations)

@@ -16,7 +16,7 @@ from exudyn.itemInterface import SensorNode
 from flexlink.chain.lumping import lump
 from flexlink.engines.exudyn import ExudynEngine, _settings
 from flexlink.inputs.initial_state import initial_state
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladders
 
 SOLVERS = {
@@ -54,10 +54,9 @@ class ExudynRuns:
         rows = [int(np.abs(kept[:, 0] - t).argmin()) for t in run.times]
         if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
             return Point(run.sample / steps, math.inf, 0.0)
-        found = errors(self.name, seen(self.chain, kept[rows, 1:]))
         of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
         evaluations = of_a_step * steps * OUTPUTS
-        return Point(run.sample / steps, found.tip, seconds, found.bend, evaluations)
+        return point(self.name, seen(self.chain, kept[rows, 1:]), run.sample / steps, seconds, evaluations)
 
     def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
         """CPU seconds of a step, from the first of a run."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladders
 
 EVALUATIONS_OF_A_STEP = {"RK4": 4}  # of the others one
@@ -17,7 +17,6 @@ def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
     def run(integrator: str, steps: int) -> Point:
         timed = runs.run(integrator, steps)
         evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
-        found = errors(name, seen(runs.chain, timed.q))
-        return Point(runs.scene.run.sample / steps, found.tip, timed.seconds, found.bend, evaluations)
+        return point(name, seen(runs.chain, timed.q), runs.scene.run.sample / steps, timed.seconds, evaluations)
 
     return ladders(runs.scene, INTEGRATORS, run, runs.seconds_a_step, budget, smallest)

@@ -18,7 +18,7 @@ from flexlink.describe.scene import Scene
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.tip_motion import tip_travel
 from validation.runs import stable_steps
-from validation.trade.scenes import OUTPUTS, Seen, errors, reference, seen, trade_scene
+from validation.trade.scenes import OUTPUTS, Seen, point, reference, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
@@ -96,8 +96,7 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
         raise
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
-    found = errors(name, runs[0].seen)
-    return Point(setting, found.tip, min(run.seconds for run in runs), found.bend, runs[0].evaluations)
+    return point(name, runs[0].seen, setting, min(run.seconds for run in runs), runs[0].evaluations)
 
 
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:

@@ -24,7 +24,7 @@ from validation.runs import stable_steps
 from validation.speed.families import timed_states
 from validation.speed.pinocchio_models import build_all
 from validation.trade.first_order import FirstOrder, Solved
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
@@ -117,5 +117,4 @@ def _point(name: str, form: PinocchioForm, setting: float, aba: float, run: Call
         solved = run()
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
-    found = errors(name, seen(form.chain, solved.q))
-    return Point(setting, found.tip, solved.evaluations * aba, found.bend, solved.evaluations)
+    return point(name, seen(form.chain, solved.q), setting, solved.evaluations * aba, solved.evaluations)

@@ -10,7 +10,7 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from validation.trade.first_order import FirstOrder
-from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
 
 CVODE = "CVODE"
@@ -34,5 +34,5 @@ def _point(name: str, form: FirstOrder, solver: str, relative: float) -> Point:
         raise
     except FlexlinkError:
         return Point(relative, math.inf, 0.0)
-    seconds, found = time.thread_time() - begun, errors(name, seen(form.chain, solved.q))
-    return Point(relative, found.tip, seconds, found.bend, solved.evaluations)
+    seconds = time.thread_time() - begun
+    return point(name, seen(form.chain, solved.q), relative, seconds, solved.evaluations)
