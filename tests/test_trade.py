@@ -94,7 +94,7 @@ def test_the_first_order_form_has_the_slope_of_a_run(base, drive):
 @pytest.mark.slow
 def test_a_led_joint_is_held_by_a_torque_as_the_run_leads_it():
     scene = trade.trade_scene("p2p5").varied({"run.duration": 0.15, "run.step": 2.5e-5})
-    solved = FirstOrder(scene).by_scipy("Radau", 1e-6, 1e-8)
+    solved = FirstOrder(scene).by_scipy("Radau", 1e-6)
     assert solved.tip == pytest.approx(fl.simulate(scene).tip, abs=1e-6)
 
 
@@ -113,20 +113,20 @@ def beginning():
 @pytest.mark.parametrize("method", ["Radau", "DOP853"])
 def test_scipy_comes_to_the_reference(beginning, method):
     form, error = beginning
-    assert error(form.by_scipy(method, 1e-6, 1e-8).tip) < 1e-5
+    assert error(form.by_scipy(method, 1e-6).tip) < 1e-5
 
 
 @pytest.mark.slow
 def test_cvode_comes_to_the_reference(beginning):
     pytest.importorskip("sksundae", reason="scikit-sundae, an optional witness, is not installed")
     form, error = beginning
-    assert error(form.by_cvode(1e-6, 1e-8).tip) < 1e-5
+    assert error(form.by_cvode(1e-6).tip) < 1e-5
 
 
 def test_without_scikit_sundae_cvode_is_an_error_that_says_how_to_get_it(beginning, monkeypatch):
     monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
     with pytest.raises(fl.errors.MissingDependencyError, match="python -m pip install scikit-sundae"):
-        beginning[0].by_cvode(1e-6, 1e-8)
+        beginning[0].by_cvode(1e-6)
 
 
 def test_a_knot_that_is_an_output_up_to_rounding_is_that_output():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,6 +16,7 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.speed.stopwatch import race
 from validation.store import Series, table
 
 TIMED = True
@@ -70,19 +70,13 @@ def _errors(scene: Scene, method: str, step: float, exact: Trajectory) -> tuple[
     return _distance(run, exact), float(np.abs(total - total[0]).max())
 
 
-def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
+def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000) -> float:
     """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
     duration = steps * step
     timed = scene.varied(
         {"run": RunSettings(method=method, step=step, sample=duration, duration=duration, unstable="allow")}
     )
-    simulate(timed)
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        simulate(timed)
-        times.append(time.perf_counter() - start)
-    return min(times) / steps
+    return race({method: lambda _: simulate(timed)}, turns=3, turn=0.0)[method] / steps
 
 
 def _distance(a: Trajectory, b: Trajectory) -> float:

@@ -9,14 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
 from flexlink.inputs.initial_state import initial_state
+from validation.speed.steps import take_in_mujoco
 from validation.speed.stopwatch import Work
 
 
@@ -61,9 +60,4 @@ def _compiled(text: str) -> mujoco.MjModel:
 
 def _run(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any]) -> None:
     model.opt.timestep = scene.run.step
-    mujoco.mj_resetData(model, data)
-    data.qpos, data.qvel = start
-    with quiet():
-        mujoco.mj_step(model, data, round(scene.run.duration / scene.run.step))
-    if data.warning.number.any() or not np.isfinite(data.qpos).all():
-        raise FlexlinkError(f"{scene.name}: MuJoCo is unstable at step = {scene.run.step:g} s: its time says nothing")
+    take_in_mujoco(scene, model, data, start, round(scene.run.duration / scene.run.step))

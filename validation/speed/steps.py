@@ -6,6 +6,7 @@ Each function prepares a run from the scene's initial state and returns work tha
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -94,15 +95,19 @@ def by_mujoco(scene: Scene) -> Work:
     """`mj_step`, many steps a call; autoreset is off in the exported file."""
     model, data, start = _loaded(scene)
 
-    def take(steps: int) -> None:
-        mujoco.mj_resetData(model, data)
-        data.qpos, data.qvel = start
-        with quiet():
-            mujoco.mj_step(model, data, steps)
-        in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
-        _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
+    return lambda steps: take_in_mujoco(scene, model, data, start, steps)
 
-    return take
+
+def take_in_mujoco(
+    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any], steps: int
+) -> None:
+    """So many steps of a scene from its start, q and q̇."""
+    mujoco.mj_resetData(model, data)
+    data.qpos, data.qvel = start
+    with quiet():
+        mujoco.mj_step(model, data, steps)
+    in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
+    _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
 
 
 def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
@@ -125,7 +130,7 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
     return take
 
 
-def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, object]]:
+def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[Any, Any]]:
     chain = lump(scene)
     engine = MujocoEngine(chain)
     engine.model.opt.timestep = scene.run.step

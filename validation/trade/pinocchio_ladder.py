@@ -104,7 +104,7 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
 def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, tolerances: Sequence[float]) -> list[Point]:
     found = []
     for relative in tolerances:
-        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r, 1e-2 * r))  # type: ignore[misc]
+        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r))  # type: ignore[misc]
         found.append(point)
         if point.error == math.inf:  # finer ones take more evaluations still
             break

@@ -8,7 +8,6 @@ the vector by which the hinges bend the tip away, over the longest of the refere
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -22,7 +21,7 @@ from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position, unbent
 from flexlink.results.tip_motion import tip_travel
-from validation.case import MODELS, STUDY_SCENES
+from validation.case import STUDY_SCENES, scene_file
 from validation.physics.formulas import INPUTS
 from validation.reference_values import reference_array
 from validation.runs import apart
@@ -71,13 +70,10 @@ def varied_scene(varied: Varied, name: str) -> Scene:
 
 
 def _varied(varied: Varied, name: str) -> Scene:
-    base = _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+    base = (
+        _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(scene_file(varied.base))
+    )
     return base.varied(varied.change | {"name": name, "about": varied.about})
-
-
-def _file(base: str) -> Path:
-    path = STUDY_SCENES / f"{base}.toml"
-    return path if path.is_file() else MODELS / f"{base}.toml"
 
 
 def probe(scene: Scene) -> Array:

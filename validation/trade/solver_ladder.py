@@ -13,8 +13,6 @@ from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
 
-CVODE = "CVODE"
-
 
 def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
     """A run for each relative tolerance; the absolute one is a hundredth. None where CVODE is not installed."""
@@ -27,9 +25,7 @@ def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
 def _point(name: str, form: FirstOrder, solver: str, relative: float) -> Point:
     begun = time.thread_time()
     try:
-        solved = form.by_cvode(relative, 1e-2 * relative) if solver == CVODE else form.by_scipy(
-            solver, relative, 1e-2 * relative
-        )  # fmt: skip
+        solved = form.by(solver, relative)
     except MissingDependencyError:
         raise
     except FlexlinkError:
