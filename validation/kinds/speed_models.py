@@ -19,13 +19,13 @@ from flexlink.results.tip_motion import tip_travel
 from validation.case import Case, Measured
 from validation.runs import apart, stable_steps
 from validation.store import Series, table
-from validation.trade.error_parts import Fine, Setup, Type
+from validation.trade.error_parts import TYPES, Fine, Setup, Type
 from validation.trade.native_ladder import OF_STABLE, timed_run
 
 TIMED = True
 
 COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
-TYPES = {"rigid": "rigid", "z": "T1", "yz": "T2", "xyz": "T3"}
+NAMES = {"rigid": "rigid"} | {flex: name for name, flex in TYPES.items()}
 
 
 class Grid(Spec, frozen=True):
@@ -86,7 +86,7 @@ class Run(NamedTuple):
     def row(self) -> tuple[Any, ...]:
         """The columns."""
         setup = self.setup
-        return TYPES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
+        return NAMES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
 
 def run(

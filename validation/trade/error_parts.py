@@ -10,6 +10,7 @@ distance from what a coarser choice of the same kind gives.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Literal, NamedTuple
 
@@ -25,6 +26,7 @@ from flexlink.motion.simulate import simulate
 from validation.runs import apart
 
 Type = Literal["rigid", "z", "yz", "xyz"]
+TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # as the paper calls them
 
 SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
 
