@@ -5,7 +5,7 @@ Nothing is read off the runs, which is in MuJoCo's favour.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -15,6 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
 from flexlink.inputs.initial_state import initial_state
+from validation.speed.evaluations import from_python
 from validation.speed.steps import take_in_mujoco
 from validation.speed.stopwatch import Work
 
@@ -38,15 +39,7 @@ def works(members: Sequence[Scene]) -> Mapping[str, Work]:
         _run(members[k], model, mujoco.MjData(model), initial_state(members[k], lump(members[k])))
 
     each = {"run": run, "compile, run": compile_and_run, "write, compile, run": write_compile_and_run}
-    return {name: _round_and_round(one, len(members)) for name, one in each.items()}
-
-
-def _round_and_round(one: Callable[[int], None], count: int) -> Work:
-    def work(calls: int) -> None:
-        for k in range(calls):
-            one(k % count)
-
-    return work
+    return {name: from_python(one, len(members)) for name, one in each.items()}
 
 
 def _text(scene: Scene) -> str:

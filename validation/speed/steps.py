@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from mujoco import rollout
 
+from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
@@ -30,32 +31,28 @@ from validation.speed.stopwatch import Work
 
 def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
-    chain, h = lump(scene), scene.run.step
+    chain = lump(scene)
     work = solver_for(chain, "articulated").workspace(chain.arrays)
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
-    start = initial_state(scene, chain)
-    samples = *np.zeros((2, 2, chain.n)), np.zeros(2)
-
-    def take(steps: int) -> None:
-        state = start[0].copy(), start[1].copy(), np.zeros(1)
-        _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
-
-    return take
+    return _loop(scene, chain, work, np.array([initial_state(scene, chain)]))
 
 
 def native_batch(members: Sequence[Scene]) -> Work:
     """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
-    scene = members[0]
-    chain, h = lump(scene), scene.run.step
+    chain = lump(members[0])
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, method("RK4").arrays, input_arrays(scene, chain), h, 0
     starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
-    blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
-    samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
+    return _loop(members[0], chain, work, np.ascontiguousarray(starts.transpose(0, 2, 3, 1)))
+
+
+def _loop(scene: Scene, chain: Chain, work: Any, starts: Array) -> Work:
+    """From each of the starts (runs, 2, n), or of eight side by side (blocks, 2, n, 8)."""
+    fixed = work, method("RK4").arrays, input_arrays(scene, chain), scene.run.step, 0
+    lanes = starts.shape[3:]
+    samples = *np.zeros((2, 2, chain.n, *lanes)), np.zeros((2, *lanes))
 
     def take(steps: int) -> None:
-        for q, qd in blocks:
-            state = q.copy(), qd.copy(), np.zeros((1, LANES))
+        for q, qd in starts:
+            state = q.copy(), qd.copy(), np.zeros((1, *lanes))
             _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
