@@ -24,7 +24,7 @@ from validation.trade import native_ladder, pinocchio_ladder, witness_ladder
 from validation.trade import references as trade_references
 from validation.trade import scenes as trade
 from validation.trade.first_order import FirstOrder
-from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
+from validation.trade.mujoco_ladder import INTEGRATORS, MujocoRuns
 from validation.trade.work_precision import Point, cost, ladder
 
 NAMES = list(trade.scenes())
@@ -165,7 +165,7 @@ def test_mujoco_with_compiled_friction_and_drive_comes_to_the_reference():
 
 
 def _errors_of(name, runs, integrator, steps):
-    return trade.errors(name, trade.seen(runs.chain, runs.run(integrator, steps).q))
+    return trade.errors(name, trade.seen(runs.chain, runs.run(integrator, steps)[0]))
 
 
 def test_gains_are_springs_and_dampers_of_mujoco():

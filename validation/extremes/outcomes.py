@@ -33,7 +33,7 @@ from flexlink.motion.simulate import SingleRun
 from flexlink.results.stop_reasons import InterruptedRunError
 from flexlink.results.trajectory import Trajectory
 from validation.runs import apart
-from validation.trade.mujoco_runs import INTEGRATORS
+from validation.trade.mujoco_ladder import INTEGRATORS
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
