@@ -25,10 +25,9 @@ from validation.kinds import speed_calls, speed_steps
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.runner import judged
-from validation.speed import compiled_loops, evaluations, pinocchio_models, steps, stopwatch
+from validation.speed import compiled_loops, evaluations, pinocchio_models, races, steps
 from validation.speed.families import Family, of_steps, timed_states
-from validation.speed.races import Race, exponent, series
-from validation.speed.stopwatch import race
+from validation.speed.races import Race, exponent, race, series
 from validation.store import Environment, Finished, Planned, Store
 
 ROOT = Path(__file__).parent.parent
@@ -166,7 +165,7 @@ def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkey
 
         return work
 
-    monkeypatch.setattr(stopwatch.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(races.time, "perf_counter", lambda: now[0])
     laps = race({"one": takes(1e-3), "three": takes(3e-3)}, turns=5, turn=0.006)
     assert laps == {"one": pytest.approx(1e-3), "three": pytest.approx(3e-3)}
     assert lengths[1e-3] >= 2 * lengths[3e-3]

@@ -16,7 +16,7 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed.stopwatch import race
+from validation.speed.races import race
 from validation.store import Series, table
 
 TIMED = True

@@ -14,8 +14,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed import compiled_loops, races, uniform_newton_euler
 from validation.speed.families import States, timed_states
-from validation.speed.races import Races
-from validation.speed.stopwatch import Jobs
+from validation.speed.races import Jobs, Races
 
 TIMED = True
 

@@ -10,7 +10,7 @@ from flexlink.describe.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.runs import run_facts
-from validation.speed.stopwatch import Work, race
+from validation.speed.races import Work, race
 
 TIMED = True
 

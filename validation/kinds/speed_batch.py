@@ -15,8 +15,7 @@ from validation.facts import Fact
 from validation.speed import steps
 from validation.speed.evaluations import from_python
 from validation.speed.families import of_steps, timed_states
-from validation.speed.races import Races
-from validation.speed.stopwatch import clock, race
+from validation.speed.races import Races, clock, race
 
 TIMED = True
 

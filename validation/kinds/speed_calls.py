@@ -10,8 +10,7 @@ from validation.case import Case, Measured
 from validation.speed import evaluations, races
 from validation.speed.evaluations import FORWARD, RNE
 from validation.speed.families import Family, timed_states
-from validation.speed.races import Race, Races
-from validation.speed.stopwatch import Jobs
+from validation.speed.races import Jobs, Race, Races
 from validation.store import Series
 
 OURS = ("native", "public")  # in a compiled loop, by a checked call from Python

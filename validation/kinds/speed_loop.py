@@ -24,7 +24,7 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed.stopwatch import Work, race
+from validation.speed.races import Work, race
 
 TIMED = True
 

@@ -17,7 +17,7 @@ from flexlink.sweeps.plan import Plan, load_sweep
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed import mujoco_sweep
-from validation.speed.stopwatch import race
+from validation.speed.races import race
 from validation.sweep_processes import shortened
 
 TIMED = True

@@ -19,7 +19,7 @@ from flexlink.dynamics.accelerations import solver_for
 from flexlink.engines.mujoco import MujocoEngine
 from validation.speed import compiled_loops, pinocchio_models
 from validation.speed.families import States
-from validation.speed.stopwatch import Jobs, Work
+from validation.speed.races import Jobs, Work
 
 FORWARD, RNE, MASS, BIAS = "forward dynamics", "RNE", "M", "T_GC"
 OF_FORWARD, OF_INVERSE = "∂q̈", "∂τ"

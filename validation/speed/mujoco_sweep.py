@@ -16,8 +16,8 @@ from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
 from flexlink.inputs.initial_state import initial_state
 from validation.speed.evaluations import from_python
+from validation.speed.races import Work
 from validation.speed.steps import take_in_mujoco
-from validation.speed.stopwatch import Work
 
 
 def works(members: Sequence[Scene]) -> Mapping[str, Work]:

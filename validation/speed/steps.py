@@ -26,7 +26,7 @@ from flexlink.inputs.actuation import input_arrays
 from flexlink.inputs.initial_state import initial_state
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
-from validation.speed.stopwatch import Work
+from validation.speed.races import Work
 
 
 def native(scene: Scene) -> Work:
