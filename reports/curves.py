@@ -49,7 +49,7 @@ def panels_of(series: Series) -> list[tuple[str, Series]]:
 
 def quantities(series: Series) -> tuple[str, ...]:
     """Columns of numbers other than the horizontal one."""
-    return tuple(name for name, values in series.columns.items() if name != series.x and _is_number(values))
+    return tuple(name for name, values in series.columns.items() if name != series.x and values.dtype.kind in "iuf")
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -67,10 +67,6 @@ def curves(series: Series, *wanted: str) -> Iterator[Curve]:
         for name in names:
             label = group if group and len(names) == 1 else " ".join(part for part in (group, name) if part)
             yield Curve(label, floats(series.columns[series.x][rows]), floats(series.columns[name][rows]))
-
-
-def _is_number(column: NDArray[Any]) -> bool:
-    return np.asarray(column).dtype.kind in "iuf"
 
 
 def floats(column: NDArray[Any]) -> Array:
