@@ -1,4 +1,4 @@
-"""Runs of a scene: their facts, distances of their paths, and the panels of figure 5 for any arm."""
+"""Runs of a scene: their facts, their stable steps, and the panels of figure 5 for any arm."""
 
 from __future__ import annotations
 
@@ -23,11 +23,6 @@ from validation.store import Series
 def run_facts(run: RunSettings) -> dict[str, Fact]:
     """Method, step and duration of a run."""
     return {"method": run.method, "step": run.step, "duration": run.duration}
-
-
-def apart(a: Array, b: Array) -> float:
-    """The largest distance of two paths, (samples, 2 or 3), at the same times [m]."""
-    return float(np.linalg.norm(a - b, axis=1).max())
 
 
 def stable_step_at_start(scene: Scene, method: str) -> float:

@@ -31,8 +31,8 @@ from flexlink.dynamics.placement import tip_position
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun
 from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from flexlink.results.trajectory import Trajectory
-from validation.runs import apart
 from validation.trade.mujoco_ladder import INTEGRATORS
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
@@ -63,11 +63,6 @@ class Truth(NamedTuple):
     apart: float  # how far the two are apart [m]; inf where there are no two
     methods: str
 
-    @property
-    def motion(self) -> float:
-        """Largest distance of the tip from its start [m]."""
-        return apart(self.tip, self.tip[0])
-
 
 class RunOutcome(NamedTuple):
     """One run: its outcome, its error in units of the tolerance, and its messages."""
@@ -84,7 +79,7 @@ def truth_of(scene: Scene, budget: float) -> Truth:
     good = 1e-9 * lump(scene).reach  # as good as any
     for method, tip in _references(scene, budget):
         for other, before in found:
-            distance = apart(tip, before)
+            distance = largest_distance(tip, before)
             if other != method and distance < best.apart:
                 best = Truth(before, distance, f"{other}, {method}")
         if best.apart <= good:
@@ -167,7 +162,7 @@ def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -
     if not known.tip.size:
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
-    error = apart(tip, known.tip)
+    error = largest_distance(tip, known.tip)
     doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
     return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
@@ -176,7 +171,7 @@ def allowed(scene: Scene, truth: Truth) -> float:
     """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if scene.run.controlled:
         return scene.run.tolerance_within(lump(scene).reach)
-    return max(DOUBT * TIP_SHARE * truth.motion, 1e-12)
+    return max(DOUBT * TIP_SHARE * tip_travel(truth.tip), 1e-12)
 
 
 def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:

@@ -22,6 +22,7 @@ from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.results.tip_motion import largest_distance
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
@@ -29,7 +30,7 @@ from validation.physics.formulas import INPUTS
 from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
-from validation.runs import apart, run_facts, stable_steps
+from validation.runs import run_facts, stable_steps
 from validation.store import Series
 
 LONG = True
@@ -80,7 +81,7 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
 
 
 def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, float]:
-    found = {"tip": apart(run.tip[:, :2], exact)}
+    found = {"tip": largest_distance(run.tip[:, :2], exact)}
     if settings.lag:
         θ = run.q[:, 0]
         ours, theirs = _lag(run.tip[:, :2], θ), _lag(exact, θ)
@@ -110,7 +111,7 @@ def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajector
             at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
             if at.hinges in settings.rules.get(rule, ()):
                 ours = run(at).tip[:, :2]
-                distance = apart(ours, np.array(theirs["tip_xy"]))
+                distance = largest_distance(ours, np.array(theirs["tip_xy"]))
                 yield Measured("independent program", distance, case.scenes[0], varied=at.facts)
 
 

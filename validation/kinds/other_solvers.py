@@ -15,9 +15,9 @@ from typing import Literal
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.simulate import simulate
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
 from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import trade_scene
 
@@ -52,10 +52,12 @@ def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Po
                     raise
                 left_out = str(error)
                 continue
-            own = apart(coarse, fine)
+            own = largest_distance(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
                 allowed = ALLOWED_TOLERANCES * methods[method] + own
                 facts: Facts = {"method": method, "tolerance": methods[method]}
-                yield Measured("tip apart / allowed", apart(tip, fine) / allowed, name, witness.solver, facts)
+                yield Measured(
+                    "tip apart / allowed", largest_distance(tip, fine) / allowed, name, witness.solver, facts
+                )
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)

@@ -14,10 +14,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
 from flexlink.pages.numbers import number
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart, stable_steps
+from validation.runs import stable_steps
 from validation.trade.error_parts import Fine, Path, Setup, Type
 from validation.trade.work_precision import Point, cost
 
@@ -96,7 +96,7 @@ def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -
         setup = replace(cut, method=method, step=scene.run.sample / steps)
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
-            error = apart(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
+            error = largest_distance(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
         except fl.FlexlinkError:  # a posture passed later has a shorter stable step
             error = math.inf
         yield Point(scene.run.sample / steps, error, evaluations)

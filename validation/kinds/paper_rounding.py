@@ -11,9 +11,10 @@ from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import EPS
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart, stable_step_at_start
+from validation.runs import stable_step_at_start
 from validation.store import Series, table
 from validation.trade.error_parts import Fine, Setup, rounding
 
@@ -62,7 +63,7 @@ def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Erro
     truth = exact.in_time(scene, setups[0])
     for setup in setups:
         tip, step = setup.tip(scene), setup.step or 0.0
-        yield Errors(step, apart(tip, truth.tip), rounding(scene, setup, tip))
+        yield Errors(step, largest_distance(tip, truth.tip), rounding(scene, setup, tip))
 
 
 def _meeting(errors: Sequence[Errors], order: int) -> float:

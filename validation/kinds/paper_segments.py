@@ -13,9 +13,10 @@ import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart, stable_step_at_start
+from validation.runs import stable_step_at_start
 from validation.speed.families import of_steps
 from validation.trade.error_parts import Fine, Setup, Type
 
@@ -50,7 +51,7 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
         for segments in arm.segments:
             setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")
             path = arm.in_time.in_time(base, setup)
-            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(base))))
+            found.append(Price(name, segments, largest_distance(path.tip, limit.tip), _cost(setup.scene(base))))
             facts: Facts = {"cells": segments}
             yield Measured("error", found[-1].error, name, varied=facts)
             yield Measured("own error / error", (path.own + limit.own) / found[-1].error, name, varied=facts)

@@ -9,9 +9,9 @@ import msgspec
 
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
 from validation.trade.error_parts import TYPES, Fine
 
 LEAST_GAIN = 2.0  # times more precise, at least, is another level of precision
@@ -37,7 +37,7 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
             t: (motion.rigid if t == "rigid" else motion.fine).limit(base, flex)
             for t, flex in {"rigid": "rigid", **TYPES}.items()
         }
-        errors = {t: apart(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
+        errors = {t: largest_distance(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
         for t, error in errors.items():
             facts: Facts = {"type": t}
             yield Measured("error of the type", error, name, varied=facts)

@@ -15,9 +15,9 @@ from msgspec.structs import replace
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import Case, Measured
-from validation.runs import apart, stable_steps
+from validation.runs import stable_steps
 from validation.store import Series, table
 from validation.trade.error_parts import TYPES, Fine, Setup, Type
 from validation.trade.native_ladder import OF_STABLE, timed_run
@@ -124,4 +124,4 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
         runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
-    return Run(setup, apart(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))
+    return Run(setup, largest_distance(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))

@@ -36,10 +36,10 @@ from exudyn.itemInterface import (
 
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
+from flexlink.results.tip_motion import largest_distance
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
 from validation.reference_values import store_reference
-from validation.runs import apart
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
 SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency
@@ -77,13 +77,13 @@ def compute(name: str) -> float:
     plane = plane_of(scene)
     finest = tip(name, plane, scene.run, FINEST)
     errors = {
-        key: apart(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
+        key: largest_distance(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
         for key, (coarser, times) in COARSER.items()
     }
     reference = {"plane": plane.numbers, "errors_m": errors, "own_error_m": sum(errors.values())}
     if all(section.shape != "general" for section in scene.arm.sections.values()):
         own = tip(name, plane, scene.run, FINEST._replace(stiffness=None))
-        reference["shear_and_stretch_m"] = apart(finest, own)
+        reference["shear_and_stretch_m"] = largest_distance(finest, own)
     store_reference(
         file_name(name),
         f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",

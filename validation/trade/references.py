@@ -15,9 +15,9 @@ from collections.abc import Sequence
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.reference_values import REFERENCE_FOLDER, look_up, store_reference
-from validation.runs import apart, stable_steps
+from validation.runs import stable_steps
 from validation.trade.scenes import Seen, is_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
@@ -58,7 +58,7 @@ def compute(name: str) -> float:
     for halvings in range(HALVINGS):
         tenth, step10 = _run(scene, "RK10", 2**halvings)
         fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
-        agree = apart(tenth.tip, fourth.tip) / tip_travel(tenth.tip)
+        agree = largest_distance(tenth.tip, fourth.tip) / tip_travel(tenth.tip)
         if agree <= AGREE:
             store_reference(
                 reference_name(name),

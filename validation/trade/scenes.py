@@ -20,11 +20,10 @@ from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position, unbent
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import STUDY_SCENES, scene_file
 from validation.physics.formulas import INPUTS
 from validation.reference_values import reference_array
-from validation.runs import apart
 from validation.trade.first_order import FirstOrder
 from validation.trade.work_precision import Point
 
@@ -123,7 +122,7 @@ def errors(name: str, found: Seen) -> tuple[float, float]:
     """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
-    parts = (apart(ours, theirs) / size for ours, theirs, size in zip(found, exact, sizes, strict=True))
+    parts = (largest_distance(ours, theirs) / size for ours, theirs, size in zip(found, exact, sizes, strict=True))
     of_tip, of_bend = (part if np.isfinite(part) else np.inf for part in parts)
     return of_tip, of_bend
 
