@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -18,6 +18,7 @@ from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.runs import stable_step_at_start
 from validation.speed.families import of_steps
+from validation.speed.races import processor_time
 from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
@@ -65,14 +66,9 @@ def _cost(scene: Scene) -> float:
     stable = stable_step_at_start(scene, "RK4")
     timed = 0.01 * stable  # no posture that is passed has a shorter stable step
     numbers = 500, 3500
-    few, many = (min(_seconds(of_steps(scene, n, timed)) for _ in range(5)) for n in numbers)
+    runs = [functools.partial(fl.simulate, of_steps(scene, n, timed)) for n in numbers]
+    few, many = (min(processor_time(run) for _ in range(5)) for run in runs)
     return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # as fast as RK4 goes
-
-
-def _seconds(scene: Scene) -> float:
-    start = time.process_time()
-    fl.simulate(scene)
-    return time.process_time() - start
 
 
 def _gain(prices: Sequence[Price]) -> tuple[float, float]:
