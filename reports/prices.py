@@ -86,7 +86,7 @@ def front(many: Sequence[Run], aim: str) -> list[Run]:
 
 
 def named(best: Sequence[Run], aim: str, apart: float) -> Iterator[Run]:
-    """Of each method on a front its first run, but for names that would stand on each other: `apart` times in error."""
+    """Runs of a front to name: the first of each method, with `apart` times the error of the one named before."""
     last, known = None, set[tuple[str, str]]()
     for run in best:
         if (last is None or run.errors[aim] > apart * last.errors[aim]) and run[:2] not in known:
