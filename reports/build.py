@@ -208,15 +208,10 @@ def _ran(section: Section, here: int, results: Results, whole: stored_full.Store
     if not (here and whole):
         return ran if here else ""
     known = whole.study.chapter(section.id).cases
-    beyond = sorted({_family(one.case) for one in known if one.case not in results.plan})
+    beyond = sorted({one.case.partition("-")[0] for one in known if one.case not in results.plan})  # files, not parts
     if not beyond:
         return f"{ran} The full study has no others."
     return f"{ran} Only in the full study (reports/full): {', '.join(beyond)}."
-
-
-def _family(case: str) -> str:
-    """The case's file: the parts of one are many."""
-    return case.partition("-")[0]
 
 
 def _stored_chapter(section: Section, whole: stored_full.Stored, out: Path) -> StudyChapter:

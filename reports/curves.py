@@ -49,7 +49,7 @@ def panels_of(series: Series) -> list[tuple[str, Series]]:
 
 def quantities(series: Series) -> tuple[str, ...]:
     """Columns of numbers other than the horizontal one."""
-    return tuple(name for name, values in series.columns.items() if name != series.x and _is_number(values))
+    return tuple(name for name, values in series.columns.items() if name != series.x and values.dtype.kind in "iuf")
 
 
 def groups(series: Series) -> list[tuple[str, NDArray[np.bool_]]]:
@@ -69,10 +69,6 @@ def curves(series: Series, *wanted: str) -> Iterator[Curve]:
             yield Curve(label, floats(series.columns[series.x][rows]), floats(series.columns[name][rows]))
 
 
-def _is_number(column: NDArray[Any]) -> bool:
-    return np.asarray(column).dtype.kind in "iuf"
-
-
 def floats(column: NDArray[Any]) -> Array:
     """A column as float64."""
     return np.asarray(column, dtype=np.float64)
@@ -88,6 +84,11 @@ def draw_series(axes: Axes, series: Series) -> None:
             curve.x[visible], curve.y[visible], label=curve.label, color=CYCLE[place % len(CYCLE)],
             marker=MARKERS[place % len(MARKERS)] if few else None, linestyle="-" if place < len(CYCLE) else "--",
         )  # fmt: skip
+    put_labels(axes, series)
+
+
+def put_labels(axes: Axes, series: Series) -> None:
+    """Scales and labels as the series says."""
     axes.set(xscale=series.x_scale, yscale=series.y_scale, xlabel=series.x_label, ylabel=series.y_label)
     tidy_logs(axes)
 

@@ -72,7 +72,7 @@ def _fill(axes: list[Axes], motion: Motion) -> None:
     for letter, panel, (name, series) in zip("abcde", axes, motion.native.items(), strict=False):
         entries = _entries(series)
         for curve in curves(series):
-            entry = entries.index(_entry(series, curve.label, entries))
+            entry = entries.index(curve.label if curve.label in entries else series.legend[curve.label])
             panel.plot(curve.x, curve.y, color=CYCLE[entry], linewidth=0.9)
         handles = [Line2D([], [], color=CYCLE[k]) for k in range(len(entries))]
         for number, others in enumerate(motion.engines.values()):
@@ -92,10 +92,6 @@ def _entries(series: Series) -> list[str]:
     """What the legend tells apart: every curve, or only what they share an entry for where that would be too many."""
     labels = [curve.label for curve in curves(series)]
     return labels if len(labels) <= LEGEND else sorted({series.legend.get(label, label) for label in labels})
-
-
-def _entry(series: Series, label: str, entries: list[str]) -> str:
-    return label if label in entries else series.legend[label]
 
 
 def _points(panel: Axes, series: Series, number: int) -> None:

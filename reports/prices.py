@@ -85,6 +85,16 @@ def front(many: Sequence[Run], aim: str) -> list[Run]:
     return best
 
 
+def named(best: Sequence[Run], aim: str, apart: float) -> Iterator[Run]:
+    """Runs of a front to name: the first of each method, with `apart` times the error of the one named before."""
+    last, known = None, set[tuple[str, str]]()
+    for run in best:
+        if (last is None or run.errors[aim] > apart * last.errors[aim]) and run[:2] not in known:
+            last = run
+            known.add(run[:2])
+            yield run
+
+
 def errors(results: Results, aim: str) -> list[float]:
     """The errors that prices were asked for, the largest first."""
     return sorted({float(row.varied[aim]) for row in _times(results, aim)}, reverse=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.output import write_text
+from flexlink.pages.page import make_folder
 from flexlink.pages.tables import table_csv
 from reports.results import Results
 from reports.verdict import PASS, correct, measured
@@ -53,10 +54,7 @@ def save(results: Results, folder: Path = FOLDER) -> Path:
         raise FlexlinkError(f"{results.store.path}: no reference run: {verdict.text}")
     if fast.unmeasured:
         raise FlexlinkError(f"{results.store.path}: no reference run: {fast.sentence()}; {HOW}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FlexlinkError(f"{folder}: cannot be made a folder: {error.strerror or error}") from None
+    make_folder(folder)
     timed = [row for row in results.rows if row.timed]
     write_text(folder / "speed.csv", table_csv(HEADS, (_line(row) for row in timed)))
     cases = [(case, correctness(rows)) for case, rows in results.cases.items()]

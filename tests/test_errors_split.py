@@ -5,11 +5,11 @@ import pytest
 from studies import row, stored
 
 from flexlink.describe.scene import load_scene
+from flexlink.results.tip_motion import largest_distance
 from reports.figures import errors_split as figure
 from reports.findings import errors_split as finding
 from reports.results import Results
 from validation.case import ALL, MODELS, load_cases
-from validation.runs import apart
 from validation.store import Series, Store, table
 from validation.trade.error_parts import Fine, Setup, Splitter, rounding
 
@@ -58,7 +58,7 @@ def test_rounding_is_of_the_size_by_which_runs_differ_whose_steps_have_converged
     setups = [Setup(flex="z", hinges=4, method="RK10", step=h) for h in (5e-5, 2e-5)]
     tips = [setup.tip(scene) for setup in setups]
     told = rounding(scene, setups[0], tips[0]) + rounding(scene, setups[1], tips[1])
-    assert apart(*tips) / 20 < told < 20 * apart(*tips)
+    assert largest_distance(*tips) / 20 < told < 20 * largest_distance(*tips)
 
 
 LINES = (("coarse", 0.0, 2e-3, 1e-6, 1e-14, 2e-3), ("slack", 0.0, 1e-5, 1e-3, 1e-14, 1e-3))

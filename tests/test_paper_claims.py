@@ -21,6 +21,7 @@ from validation.kinds import (
 from validation.kinds.paper_equations import _of_springs
 from validation.kinds.paper_types import _verdict
 from validation.runner import judged
+from validation.speed.races import Race
 
 
 def measured(name, **changes):
@@ -87,7 +88,7 @@ def test_rounding_meets_the_error_of_the_step_where_both_lines_cross():
 
 def times(**by_method):
     names = dict(zip(("one", "two", "three", "later"), paper_mass.METHODS, strict=True))
-    return paper_mass.Time("T1", 40, {names[name]: value for name, value in by_method.items()})
+    return Race("T1", "M", 40, {names[name]: value for name, value in by_method.items()})
 
 
 def test_a_method_for_the_mass_matrix_that_takes_longer_than_the_one_before_is_named():
@@ -98,7 +99,7 @@ def test_a_method_for_the_mass_matrix_that_takes_longer_than_the_one_before_is_n
 
 
 def test_the_exponent_is_that_of_a_power_law():
-    found = [paper_mass.Time("T1", n, dict.fromkeys(paper_mass.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
+    found = [Race("T1", "M", n, dict.fromkeys(paper_mass.METHODS, 3.0 * n**2)) for n in (4, 10, 20)]
     assert [row.value for row in paper_mass._exponents(found)] == [pytest.approx(2.0)] * len(paper_mass.METHODS)
 
 

@@ -25,10 +25,9 @@ from validation.kinds import speed_calls, speed_steps
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 from validation.oracles.spatial_chain import SpatialChain, exactly
 from validation.runner import judged
-from validation.speed import compiled_loops, evaluations, pinocchio_models, steps, stopwatch
+from validation.speed import compiled_loops, evaluations, pinocchio_models, races, steps
 from validation.speed.families import Family, of_steps, timed_states
-from validation.speed.growth import Time, exponent, series
-from validation.speed.stopwatch import race
+from validation.speed.races import Race, exponent, race, series
 from validation.store import Environment, Finished, Planned, Store
 
 ROOT = Path(__file__).parent.parent
@@ -155,27 +154,27 @@ def test_a_stable_race_of_steps_has_everyone_in_it() -> None:
 
 def test_the_stopwatch_finds_the_time_of_a_call_on_however_busy_a_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock that only the works move; every second turn something else takes as long again."""
-    now = [0.0]
+    now, lengths = [0.0], {}
 
     def takes(seconds: float):
         turns = itertools.count()
 
         def work(calls: int) -> None:
             now[0] += calls * seconds * (1.0 if next(turns) % 2 else 2.0)
+            lengths[seconds] = calls
 
         return work
 
-    monkeypatch.setattr(stopwatch.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(races.time, "perf_counter", lambda: now[0])
     laps = race({"one": takes(1e-3), "three": takes(3e-3)}, turns=5, turn=0.006)
-    assert laps["one"].seconds == pytest.approx(1e-3)
-    assert laps["three"].seconds == pytest.approx(3e-3)
-    assert laps["one"].calls >= 2 * laps["three"].calls
+    assert laps == {"one": pytest.approx(1e-3), "three": pytest.approx(3e-3)}
+    assert lengths[1e-3] >= 2 * lengths[3e-3]
 
 
 def test_the_exponent_is_of_the_long_chains_only() -> None:
     seconds = {n: 1e-9 * n**1.5 + (1.0 if n < 100 else 0.0) for n in (10, 100, 400, 3000)}
-    times = [Time("T1", "forward dynamics", "native", *each) for each in seconds.items()]
-    [row] = exponent(times)
+    times = [Race("T1", "forward dynamics", n, {"native": each}) for n, each in seconds.items()]
+    [row] = exponent(times, "native")
     assert row.quantity == "T1 forward dynamics: exponent"
     assert row.varied == {"chain": "T1", "job": "forward dynamics", "n": 100, "to n": 3000}
     assert row.value == pytest.approx(1.5)
@@ -214,9 +213,9 @@ def test_the_report_draws_cost_against_n_and_tells_the_times(tmp_path: Path) -> 
     store.prepare(["speed_calls"])
     case = load_case(CASES / "speed_calls.toml")
     job = "T1", "forward dynamics"
-    times = [Time(*job, "native", n, 1e-8 * n) for n in (10, 100, 1000)] + [Time(*job, "mujoco", 10, 1e-6)]
-    store.add_series("speed_calls", series(times))
-    for row in exponent(times[:3]):
+    times = [Race(*job, n, {"native": 1e-8 * n}) for n in (10, 100, 1000)] + [Race(*job, 10, {"mujoco": 1e-6})]
+    store.add_series("speed_calls", series(times, "cost", "Time of one forward dynamics", "engine", part=job[1]))
+    for row in exponent(times, "native"):
         store.append(judged(case, row, 0.0, "key"))
     store.note_environment(Environment())
     store.note_plan({"speed_calls": Planned("key", case.kind, case.title)})

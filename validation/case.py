@@ -119,12 +119,16 @@ class Case(Spec, frozen=True):
     @property
     def scene_files(self) -> list[Path]:
         """The scenes' files; a name with `*` means all of models/ that it matches."""
-        own = {path.stem: path for path in STUDY_SCENES.glob("*.toml")}
         files: list[Path] = []
         for name in self.scenes:
-            many = sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [MODELS / f"{name}.toml"]
-            files += [own[name]] if name in own else many
+            files += sorted(MODELS.glob(f"{name}.toml")) if "*" in name else [scene_file(name)]
         return files
+
+
+def scene_file(name: str) -> Path:
+    """The file of a scene: one of the study's own, or of models/."""
+    own = STUDY_SCENES / f"{name}.toml"
+    return own if own.is_file() else MODELS / f"{name}.toml"
 
 
 NOTHING_VARIED: Facts = MappingProxyType({})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import functools
 import json
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from flexlink.common.errors import DataFileError
+from flexlink.common.output import write_text
 from flexlink.common.types import Array
 
 REFERENCE_FOLDER = Path(__file__).parent / "reference"
@@ -37,6 +39,16 @@ def look_up(name: str, *keys: str) -> Any:
             raise DataFileError(f"reference {name}: {key!r} is not in it; there are {', '.join(found)}")
         found = found[key]
     return found
+
+
+def store_reference(name: str, about: str, source: str, seconds: float, **rest: Any) -> None:
+    """Write a file of values that a program, the `source`, has computed in so many seconds of CPU."""
+    document = {
+        "about": about, "source": source, "date": datetime.date.today().isoformat(), "cpu_seconds": round(seconds, 1),
+    }  # fmt: skip
+    path = REFERENCE_FOLDER / f"{name}.json"
+    path.parent.mkdir(exist_ok=True)
+    write_text(path, json.dumps(document | rest, indent=1, ensure_ascii=False) + "\n")
 
 
 def reference_array(name: str, *keys: str) -> Array:

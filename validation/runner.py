@@ -130,7 +130,8 @@ def _in_order_of_completion(
     if shared:
         with _pool() as pool:
             rehearsals = [pool.submit(_rehearse, case) for case in alone]
-            running = {pool.submit(_all_results, case, keys[case.name]): case for case in _longest_first(shared)}
+            longest_first = sorted(shared, key=lambda case: case.kind not in LONG)
+            running = {pool.submit(_all_results, case, keys[case.name]): case for case in longest_first}
             try:
                 for done in as_completed(running):
                     report(running[done].name, None)
@@ -142,11 +143,6 @@ def _in_order_of_completion(
     for case in alone:
         report(case.name, None)
         yield case, measure(case, keys[case.name])
-
-
-def _longest_first(cases: Sequence[Case]) -> list[Case]:
-    """Those of kinds that take long before the others."""
-    return sorted(cases, key=lambda case: case.kind not in LONG)
 
 
 def _pool() -> ProcessPoolExecutor:

@@ -1,7 +1,8 @@
-"""Runs of a scene: their facts, distances of their paths, and the panels of figure 5 for any arm."""
+"""Runs of a scene: their facts, their stable steps, and the panels of figure 5 for any arm."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -24,9 +25,15 @@ def run_facts(run: RunSettings) -> dict[str, Fact]:
     return {"method": run.method, "step": run.step, "duration": run.duration}
 
 
-def apart(a: Array, b: Array) -> float:
-    """The largest distance of two paths, (samples, 2 or 3), at the same times [m]."""
-    return float(np.linalg.norm(a - b, axis=1).max())
+def stable_step_at_start(scene: Scene, method: str) -> float:
+    """The largest stable step of a method at the start [s]."""
+    chain = fl.lump(scene)
+    return fl.stable_step(chain, *fl.initial_state(scene, chain), method=method)
+
+
+def stable_steps(scene: Scene, method: str, of_stable: float = 1.0) -> int:
+    """Steps between two samples that are no longer than this part of the largest stable one at the start."""
+    return max(1, math.ceil(scene.run.sample / (of_stable * stable_step_at_start(scene, method))))
 
 
 def motion_series(scene: Scene, run: Trajectory, engine: str = "") -> Iterator[Series]:

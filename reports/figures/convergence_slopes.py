@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
-from reports.curves import curves
+from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes
+from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
 
@@ -24,8 +24,7 @@ def draw(results: Results) -> Iterator[Picture]:
             for place, curve in enumerate(curves(series)):
                 label = f"{curve.label}, slope {number(slopes.get(curve.label))}"
                 axes.plot(curve.x, curve.y, MARKERS[place] + "-", color=CYCLE[place], label=label)
-            axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
-            tidy_logs(axes)
+            put_labels(axes, series)
             legend_above(figure, axes, 1)
             words = f"{series.title}; slopes by least squares."
             yield Picture(f"{case}.{series.name}", rows[0].title, figure, words, series_csv(series))

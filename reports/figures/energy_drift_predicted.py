@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes, tidy_logs
-from reports.curves import curves
+from flexlink.pages.style import CYCLE, MARKERS, legend_above, stacked_axes
+from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
 
@@ -23,8 +23,7 @@ def draw(results: Results) -> Iterator[Picture]:
             colour, marker = CYCLE[place % len(CYCLE)], MARKERS[place % len(MARKERS)]
             axes.plot(found.x, found.y, marker, color=colour, label=f"{found.label} measured")
             axes.plot(line.x, line.y, "--", color=colour, label=f"{line.label} predicted")
-        axes.set(xscale="log", yscale="log", xlabel=series.x_label, ylabel=series.y_label)
-        tidy_logs(axes)
+        put_labels(axes, series)
         legend_above(figure, axes, 2)
         yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, series_csv(series))
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import ListedColormap
@@ -10,9 +11,8 @@ from numpy.typing import NDArray
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREY, ORANGE, VERMILION, legend_above, stacked_axes, tidy_logs
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv
 from reports.results import Results
-from validation.store import Series
 
 SECTION = "extremes"
 TAKES = ("digits",)
@@ -32,15 +32,13 @@ CLOUD = (
 
 def draw(results: Results) -> Iterator[Picture]:
     """Two pictures a case."""
-    for case, _ in results.of_kind("digits"):
-        for series in (s for s in results.series[case] if s.what in TAKES):
-            columns = {name: np.asarray(values) for name, values in series.columns.items()}
-            csv = table_csv(list(columns), zip(*(values.tolist() for values in columns.values()), strict=True))
-            yield _map(case, series, columns, csv)
-            yield _cloud(case, series, columns, csv)
+    for case, series in results.showing(*TAKES):
+        csv = columns_csv(series.columns)
+        yield _map(case, series.columns, csv)
+        yield _cloud(case, series.columns, csv)
 
 
-def _map(case: str, series: Series, columns: dict[str, NDArray[np.generic]], csv: str) -> Picture:
+def _map(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
     axes_of, varied = columns["axes"].astype(str), columns["varied"].astype(str)
     alone = [name for name in dict.fromkeys(axes_of.tolist()) if " and " not in name]
     values = {name: list(dict.fromkeys(varied[axes_of == name].tolist())) for name in alone}
@@ -65,7 +63,7 @@ def _map(case: str, series: Series, columns: dict[str, NDArray[np.generic]], csv
     return Picture(f"{case}.map", "Digits of q̈ at extremes", figure, MAP, csv)
 
 
-def _cloud(case: str, series: Series, columns: dict[str, NDArray[np.generic]], csv: str) -> Picture:
+def _cloud(case: str, columns: Mapping[str, NDArray[Any]], csv: str) -> Picture:
     figure, (axes,) = stacked_axes(1, 3.8)
     condition = columns["cond(M)"].astype(float)
     for engine, colour, marker in reversed(ENGINES):

@@ -8,8 +8,8 @@ import numpy as np
 
 from flexlink.pages.numbers import number
 from flexlink.pages.picture import Picture
-from flexlink.pages.style import CYCLE, GREY, INK, legend_above, stacked_axes, tidy_logs
-from reports.curves import curves
+from flexlink.pages.style import CYCLE, GREY, INK, legend_above, stacked_axes
+from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
 
@@ -35,8 +35,7 @@ def draw(results: Results) -> Iterator[Picture]:
                 axes.plot(first.x[within], np.exp(offset + rate * first.x[within]), "--", color=INK,
                           label=f"exp({number(rate)} t / s)")  # fmt: skip
                 axes.axvline(horizon, color=GREY, linestyle=":", label=f"horizon {number(horizon)} s")
-            axes.set(yscale="log", xlabel=series.x_label, ylabel=series.y_label)
-            tidy_logs(axes)
+            put_labels(axes, series)
             legend_above(figure, axes, 1)
             yield Picture(f"{case}.{series.name}", f"{scene}: rounding grows", figure, CAPTION, series_csv(series))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, legend_above, stacked_axes
-from flexlink.pages.tables import table_csv
+from flexlink.pages.tables import columns_csv
 from reports.results import Results
 
 SECTION = "extremes"
@@ -43,7 +43,7 @@ def draw(results: Results) -> Iterator[Picture]:
             axes.invert_yaxis()
             axes.grid(False, axis="y")
             legend_above(figure, axes, 2)
-            csv = table_csv(list(series.columns), zip(*(v.tolist() for v in series.columns.values()), strict=True))
+            csv = columns_csv(series.columns)
             yield Picture(f"{case}.{series.name}", rows[0].title, figure, CAPTION, csv)
 
 

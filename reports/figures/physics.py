@@ -20,9 +20,8 @@ from flexlink.pages.style import (
     VERMILION,
     legend_above,
     stacked_axes,
-    tidy_logs,
 )
-from reports.curves import curves
+from reports.curves import curves, put_labels
 from reports.results import Results
 from reports.tables import series_csv
 from validation.store import Row, Series
@@ -74,7 +73,8 @@ def _sweeps(sweeps: Sequence[Series], rows: Sequence[Row]) -> Figure:
     figure, all_axes = stacked_axes(len(sweeps), 2.9 if len(sweeps) > 1 else 3.4)
     for place, (axes, series) in enumerate(zip(all_axes, sweeps, strict=True)):
         _rules(axes, series, {rule: orders.get((series.part, rule)) for rule in LOOKS})
-        axes.set(xlabel=series.x_label if place == len(sweeps) - 1 else "", ylabel=series.y_label)
+        if place < len(sweeps) - 1:
+            axes.set_xlabel("")
     legend_above(figure, all_axes[0], 2)
     return figure
 
@@ -86,14 +86,12 @@ def _rules(axes: Axes, series: Series, orders: dict[str, float | None]) -> None:
         seen = np.isfinite(curve.y) & (curve.y > ROUNDING)
         label = curve.label if order is None else f"{curve.label}: {order:.1f}"
         axes.plot(curve.x[seen], curve.y[seen], line, marker=marker, color=colour, label=label, markersize=4)
-    axes.set(xscale="log", yscale="log")
-    tidy_logs(axes)
+    put_labels(axes, series)
 
 
 def _price(series: Series) -> Figure:
     figure, (axes,) = stacked_axes(1, 3.4)
     _rules(axes, series, {})
-    axes.set(xlabel=series.x_label, ylabel=series.y_label)
     legend_above(figure, axes, 3)
     return figure
 
@@ -104,6 +102,6 @@ def _motion(series: Series) -> Figure:
         curves(series), ((INK, "", "o"), (VERMILION, "--", ""), (BLUE, "-", "")), strict=True
     ):
         axes.plot(curve.x, curve.y, linestyle=line or "none", marker=marker or None, color=colour, label=curve.label)
-    axes.set(xlabel=series.x_label, ylabel=series.y_label)
+    put_labels(axes, series)
     legend_above(figure, axes, 2)
     return figure

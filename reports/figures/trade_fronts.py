@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import legend_above, stacked_axes, tidy_logs
 from flexlink.pages.tables import table_csv
-from reports.prices import AIMS, DISPLAY_NAMES, LOOKS, OURS, Run, front, runs, works
+from reports.prices import AIMS, DISPLAY_NAMES, LOOKS, OURS, Run, front, named, runs, works
 from reports.results import Results
 
 SECTION = "trade"
@@ -50,29 +50,13 @@ def _contestant(axes: Axes, many: Sequence[Run], aim: str) -> None:
         best, f"{marker}-", {"markersize": 4.0, "label": DISPLAY_NAMES.get(who, who)},
     )  # fmt: skip
     for part, line, look in looks:
-        axes.plot(
-            [run.errors[aim] for run in part],
-            [run.seconds for run in part],
-            line,
-            color=colour,
-            zorder=4 if who == OURS else 3,
-            **look,
-        )
-    for run in _named(best, aim):
+        x, y = [run.errors[aim] for run in part], [run.seconds for run in part]
+        axes.plot(x, y, line, color=colour, zorder=4 if who == OURS else 3, **look)
+    for run in named(best, aim, APART):
         axes.annotate(
             run.method, (run.errors[aim], run.seconds), xytext=(0, -9 if who == OURS else 8), color=colour, fontsize=8,
             textcoords="offset points", ha="right" if who == OURS else "left", va="center",
         )  # fmt: skip
-
-
-def _named(best: Sequence[Run], aim: str) -> list[Run]:
-    """Of each method on a front its first run, but for names that would stand on each other."""
-    named: list[Run] = []
-    for run in best:
-        far = not named or run.errors[aim] > APART * named[-1].errors[aim]
-        if far and run.method not in {other.method for other in named}:
-            named.append(run)
-    return named
 
 
 def _csv(many: Sequence[Run]) -> str:

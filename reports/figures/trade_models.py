@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from flexlink.pages.picture import Picture
 from flexlink.pages.style import GREEN, GREY, INK, ORANGE, SKY, legend_above, stacked_axes, tidy_logs
-from flexlink.pages.tables import table_csv
-from reports.prices import Run, front
+from flexlink.pages.tables import columns_csv
+from reports.prices import Run, front, named
 from reports.results import Results
 from validation.store import Series
 
@@ -36,7 +36,7 @@ def draw(results: Results) -> Iterator[Picture]:
             x, y = [run.errors[AIM] for run in own], [run.seconds for run in own]
             axes.plot(x, y, marker, color=colour, label=who, markersize=4.0, alpha=0.6, markeredgewidth=0)
         axes.plot([run.errors[AIM] for run in best], [run.seconds for run in best], "-", color=INK)
-        for run in _named(best):
+        for run in named(best, AIM, APART):
             name = "rigid" if run.who == "rigid" else f"{run.who}, {run.method}"
             axes.annotate(
                 name, (run.errors[AIM], run.seconds), xytext=(-3, -6), textcoords="offset points", fontsize=8,
@@ -47,8 +47,7 @@ def draw(results: Results) -> Iterator[Picture]:
         axes.set_xlim(ROOM * axes.get_xlim()[0])
         tidy_logs(axes)
         legend_above(figure, axes, 4)
-        csv = table_csv(list(series.columns), zip(*(v.tolist() for v in series.columns.values()), strict=True))
-        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, csv)
+        yield Picture(f"{case}.{series.name}", series.title, figure, CAPTION, columns_csv(series.columns))
 
 
 def _runs(series: Series) -> Iterator[Run]:
@@ -56,13 +55,3 @@ def _runs(series: Series) -> Iterator[Run]:
     names = ("type", "rule", "hinges", "setting", "error", "CPU time [s]")
     for flex, rule, hinges, setting, error, seconds in zip(*(series.columns[n].tolist() for n in names), strict=True):
         yield Run(flex, f"{hinges} {rule}", setting, seconds, 0, {AIM: error})
-
-
-def _named(best: list[Run]) -> list[Run]:
-    """The first run of each cut on the front, but for names that would stand on each other."""
-    named: list[Run] = []
-    for run in best:
-        new = not named or (run.who, run.method) != (named[-1].who, named[-1].method)
-        if new and (not named or run.errors[AIM] > APART * named[-1].errors[AIM]):
-            named.append(run)
-    return named

@@ -22,7 +22,10 @@ def find(results: Results) -> Iterator[Table]:
         pairs = list(zip(*columns, strict=True))
         compared, cases = compared + len(pairs), cases + 1
         name = results.cases[case][0].title
-        lines += [(f"{name}: {what}", *_line(theirs, ours)) for what, theirs, ours in pairs[:SHOWN]]
+        lines += [
+            (f"{name}: {what}", f"{theirs:.{DIGITS}g}", f"{ours:.{DIGITS}g}", _percent(ours / theirs - 1))
+            for what, theirs, ours in pairs[:SHOWN]
+        ]
         if len(pairs) > SHOWN:
             worst = max(abs(ours / theirs - 1) for _, theirs, ours in pairs)
             lines.append((f"{name}: {len(pairs) - SHOWN} more", "", "", f"at most {_percent(worst)}"))
@@ -43,10 +46,6 @@ def _sentence(compared: int, cases: int) -> str:
         f"{plural(compared, 'value')} of {cases} benchmarks. The tables below give the lumping rule, the number of "
         "hinges, and all values in their notes."
     )
-
-
-def _line(theirs: float, ours: float) -> tuple[str, str, str]:
-    return f"{theirs:.{DIGITS}g}", f"{ours:.{DIGITS}g}", _percent(ours / theirs - 1)
 
 
 def _percent(part: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, NamedTuple
@@ -13,7 +12,7 @@ import numpy as np
 from flexlink.chain.lumping import lump
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.describe.vary import to_document
+from flexlink.describe.vary import get_in, to_document
 from flexlink.dynamics.vibration.extremes import fastest_frequency
 from flexlink.inputs.initial_state import initial_state
 from validation.case import Case
@@ -56,7 +55,8 @@ class Axis(Spec, frozen=True):
         if self.unit == "links":
             return _with_links(scene, int(value))
         if self.unit == "times":
-            return {path: value * factor * _number_at(scene, path) for path, factor in self.paths.items()}
+            arm = to_document(scene.arm)
+            return {path: value * factor * get_in(arm, *path.split(".")) for path, factor in self.paths.items()}
         if self.unit == "fastest mode":
             chain = lump(scene)
             value *= 2.0 / fastest_frequency(chain, initial_state(scene, chain)[0])
@@ -133,11 +133,6 @@ def _times(value: float, weight: Any) -> Any:
     """A number or a list, times a value; whole where the weight is a whole number."""
     product = np.multiply(value, weight)
     return round(float(product)) if isinstance(weight, int) else product.tolist()
-
-
-def _number_at(scene: Scene, path: str) -> float:
-    """The number at a path of tables of the arm."""
-    return float(functools.reduce(lambda table, key: table[key], path.split("."), to_document(scene.arm)))
 
 
 def _with_links(scene: Scene, number: int) -> dict[str, Any]:

@@ -21,16 +21,20 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
+from flexlink import engines
 from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.interruption import deferred
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
+from flexlink.dynamics.placement import tip_position
 from flexlink.inputs.problem import problem_of
 from flexlink.motion.monitor import DOUBT, TIP_SHARE
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.stop_reasons import InterruptedRunError
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from flexlink.results.trajectory import Trajectory
+from validation.trade.mujoco_ladder import INTEGRATORS
 
 Outcome = Literal["within", "near", "warned", "false doubt", "error", "dear", "unknown", "silent wrong"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
@@ -60,11 +64,6 @@ class Truth(NamedTuple):
     apart: float  # how far the two are apart [m]; inf where there are no two
     methods: str
 
-    @property
-    def motion(self) -> float:
-        """Largest distance of the tip from its start [m]."""
-        return float(np.linalg.norm(self.tip - self.tip[0], axis=1).max())
-
 
 class RunOutcome(NamedTuple):
     """One run: its outcome, its error in units of the tolerance, and its messages."""
@@ -81,9 +80,9 @@ def truth_of(scene: Scene, budget: float) -> Truth:
     good = 1e-9 * lump(scene).reach  # as good as any
     for method, tip in _references(scene, budget):
         for other, before in found:
-            apart = float(np.linalg.norm(tip - before, axis=1).max())
-            if other != method and apart < best.apart:
-                best = Truth(before, apart, f"{other}, {method}")
+            distance = largest_distance(tip, before)
+            if other != method and distance < best.apart:
+                best = Truth(before, distance, f"{other}, {method}")
         if best.apart <= good:
             break
         found.append((method, tip))
@@ -142,12 +141,29 @@ def outcome_of(scene: Scene, truth: Callable[[], Truth], budget: float) -> RunOu
     return judged(scene, run.tip, truth(), words, seconds)
 
 
+def outcome_beside(scene: Scene, name: str, method: str, truth: Callable[[], Truth]) -> RunOutcome:
+    """Run a scene with fixed steps in an engine; it refuses no step and checks no result."""
+    run, started = scene.run, time.thread_time()
+    if run.duration / run.step > 20_000:  # nobody can stop them
+        return RunOutcome("dear", np.nan, f"{round(run.duration / run.step)} steps", 0.0)
+    try:
+        chain = lump(scene)
+        engine = engines.load(name, chain)
+        if name == "mujoco":
+            engine.model.opt.integrator = INTEGRATORS[method]  # type: ignore[attr-defined]
+        _, q, _ = engine.integrate(scene.varied({"run.unstable": "allow"}))
+        tip = np.array([tip_position(chain, row) for row in q])
+    except FlexlinkError as error:
+        return RunOutcome("error", math.nan, str(error), time.thread_time() - started)
+    return judged(scene, tip, truth(), "", time.thread_time() - started)
+
+
 def judged(scene: Scene, tip: Array, known: Truth, words: str, seconds: float) -> RunOutcome:
     """The outcome of a run that ended with this tip, (samples, 3), and said these words."""
     if not known.tip.size:
         return RunOutcome("unknown", np.nan, words, seconds)
     tolerance = allowed(scene, known)
-    error = float(np.linalg.norm(tip - known.tip, axis=1).max())
+    error = largest_distance(tip, known.tip)
     doubted = "doubtful" in words  # other warnings speak of the model, such as of hinges bent far
     return RunOutcome(_judged(error, known.apart, tolerance, doubted), error / tolerance, words, seconds)
 
@@ -156,7 +172,7 @@ def allowed(scene: Scene, truth: Truth) -> float:
     """The tolerance of a run [m]; of fixed steps the error of the tip from which they are doubtful."""
     if scene.run.controlled:
         return scene.run.tolerance_within(lump(scene).reach)
-    return max(DOUBT * TIP_SHARE * truth.motion, 1e-12)
+    return max(DOUBT * TIP_SHARE * tip_travel(truth.tip), 1e-12)
 
 
 def _judged(error: float, apart: float, tolerance: float, doubted: bool) -> Outcome:

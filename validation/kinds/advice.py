@@ -15,6 +15,7 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import NonNegative, Positive, Spec
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
+from flexlink.results.tip_motion import largest_distance
 from validation.advice.scenes import SAMPLES, random_scene, released_scene, robot_scene, tumbling_scene
 from validation.advice.truth import Truth, cheapest, naive_cost, truth
 from validation.case import Case, Measured
@@ -105,7 +106,7 @@ def _cell(scene: Scene, tolerance: float, true: Truth) -> Cell:
     seconds = time.thread_time() - started
     try:
         tip = simulate(advice.scene).tip
-        error = float(np.linalg.norm(tip - true.tip, axis=1).max())
+        error = largest_distance(tip, true.tip)
     except DivergenceError:
         error = np.inf
     return Cell(scene.name, tolerance, advice, error, naive_cost(scene), seconds, true)

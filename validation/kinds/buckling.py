@@ -14,9 +14,8 @@ from flexlink.describe.spec import Spec, Vector3
 from flexlink.engines.mujoco import MujocoEngine
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.physics.hinge_sweep import Point, Sweep, report
+from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.parity import follower_stiffness, load_stiffness, springs, squares
-from validation.physics.published import published
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import reference_array
 from validation.store import Series

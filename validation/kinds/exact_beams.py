@@ -8,7 +8,6 @@ finer, which is compared. The reference states its own error, by its mesh, step,
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -17,11 +16,12 @@ import flexlink as fl
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.physics.beam_references import beam_reference, beam_scene, file_name, plane_of
 from validation.physics.variant import Rule
 from validation.reference_values import look_up, reference_array
-from validation.runs import apart
+from validation.runs import stable_steps
 from validation.store import Series
 
 LONG = True
@@ -38,7 +38,7 @@ def run(
     for name in case.scenes:
         scene, (exact, own) = beam_scene(name), beam_reference(name)
         tip, coarser = (_tip(scene, cut, of_stable) for cut in (fine, coarse))
-        distance, between = apart(tip, exact), apart(coarser, tip)
+        distance, between = largest_distance(tip, exact), largest_distance(coarser, tip)
         yield Measured("tip apart", distance, name, varied=fine.facts)
         yield Measured("tip apart / allowed", distance / (own + between), name, varied=fine.facts)
         yield Measured("coarser chain apart", between, name, varied=coarse.facts)
@@ -46,7 +46,7 @@ def run(
         if others and name in others:
             other = reference_array(others[name], "values")
             plane = exact @ plane_of(scene).axes
-            yield Measured("references apart / own error", apart(plane[:, :2], other) / own, name, "exudyn")
+            yield Measured("references apart / own error", largest_distance(plane[:, :2], other) / own, name, "exudyn")
         if "shear_and_stretch_m" in look_up(file_name(name)):
             yield Measured("shear and stretch", float(look_up(file_name(name), "shear_and_stretch_m")), name, "exudyn")
         yield _series(scene, exact, tip)
@@ -55,9 +55,7 @@ def run(
 def _tip(scene: Scene, cut: Rule, of_stable: float) -> Array:
     """Of the chain at a step that divides the time between samples."""
     scene = scene.varied({"link.*.lumping": cut.rule, "link.*.segments": cut.hinges + 1})
-    chain, sample = fl.lump(scene), scene.run.sample
-    stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
-    return fl.simulate(scene, step=sample / math.ceil(sample / (of_stable * stable))).tip
+    return fl.simulate(scene, step=scene.run.sample / stable_steps(scene, scene.run.method, of_stable)).tip
 
 
 def _series(scene: Scene, exact: Array, fine: Array) -> Series:

@@ -6,7 +6,10 @@ Beside flexlink, the engines take the same steps in the same cells; what they do
 from __future__ import annotations
 
 import collections
-from collections.abc import Callable, Iterator
+import functools
+import itertools
+import operator
+from collections.abc import Iterable, Iterator
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,8 +23,7 @@ from flexlink.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.extremes.cells import Cell as Corner
 from validation.extremes.cells import Map, recipe
-from validation.extremes.other_engine import outcome_beside
-from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_of, truth_of
+from validation.extremes.outcomes import OUTCOMES, Outcome, RunOutcome, Truth, outcome_beside, outcome_of, truth_of
 from validation.facts import Fact, Facts, in_words
 from validation.store import Series, table
 
@@ -125,8 +127,9 @@ class Cell(NamedTuple):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Counts of the outcomes in all and by what was varied, and the cells themselves."""
-    judge = _Judge(settings)
-    found = [Cell(corner.scene, corner.values, how, judge(corner, how)) for corner, how in settings.runs()]
+    found: list[Cell] = []
+    for corner, runs in itertools.groupby(settings.runs(), operator.itemgetter(0)):
+        found += _outcomes(settings, corner, (how for _, how in runs))
     for engine in dict.fromkeys(cell.how.engine for cell in found):
         own = [cell for cell in found if cell.how.engine == engine]
         groups = _groups(own) if engine == NATIVE else {("", ""): own}
@@ -138,47 +141,36 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
 def cell_in_words(_: Case, settings: Settings, number: int) -> Iterator[str]:
     """Describe one cell and its result, line by line."""
     corner, how = list(settings.runs())[number]
-    found = _Judge(settings)(corner, how)
+    found = next(_outcomes(settings, corner, [how])).found
     yield f"{corner.scene}, {in_words(corner.values)}, {how.engine}, {how.method}, {how.words}"
     yield f"{found.outcome}: error {found.error:.3g} tolerances"
     yield found.words
 
 
-class _Judge:
-    """Judges runs one after the other; runs of one scene share the reference."""
+def _outcomes(settings: Settings, corner: Corner, runs: Iterable[HowTo]) -> Iterator[Cell]:
+    """Runs of one corner of the map, which share its scene, and the reference where they are as long."""
+    truths: dict[tuple[float, float], Truth] = {}
 
-    def __init__(self, settings: Settings) -> None:
-        self.settings, self._truths = settings, dict[tuple[float, float], Truth]()
-        self._corner: Corner | None = None
-        self._scene: Scene | FlexlinkError
-
-    def __call__(self, corner: Corner, how: HowTo) -> RunOutcome:
-        if corner is not self._corner:
-            self._corner, self._truths = corner, {}
-            try:
-                self._scene, _ = self.settings.situation(corner)
-            except FlexlinkError as error:
-                self._scene = error
-        try:
-            if isinstance(self._scene, FlexlinkError):
-                raise self._scene
-            scene = how.scene(self._scene)
-        except FlexlinkError as error:
-            return RunOutcome("error", np.nan, str(error), 0.0)
-        if how.engine == NATIVE:
-            return outcome_of(scene, self._truth(scene), self.settings.budget)
-        return outcome_beside(scene, how.engine, how.method, self._truth(scene))
-
-    def _truth(self, scene: Scene) -> Callable[[], Truth]:
+    def truth(scene: Scene) -> Truth:
         run = scene.run.duration, scene.run.sample
+        if run not in truths:
+            truths[run] = truth_of(scene, budget=3.0 * settings.budget)  # it is found once for many runs
+        return truths[run]
 
-        def truth() -> Truth:
-            if run not in self._truths:
-                budget = 3.0 * self.settings.budget  # it is found once for many runs
-                self._truths[run] = truth_of(scene, budget)
-            return self._truths[run]
-
-        return truth
+    whole: Scene | None = None
+    for how in runs:
+        try:
+            whole = whole or settings.situation(corner)[0]
+            scene = how.scene(whole)
+        except FlexlinkError as error:
+            found = RunOutcome("error", np.nan, str(error), 0.0)
+        else:
+            known = functools.partial(truth, scene)
+            if how.engine == NATIVE:
+                found = outcome_of(scene, known, settings.budget)
+            else:
+                found = outcome_beside(scene, how.engine, how.method, known)
+        yield Cell(corner.scene, corner.values, how, found)
 
 
 def _counts(engine: str, facts: Facts, members: list[Cell]) -> Iterator[Measured]:

@@ -22,9 +22,8 @@ from flexlink.dynamics.vibration.stability import stable_step
 from flexlink.inputs.initial_state import initial_state
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, report
+from validation.physics.hinge_sweep import Point, Sweep, by_rule, order, published, report
 from validation.physics.parity import load_stiffness, springs, symmetric_squares
-from validation.physics.published import published
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import reference_array
 from validation.store import Series, table

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -18,21 +16,10 @@ from flexlink.results.stop_reasons import DivergenceError
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
+from validation.speed.races import race
 from validation.store import Series, table
 
 TIMED = True
-
-
-@dataclasses.dataclass(frozen=True)
-class Point:
-    """One run of one method."""
-
-    method: str
-    step: float  # s
-    error: float  # rad, largest over joints and samples
-    drift: float  # J
-    evaluations: float  # of the right-hand side, per simulated second
-    seconds: float  # of one core, per simulated second
 
 
 LABELS = (
@@ -63,56 +50,37 @@ def run(
         for method, sizes in steps.items():
             cost = _seconds_per_step(scene, method, min(sizes))
             yield Measured("cost per step", 1e6 * cost, scene.name, varied={"method": method}, timed=True)
-            for p in (_measure(scene, method, h, cost, exact) for h in sizes):
-                yield Measured("error", p.error, scene.name, varied={"method": method, "step": p.step})
-                yield Measured("energy drift", p.drift, scene.name, varied={"method": method, "step": p.step})
-                points.append(p)
-        yield _series(scene, points)
+            for h in sizes:
+                error, drift = _errors(scene, method, h, exact)
+                yield Measured("error", error, scene.name, varied={"method": method, "step": h})
+                yield Measured("energy drift", drift, scene.name, varied={"method": method, "step": h})
+                points.append((method, h, error, drift, methods.method(method).stages / h, cost / h))
+        title = f"{scene.name}: error of the methods in {scene.run.duration:g} s"
+        labels = "step [s]", "step [s]", "max |Δq| [rad]"
+        columns = table(LABELS, points)
+        yield Series("comparison", title, columns, *labels, "log", "log", group="method", scene=scene.name)
         for method in stability:
             yield _stability(scene, method, exact)
 
 
-def _measure(scene: Scene, method: str, step: float, cost: float, exact: Trajectory) -> Point:
+def _errors(scene: Scene, method: str, step: float, exact: Trajectory) -> tuple[float, float]:
+    """Of the angles, largest over joints and samples [rad], and drift of the energy [J]."""
     run = simulate(scene, method=method, step=step, unstable="allow")
     total = np.asarray(run.energy.total)
-    drift = float(np.abs(total - total[0]).max())
-    return Point(method, step, _distance(run, exact), drift, methods.method(method).stages / step, cost / step)
+    return _distance(run, exact), float(np.abs(total - total[0]).max())
 
 
-def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000, repeats: int = 3) -> float:
+def _seconds_per_step(scene: Scene, method: str, step: float, steps: int = 10_000) -> float:
     """Time of a step [s]: the fastest of repeats, after a warm-up, so long that the set-up of a run does not count."""
     duration = steps * step
     timed = scene.varied(
         {"run": RunSettings(method=method, step=step, sample=duration, duration=duration, unstable="allow")}
     )
-    simulate(timed)
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        simulate(timed)
-        times.append(time.perf_counter() - start)
-    return min(times) / steps
+    return race({method: lambda _: simulate(timed)}, turns=3, turn=0.0)[method] / steps
 
 
 def _distance(a: Trajectory, b: Trajectory) -> float:
     return float(np.abs(a.q - b.q).max())
-
-
-def _series(scene: Scene, points: Sequence[Point]) -> Series:
-    columns = table(LABELS, [dataclasses.astuple(p) for p in points])
-    title = f"{scene.name}: error of the methods in {scene.run.duration:g} s"
-    return Series(
-        "comparison",
-        title,
-        columns,
-        "step [s]",
-        "step [s]",
-        "max |Δq| [rad]",
-        "log",
-        "log",
-        group="method",
-        scene=scene.name,
-    )
 
 
 def _stability(scene: Scene, method: str, exact: Trajectory) -> Measured:

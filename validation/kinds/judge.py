@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 from mpmath import mp, mpf
 
-from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.diagnosis.quantities import QUANTITIES
 from flexlink.diagnosis.states import State, random_states
-from flexlink.engines import Engine, load
+from flexlink.engines import load
 from validation.case import Case, Measured
 from validation.oracles.planar_chain import DIGITS, PlanarChain
 
 
 def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> Iterator[Measured]:
-    """Largest error of M, T_GC and q̈ of every engine over the states of each scene."""
+    """Largest error of M, T_GC and q̈ of every engine over the states of each scene, in units of the rounding bound."""
     for scene in case.load_scenes():
         chain = lump(scene)
         oracle = PlanarChain(chain)
@@ -29,7 +28,11 @@ def run(case: Case, engines: tuple[str, ...], samples: int, seed: int = 0) -> It
         for name in engines:
             engine = load(name, chain)
             for quantity in exact[0]:
-                errors = [_error(engine, chain, quantity, s, truth) for s, truth in zip(states, exact, strict=True)]
+                term = QUANTITIES[quantity]
+                errors = [
+                    term.error(chain, s, term.evaluate(engine, s), truth[quantity]).max()
+                    for s, truth in zip(states, exact, strict=True)
+                ]
                 yield Measured(quantity, float(max(errors)), scene.name, name, {"states": samples})
 
 
@@ -44,9 +47,3 @@ def _exact(oracle: PlanarChain, state: State) -> dict[str, Array]:
 
 def _array(values: Any) -> Array:
     return np.array(values, dtype=np.float64)  # rounds once
-
-
-def _error(engine: Engine, chain: Chain, quantity: str, state: State, exact: dict[str, Array]) -> float:
-    """Largest error in units of the rounding bound."""
-    term = QUANTITIES[quantity]
-    return float(term.error(chain, state, term.evaluate(engine, state), exact[quantity]).max())

@@ -9,7 +9,6 @@ The reference files hold runs of the same chains by an independent program in ab
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -23,15 +22,15 @@ from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import in_units, of_acceleration
 from flexlink.inputs.actuation import motion_arrays
 from flexlink.kernels.inputs.drive_torque import follow
+from flexlink.results.tip_motion import largest_distance
 from flexlink.results.trajectory import Trajectory
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.physics.formulas import INPUTS
-from validation.physics.hinge_sweep import Point, Sweep, report
-from validation.physics.published import published
+from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.variant import Rule, Variant, existing
 from validation.reference_values import look_up, reference_array
-from validation.runs import run_facts
+from validation.runs import run_facts, stable_steps
 from validation.store import Series
 
 LONG = True
@@ -77,13 +76,12 @@ def _scene(case: Case, settings: Settings, at: Rule) -> Scene:
     """The scene with its input and a step that divides the time between samples."""
     with_input = require_one_of(f"{case.path}: settings.input", settings.input, INPUTS)
     scene = with_input(Variant().build(case, at))
-    chain = fl.lump(scene)
-    stable = fl.stable_step(chain, fl.initial_state(scene, chain)[0], method=scene.run.method)
-    return scene.varied({"run.step": scene.run.sample / math.ceil(scene.run.sample / (settings.of_stable * stable))})
+    steps = stable_steps(scene, scene.run.method, settings.of_stable)
+    return scene.varied({"run.step": scene.run.sample / steps})
 
 
 def _errors(settings: Settings, run: Trajectory, exact: Array) -> dict[str, float]:
-    found = {"tip": float(np.linalg.norm(run.tip[:, :2] - exact, axis=1).max())}
+    found = {"tip": largest_distance(run.tip[:, :2], exact)}
     if settings.lag:
         θ = run.q[:, 0]
         ours, theirs = _lag(run.tip[:, :2], θ), _lag(exact, θ)
@@ -113,8 +111,8 @@ def _independent(case: Case, settings: Settings, run: Callable[[Rule], Trajector
             at = Rule(rule=rule, hinges=int(n) - 1 if rule == "paper" else int(n))
             if at.hinges in settings.rules.get(rule, ()):
                 ours = run(at).tip[:, :2]
-                distance = np.linalg.norm(ours - np.array(theirs["tip_xy"]), axis=1).max()
-                yield Measured("independent program", float(distance), case.scenes[0], varied=at.facts)
+                distance = largest_distance(ours, np.array(theirs["tip_xy"]))
+                yield Measured("independent program", distance, case.scenes[0], varied=at.facts)
 
 
 def _parity(scene: Scene, at: Rule) -> Iterator[Measured]:

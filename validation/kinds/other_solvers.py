@@ -15,14 +15,13 @@ from typing import Literal
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from flexlink.motion.simulate import simulate
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
-from validation.trade.first_order import FirstOrder, Solved
+from validation.trade.first_order import FirstOrder
 from validation.trade.scenes import trade_scene
 
 ALLOWED_TOLERANCES = 10.0  # of its tolerance that an error may be at the end, at worst
-ABSOLUTE_OF_RELATIVE = 1e-2  # a witness's absolute tolerance [rad, rad/s] over its relative one
 
 LONG = True
 
@@ -47,22 +46,18 @@ def run(case: Case, scene: dict[str, tuple[Witness, ...]], methods: dict[str, Po
         form = FirstOrder(trade)
         for witness in witnesses:
             try:
-                coarse, fine = (_solved(form, witness, relative).tip for relative in witness.relative)
+                coarse, fine = (form.by(witness.solver, relative).tip for relative in witness.relative)
             except MissingDependencyError as error:
                 if witness.needed:
                     raise
                 left_out = str(error)
                 continue
-            own = apart(coarse, fine)
+            own = largest_distance(coarse, fine)
             yield Measured("witness, its two runs apart", own, name, witness.solver)
             for method, tip in ours.items():
                 allowed = ALLOWED_TOLERANCES * methods[method] + own
                 facts: Facts = {"method": method, "tolerance": methods[method]}
-                yield Measured("tip apart / allowed", apart(tip, fine) / allowed, name, witness.solver, facts)
+                yield Measured(
+                    "tip apart / allowed", largest_distance(tip, fine) / allowed, name, witness.solver, facts
+                )
     yield Measured("witnesses left out", float(bool(left_out)), note=left_out)
-
-
-def _solved(form: FirstOrder, witness: Witness, relative: float) -> Solved:
-    if witness.solver == "CVODE":
-        return form.by_cvode(relative, ABSOLUTE_OF_RELATIVE * relative)
-    return form.by_scipy(witness.solver, relative, ABSOLUTE_OF_RELATIVE * relative)

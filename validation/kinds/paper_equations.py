@@ -14,8 +14,8 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
 from flexlink.dynamics import rounding
 from validation.case import Case, Measured
+from validation.trade.error_parts import TYPES
 
-TYPES = {"T1": "z", "T2": "yz", "T3": "xyz"}
 NEGLIGIBLE_TORQUE = 1e-9  # of the torques of the springs: rounding is far below, any force that matters far above
 
 
@@ -113,8 +113,9 @@ def _of_springs(without: float, apart: float) -> str:
 def _definite(case: Case, settings: Settings) -> Iterator[Measured]:
     """Smallest eigenvalue of M over the largest, in random postures, and where a group of three axes is bent to 90°."""
     (scene,) = case.load_scenes()
+    bent = [link for link in scene.arm.links if link.flex != "rigid"]
     for name, flex in TYPES.items():
-        chain = fl.lump(_of_type(scene, flex))
+        chain = fl.lump(scene.varied({f"link.{link.name}.flex": flex for link in bent}))
         postures = _postures(chain, settings)
         least = min(_definiteness(chain, q) for q in postures)
         yield Measured("least eigenvalue", least, scene.name, varied={"chain": name, "states": len(postures)})
@@ -135,10 +136,6 @@ def _postures(chain: fl.Chain, settings: Settings) -> Array:
 def _definiteness(chain: fl.Chain, q: Array) -> float:
     eigenvalues = np.linalg.eigvalsh(fl.mass_matrix(chain, q))
     return float(eigenvalues[0] / eigenvalues[-1])
-
-
-def _of_type(scene: Scene, flex: str) -> Scene:
-    return scene.varied({f"link.{link.name}.flex": flex for link in scene.arm.links if link.flex != "rigid"})
 
 
 CHECKS: dict[str, Callable[[Case, Settings], Iterator[Measured]]] = {

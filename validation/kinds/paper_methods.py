@@ -13,12 +13,11 @@ import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive, Spec
-from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
+from validation.runs import stable_steps
 from validation.trade.error_parts import Fine, Path, Setup, Type
 from validation.trade.work_precision import Point, cost
 
@@ -91,15 +90,13 @@ def _ladders(scene: Scene, cut: Setup, settings: Settings) -> tuple[dict[str, li
 
 
 def _ladder(scene: Scene, cut: Setup, method: str, halvings: int, truth: Path) -> Iterator[Point]:
-    whole = cut.scene(scene)
-    chain = fl.lump(whole)
-    stable = fl.stable_step(chain, *initial_state(whole, chain), method=method)
+    longest = stable_steps(cut.scene(scene), method, OF_STABLE)
     for halving in range(halvings + 1):
-        steps = 2**halving * math.ceil(scene.run.sample / (OF_STABLE * stable))  # between two samples
+        steps = 2**halving * longest  # between two samples
         setup = replace(cut, method=method, step=scene.run.sample / steps)
         evaluations = methods.method(method).stages * steps * (scene.run.samples - 1)
         try:
-            error = apart(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
+            error = largest_distance(setup.tip(scene), truth.tip) / tip_travel(truth.tip)
         except fl.FlexlinkError:  # a posture passed later has a shorter stable step
             error = math.inf
         yield Point(scene.run.sample / steps, error, evaluations)

@@ -10,11 +10,11 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.schemes import methods
 from flexlink.describe.spec import Positive
 from flexlink.dynamics.rounding import EPS
-from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
+from validation.runs import stable_step_at_start
 from validation.store import Series, table
 from validation.trade.error_parts import Fine, Setup, rounding
 
@@ -47,7 +47,7 @@ def run(
             linear = scene.run.duration / e.step * EPS * fl.lump(scene).reach
             yield Measured("rounding / steps", e.rounding, scene.name, varied=facts, scale=linear)
         meeting = _meeting(errors, methods.method(method).order)
-        parts[method] = meeting / _stable(scene, method)
+        parts[method] = meeting / stable_step_at_start(scene, method)
         yield Measured("step where they meet", meeting, scene.name, varied={"method": method})
     yield Measured("claim", min(parts.values()), scene.name, note=_verdict(parts))
     yield _series(scene, found)
@@ -63,12 +63,7 @@ def _errors(scene: Scene, setups: Sequence[Setup], exact: Fine) -> Iterator[Erro
     truth = exact.in_time(scene, setups[0])
     for setup in setups:
         tip, step = setup.tip(scene), setup.step or 0.0
-        yield Errors(step, apart(tip, truth.tip), rounding(scene, setup, tip))
-
-
-def _stable(scene: Scene, method: str) -> float:
-    chain = fl.lump(scene)
-    return fl.stable_step(chain, *initial_state(scene, chain), method=method)
+        yield Errors(step, largest_distance(tip, truth.tip), rounding(scene, setup, tip))
 
 
 def _meeting(errors: Sequence[Errors], order: int) -> float:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -12,12 +12,13 @@ import msgspec
 import flexlink as fl
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Spec
-from flexlink.inputs.initial_state import initial_state
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
+from validation.runs import stable_step_at_start
 from validation.speed.families import of_steps
+from validation.speed.races import processor_time
 from validation.trade.error_parts import Fine, Setup, Type
 
 TIMED = True
@@ -51,7 +52,7 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
         for segments in arm.segments:
             setup = Setup(flex=arm.flex, hinges=segments - 1, method="RK4")
             path = arm.in_time.in_time(base, setup)
-            found.append(Price(name, segments, apart(path.tip, limit.tip), _cost(setup.scene(base))))
+            found.append(Price(name, segments, largest_distance(path.tip, limit.tip), _cost(setup.scene(base))))
             facts: Facts = {"cells": segments}
             yield Measured("error", found[-1].error, name, varied=facts)
             yield Measured("own error / error", (path.own + limit.own) / found[-1].error, name, varied=facts)
@@ -62,18 +63,12 @@ def run(case: Case, scene: dict[str, Arm]) -> Iterator[Measured]:
 
 def _cost(scene: Scene) -> float:
     """Seconds of CPU a second of motion, by RK4 near its largest stable step; what a run takes to be set up is out."""
-    chain = fl.lump(scene)
-    stable = fl.stable_step(chain, *initial_state(scene, chain), method="RK4")
+    stable = stable_step_at_start(scene, "RK4")
     timed = 0.01 * stable  # no posture that is passed has a shorter stable step
     numbers = 500, 3500
-    few, many = (min(_seconds(of_steps(scene, n, timed)) for _ in range(5)) for n in numbers)
+    runs = [functools.partial(fl.simulate, of_steps(scene, n, timed)) for n in numbers]
+    few, many = (min(processor_time(run) for _ in range(5)) for run in runs)
     return (many - few) / (numbers[1] - numbers[0]) / (0.9 * stable)  # as fast as RK4 goes
-
-
-def _seconds(scene: Scene) -> float:
-    start = time.process_time()
-    fl.simulate(scene)
-    return time.process_time() - start
 
 
 def _gain(prices: Sequence[Price]) -> tuple[float, float]:

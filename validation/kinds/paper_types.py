@@ -9,12 +9,11 @@ import msgspec
 
 from flexlink.describe.spec import Spec
 from flexlink.pages.numbers import number
+from flexlink.results.tip_motion import largest_distance
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.runs import apart
-from validation.trade.error_parts import Fine, Path, Type
+from validation.trade.error_parts import TYPES, Fine
 
-TYPES: Mapping[str, Type] = {"rigid": "rigid", "T1": "z", "T2": "yz", "T3": "xyz"}
 LEAST_GAIN = 2.0  # times more precise, at least, is another level of precision
 
 
@@ -34,21 +33,20 @@ def run(case: Case, scene: dict[str, Motion]) -> Iterator[Measured]:
     found: dict[str, float] = {}
     for name, motion in scene.items():
         base = case.varied_scene(name, motion.change)
-        limits = {t: (motion.rigid if t == "rigid" else motion.fine).limit(base, flex) for t, flex in TYPES.items()}
-        errors = {t: apart(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
+        limits = {
+            t: (motion.rigid if t == "rigid" else motion.fine).limit(base, flex)
+            for t, flex in {"rigid": "rigid", **TYPES}.items()
+        }
+        errors = {t: largest_distance(path.tip, limits["T3"].tip) for t, path in limits.items() if t != "T3"}
         for t, error in errors.items():
             facts: Facts = {"type": t}
             yield Measured("error of the type", error, name, varied=facts)
-            yield Measured("own error / error", _own(limits, t) / error, name, varied=facts)
+            yield Measured("own error / error", (limits[t].own + limits["T3"].own) / error, name, varied=facts)
         gains = {"T1": errors["rigid"] / errors["T1"], "T2": errors["T1"] / errors["T2"]}
         for t, gain in gains.items():
             yield Measured("gain", gain, name, varied={"type": t})
         found |= {f"{t} on {name}": gain for t, gain in gains.items()}
     yield Measured("claim", min(found.values()), note=_verdict(found))
-
-
-def _own(limits: Mapping[str, Path], name: str) -> float:
-    return limits[name].own + limits["T3"].own
 
 
 def _verdict(gains: Mapping[str, float]) -> str:

@@ -10,7 +10,7 @@ from flexlink.describe.scene import Scene
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.runs import run_facts
-from validation.speed.stopwatch import Work, race
+from validation.speed.races import Work, race
 
 TIMED = True
 
@@ -20,11 +20,11 @@ def run(case: Case, repeats: int, solvers: tuple[str, ...], engines: tuple[str, 
     for scene in case.load_scenes():
         works = {("native", solver): _runs("native", scene.varied({"run.solver": solver})) for solver in solvers}
         works |= {(name, ""): _runs(name, scene) for name in engines}
-        for (name, solver), lap in race(works, repeats, 0.0).items():
+        for (name, solver), seconds in race(works, repeats, 0.0).items():
             facts: Facts = run_facts(scene.run) | ({"solver": solver} if solver else {})
             quantity = "real-time factor" if name == "native" else "real-time factor of another engine"
-            yield Measured(quantity, scene.run.duration / lap.seconds, scene.name, name, facts, timed=True)
-            step = 1e6 * lap.seconds * scene.run.step / scene.run.duration
+            yield Measured(quantity, scene.run.duration / seconds, scene.name, name, facts, timed=True)
+            step = 1e6 * seconds * scene.run.step / scene.run.duration
             yield Measured("time of a step", step, scene.name, name, facts, timed=True)
 
 

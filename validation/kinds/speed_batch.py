@@ -13,9 +13,9 @@ from flexlink.kernels.tools.lanes import LANES
 from validation.case import Case, Measured
 from validation.facts import Fact
 from validation.speed import steps
+from validation.speed.evaluations import from_python
 from validation.speed.families import of_steps, timed_states
-from validation.speed.growth import Races
-from validation.speed.stopwatch import clock, race
+from validation.speed.races import Races, clock, race
 
 TIMED = True
 
@@ -42,8 +42,8 @@ def run(case: Case, settings: Settings) -> Iterator[Measured]:
             "mujoco, rollout": steps.by_mujoco_rollout(members),
             "mujoco, mj_step": steps.by_mujoco(scene),
         }
-        laps = race(works, settings.turns, settings.turn)
-        per_member = {e: 1e6 * lap.seconds / (1 if e == "mujoco, mj_step" else len(members)) for e, lap in laps.items()}
+        seconds = race(works, settings.turns, settings.turn)
+        per_member = {e: 1e6 * s / (1 if e == "mujoco, mj_step" else len(members)) for e, s in seconds.items()}
         facts: dict[str, Fact] = {"chain": name, "n": fl.lump(scene).n, "members": len(members)}
         for engine, time in per_member.items():
             yield Measured("time of a step per member", time, "", engine, facts, timed=True)
@@ -70,10 +70,5 @@ def _evaluation(scene: Scene, settings: Settings) -> float:
     """Time of q̈ of all members by one public call, per member [µs]."""
     chain = fl.lump(scene)
     q, qd, tau, _ = timed_states(chain, settings.members)
-
-    def work(calls: int) -> None:
-        for _ in range(calls):
-            fl.forward_dynamics(chain, q, qd, tau)
-
-    lap = race({"native": work}, settings.turns, settings.turn)["native"]
-    return 1e6 * lap.seconds / settings.members
+    work = from_python(lambda _: fl.forward_dynamics(chain, q, qd, tau), 1)
+    return 1e6 * race({"native": work}, settings.turns, settings.turn)["native"] / settings.members

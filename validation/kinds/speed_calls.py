@@ -7,63 +7,52 @@ from collections.abc import Iterator, Mapping
 from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from validation.case import Case, Measured
-from validation.facts import Fact
-from validation.speed import evaluations, growth
+from validation.speed import evaluations, races
 from validation.speed.evaluations import FORWARD, RNE
 from validation.speed.families import Family, timed_states
-from validation.speed.growth import Races, Time
-from validation.speed.stopwatch import race
+from validation.speed.races import Jobs, Race, Races
 from validation.store import Series
 
 OURS = ("native", "public")  # in a compiled loop, by a checked call from Python
 PLAIN = "revolute joints, local"  # what `pin.aba` does by default with a chain read from a file
+PINOCCHIO, FASTEST = "pinocchio", "pinocchio, fastest"
 
 TIMED = True
 
 Settings = Races
-rehearsal = growth.rehearsal
+rehearsal = races.rehearsal
 
 
 def run(case: Case, settings: Races) -> Iterator[Measured | Series]:
     """Times, ratios to ours, exponents, and for every job a series to draw."""
-    found: list[Time] = []
-    for name, family in settings.chain.items():
-        for segments in family.segments:
-            chain = lump(family.scene(case, segments))
-            for times in _times(name, chain, segments, family, settings):
-                yield from _rows(times, segments == family.segments[0])
-                found += times.values()
-    yield from growth.growth(found)
+    found: list[Race] = []
+    for name, family, segments in settings.sizes():
+        chain = lump(family.scene(case, segments))
+        for one in settings.run(name, chain.n, _contestants(chain, family, segments)):
+            forms = {form: seconds for form, seconds in one.seconds.items() if form not in (*OURS, "mujoco")}
+            form_of = {PINOCCHIO: PLAIN, FASTEST: min(forms, key=forms.__getitem__)} if forms else {}
+            seconds = {name: each for name, each in one.seconds.items() if name not in forms}
+            found.append(one._replace(seconds=seconds | {name: forms[form] for name, form in form_of.items()}))
+            yield from _rows(found[-1], form_of, segments == family.segments[0])
+    yield from races.growth(found)
 
 
-def _times(name: str, chain: Chain, segments: int, family: Family, settings: Races) -> Iterator[dict[str, Time]]:
-    """Times of all contestants, job by job: native, public, pinocchio, its fastest form, mujoco."""
+def _contestants(chain: Chain, family: Family, segments: int) -> dict[str, Jobs]:
+    """Native, public, mujoco, and each form of pinocchio; without these only what is O(n), timed at any length."""
     states = timed_states(chain)
-    parties = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
-    forms = evaluations.pinocchio(chain, states) if segments <= family.pinocchio else {}
+    found = {"native": evaluations.native(chain, states), "public": evaluations.public(chain, states)}
     if segments <= family.mujoco:
-        parties["mujoco"] = evaluations.mujoco_calls(chain, states)
-    for job in parties["native"] if forms else (FORWARD, RNE):  # these are O(n), and timed at any length
-        works = {party: jobs[job] for party, jobs in (parties | forms).items() if job in jobs}
-        laps = race(works, settings.turns, settings.turn)
-        contestants = {party: (party, "") for party in parties}
-        if forms:
-            fastest = min((form for form in works if form in forms), key=lambda form: laps[form].seconds)
-            contestants |= {"pinocchio": (PLAIN, PLAIN), "pinocchio, fastest": (fastest, fastest)}
-        yield {
-            engine: Time(name, job, engine, chain.n, laps[work].seconds, form)
-            for engine, (work, form) in contestants.items()
-        }
+        found["mujoco"] = evaluations.mujoco_calls(chain, states)
+    if segments <= family.pinocchio:
+        return found | evaluations.pinocchio(chain, states)
+    return {name: {job: jobs[job] for job in (FORWARD, RNE)} for name, jobs in found.items()}
 
 
-def _rows(times: Mapping[str, Time], first: bool) -> Iterator[Measured]:
-    for name, time in times.items():
-        job = f"{time.chain} {time.job}"
-        facts: dict[str, Fact] = {"chain": time.chain, "job": time.job, "n": time.n}
-        if name not in OURS:
-            facts |= {"form": time.form} if time.form else {}
-            for our in OURS:
-                ratio = time.seconds / times[our].seconds
-                yield Measured(f"{job}: {name} / {our}", ratio, "", name, facts, timed=True)
-        elif first and name == "public":
-            yield Measured(f"{job}: public call", 1e6 * time.seconds, varied=facts, timed=True)
+def _rows(found: Race, form_of: Mapping[str, str], first: bool) -> Iterator[Measured]:
+    what = f"{found.chain} {found.job}"
+    if first:
+        yield Measured(f"{what}: public call", 1e6 * found.seconds["public"], varied=found.facts, timed=True)
+    for name in (name for name in found.seconds if name not in OURS):
+        facts = found.facts | ({"form": form_of[name]} if name in form_of else {})
+        for our in OURS:
+            yield Measured(f"{what}: {name} / {our}", found.times_less(our, name), "", name, facts, timed=True)

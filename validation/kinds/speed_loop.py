@@ -17,26 +17,19 @@ from flexlink.chain.chain import Chain
 from flexlink.chain.lumping import lump
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
-from flexlink.describe.spec import NonNegative, Positive, Spec
+from flexlink.describe.spec import NonNegative, Positive
 from flexlink.dynamics.terms import gravity_torque
 from flexlink.engines.mujoco import MujocoEngine
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulator import Simulator
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed.stopwatch import Work, race
+from validation.speed.races import Work, race
 
 TIMED = True
 
 Law = Callable[[float, Array, Array], Array]
 """T_EX of the driven joints (d,) [N m] from t [s], q and q̇ (n,)."""
-
-
-class Way(Spec, frozen=True):
-    """A method and its fixed step [s]."""
-
-    method: str
-    step: Positive
 
 
 def rehearsal(settings: Any) -> Any:
@@ -46,7 +39,7 @@ def rehearsal(settings: Any) -> Any:
 
 def run(
     case: Case,
-    way: dict[str, Way],
+    steps: dict[str, Positive],
     rate: Positive,
     kp: tuple[Positive, ...],
     kd: tuple[Positive, ...],
@@ -55,27 +48,26 @@ def run(
 ) -> Iterator[Measured]:
     """Time of a sample, sampling period over that time, and MuJoCo's time over ours with the same steps.
 
-    `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the gains of the driven joints; each
-    contestant runs `turns` times, `turn` [s] or longer.
+    `steps` are those of the methods [s], `rate` is that of the loop [Hz], `kp` [N m/rad] and `kd` [N m s/rad] are the
+    gains of the driven joints; each contestant runs `turns` times, `turn` [s] or longer.
     """
     between = 1.0 / rate
     for scene in case.load_scenes():
-        for name, each in way.items():
-            method, step = each.method, each.step
+        for method, step in steps.items():
             own = scene.varied({"run.method": method, "run.step": step})
             chain = lump(own)
             law = _pd(own, chain, np.array(kp), np.array(kd))
             works = {"native": _native(own, law, between)}
             if method == "RK4":
                 works["mujoco"] = _mujoco(own, chain, law, between)
-            laps = race(works, turns, turn)
+            seconds = race(works, turns, turn)
             facts: Facts = {"method": method, "step": step, "n": chain.n}
-            for party, lap in laps.items():
-                yield Measured("time of a sample", 1e6 * lap.seconds, scene.name, party, facts, timed=True)
-            ours = laps.pop("native").seconds
-            yield Measured(f"{name}: times real time", between / ours, scene.name, "native", facts, timed=True)
-            for party, lap in laps.items():
-                yield Measured(f"{party} / native", lap.seconds / ours, scene.name, party, facts, timed=True)
+            for party, of_sample in seconds.items():
+                yield Measured("time of a sample", 1e6 * of_sample, scene.name, party, facts, timed=True)
+            ours = seconds.pop("native")
+            yield Measured(f"{method}: times real time", between / ours, scene.name, "native", facts, timed=True)
+            for party, theirs in seconds.items():
+                yield Measured(f"{party} / native", theirs / ours, scene.name, party, facts, timed=True)
 
 
 def _pd(scene: Scene, chain: Chain, kp: Array, kd: Array) -> Law:

@@ -6,30 +6,26 @@ the time is that of the steps alone, as in `speed_trade`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import msgspec
 from msgspec.structs import replace
 
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
-from flexlink.dynamics.vibration.stability import stable_step
-from flexlink.inputs.initial_state import initial_state
-from flexlink.results.tip_motion import tip_travel
+from flexlink.results.tip_motion import largest_distance, tip_travel
 from validation.case import Case, Measured
-from validation.runs import apart
+from validation.runs import stable_steps
 from validation.store import Series, table
-from validation.trade.error_parts import Fine, Setup, Type
+from validation.trade.error_parts import TYPES, Fine, Setup, Type
 from validation.trade.native_ladder import OF_STABLE, timed_run
 
 TIMED = True
 
 COLUMNS = ("type", "rule", "hinges", "method", "setting", "error", "CPU time [s]")
-TYPES = {"rigid": "rigid", "z": "T1", "yz": "T2", "xyz": "T3"}
+NAMES = {"rigid": "rigid"} | {flex: name for name, flex in TYPES.items()}
 
 
 class Grid(Spec, frozen=True):
@@ -68,7 +64,8 @@ class Grid(Spec, frozen=True):
             for method, parts in self.tolerances.items():
                 yield from (replace(cut, method=method, tolerance=part * motion) for part in parts)
             for method in self.stepped:
-                yield replace(cut, method=method, step=_largest_step(cut.scene(scene), method))
+                steps = stable_steps(cut.scene(scene), method, OF_STABLE)
+                yield replace(cut, method=method, step=scene.run.sample / steps)
 
 
 class Run(NamedTuple):
@@ -89,7 +86,7 @@ class Run(NamedTuple):
     def row(self) -> tuple[Any, ...]:
         """The columns."""
         setup = self.setup
-        return TYPES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
+        return NAMES[setup.flex], setup.rule, setup.hinges, setup.method, setup.step or setup.tolerance, *self[1:]
 
 
 def run(
@@ -119,13 +116,6 @@ def run(
         yield Series("models", title, columns, x, x, y, "log", "log", group="type", scene=base.name)
 
 
-def _largest_step(scene: Scene, method: str) -> float:
-    """The largest stable step of the start that divides a sample [s]."""
-    chain = lump(scene)
-    stable = stable_step(chain, *initial_state(scene, chain), method=method)
-    return scene.run.sample / max(1, math.ceil(scene.run.sample / (OF_STABLE * stable)))
-
-
 def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float) -> Run | None:
     """The run; None if it ends in an error, or takes too long."""
     asked = {"run.method": setup.method, "run.step": setup.step, "run.tolerance": setup.tolerance}
@@ -134,4 +124,4 @@ def _made(scene: Scene, setup: Setup, truth: Any, motion: float, longest: float)
         runs = [timed_run(cut, longest) for _ in range(3)]
     except FlexlinkError:
         return None
-    return Run(setup, apart(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))
+    return Run(setup, largest_distance(runs[0].seen.tip, truth) / motion, min(each.seconds for each in runs))

@@ -12,10 +12,9 @@ from flexlink.chain.lumping import lump
 from flexlink.motion.simulate import simulate
 from validation.case import Case, Measured
 from validation.facts import Facts
-from validation.speed import steps
-from validation.speed.families import Family, of_steps
-from validation.speed.growth import Races, Time, growth
-from validation.speed.stopwatch import race
+from validation.speed import races, steps
+from validation.speed.families import of_steps
+from validation.speed.races import Race, Races
 from validation.store import Series
 
 TIMED = True
@@ -30,16 +29,21 @@ class Settings(Races, frozen=True):
 
 def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
     """Times of a step, ratios, exponents, a series to draw, and the longest chains."""
-    found: list[Time] = []
-    for name, family in settings.chain.items():
-        for segments in family.segments:
-            ours, *others = _race(case, name, family, segments, settings)
-            for each in others:
-                facts: Facts = {"chain": name, "n": each.n}
-                quantity = f"{name}, n = {each.n}: {each.engine} / native"
-                yield Measured(quantity, each.seconds / ours.seconds, "", each.engine, facts, timed=True)
-            found += [ours, *others]
-    yield from growth(found)
+    found: list[Race] = []
+    for name, family, segments in settings.sizes():
+        scene = family.released(case, segments)
+        works = {"native": steps.native(scene)}
+        if segments <= family.mujoco:
+            works["mujoco"] = steps.by_mujoco(scene)
+        if segments <= family.pinocchio:
+            works["pinocchio"] = steps.by_pinocchio(scene)
+        n = lump(scene).n
+        found += settings.run(name, n, {engine: {"RK4 step": work} for engine, work in works.items()})
+        facts: Facts = {"chain": name, "n": n}
+        for other in list(works)[1:]:
+            ratio = found[-1].times_less("native", other)
+            yield Measured(f"{name}, n = {n}: {other} / native", ratio, "", other, facts, timed=True)
+    yield from races.growth(found)
     for name, segments in settings.longest.items():
         scene = of_steps(settings.chain[name].released(case, segments), settings.longest_steps)
         start = time.perf_counter()
@@ -48,15 +52,3 @@ def run(case: Case, settings: Settings) -> Iterator[Measured | Series]:
         facts = {"chain": name, "n": end.chain.n}
         yield Measured("steps of the longest chain", float(end.t[-1] / scene.run.step), varied=facts)
         yield Measured("run of the longest chain", seconds, varied=facts, timed=True)
-
-
-def _race(case: Case, name: str, family: Family, segments: int, settings: Settings) -> list[Time]:
-    """Our time, and those of the others that take part."""
-    scene = family.released(case, segments)
-    works = {"native": steps.native(scene)}
-    if segments <= family.mujoco:
-        works["mujoco"] = steps.by_mujoco(scene)
-    if segments <= family.pinocchio:
-        works["pinocchio"] = steps.by_pinocchio(scene)
-    laps = race(works, settings.turns, settings.turn)
-    return [Time(name, "RK4 step", engine, lump(scene).n, lap.seconds) for engine, lap in laps.items()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from flexlink.sweeps.plan import Plan, load_sweep
 from validation.case import Case, Measured
 from validation.facts import Facts
 from validation.speed import mujoco_sweep
-from validation.speed.stopwatch import race
+from validation.speed.races import processor_time, race
 from validation.sweep_processes import shortened
 
 TIMED = True
@@ -44,10 +44,10 @@ def run(
         theirs, ours = dict.fromkeys(works, math.inf), math.inf
         for number in range(turns):
             ours = min(ours, _seconds(file, members, workers, Path(folder) / f"{number}.db"))
-            for name, lap in race(works, 1, turn).items():
-                theirs[name] = min(theirs[name], lap.seconds)
-        own = _processor_time(lambda: fl.sweep(file, out=Path(folder) / "own.db")) / members
-        cost = {name: _processor_time(lambda w=w: w(beside)) / beside for name, w in works.items()}  # type: ignore[misc]
+            for name, seconds in race(works, 1, turn).items():
+                theirs[name] = min(theirs[name], seconds)
+        own = processor_time(lambda: fl.sweep(file, out=Path(folder) / "own.db")) / members
+        cost = {name: processor_time(lambda w=w: w(beside)) / beside for name, w in works.items()}  # type: ignore[misc]
     yield Measured("members a second", 1 / ours, varied=facts, timed=True)
     yield Measured("CPU time of a member", 1e3 * own, varied=facts, timed=True)
     for name, seconds in theirs.items():
@@ -66,10 +66,3 @@ def _seconds(sweep: Path, members: int, workers: int, out: Path) -> float:
         raise FlexlinkError(f"members = {members}: too few to see the throughput of")
     (first, begun), (last, ended) = marks[0], marks[-1]
     return (ended - begun) / ((last - first) * members)
-
-
-def _processor_time(work: Callable[[], object]) -> float:
-    """CPU time of this process [s], which depends little on other processes."""
-    begun = time.process_time()
-    work()
-    return time.process_time() - begun

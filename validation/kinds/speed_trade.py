@@ -16,7 +16,7 @@ from flexlink.chain.lumping import lump
 from flexlink.common.errors import MissingDependencyError
 from flexlink.describe.spec import Positive, Spec
 from validation.case import Case, Measured
-from validation.facts import Fact
+from validation.facts import Facts
 from validation.store import Series, table
 from validation.trade import mujoco_ladder, native_ladder, pinocchio_ladder, solver_ladder, witness_ladder
 from validation.trade.scenes import scenes, trade_scene
@@ -67,6 +67,10 @@ class Aim(NamedTuple):
 
     what: str
     error: float
+
+    def facts(self, method: str) -> Facts:
+        """The method, and the error."""
+        return {"method": method, self.what: self.error}
 
     def point(self, point: Point) -> Point:
         """The point with the error that counts."""
@@ -123,15 +127,16 @@ def _rows(name: str, aim: Aim, ours: Ladders, others: dict[str, Ladders]) -> Ite
     ours, others = _seen(aim, ours), {group: _seen(aim, ladders) for group, ladders in others.items()}
     for method in ours:
         if own := native_ladder.cheapest({method: ours[method]}, aim.error):
-            yield _time(name, "native", method, aim, Cost(own[1].seconds))
-            yield _evaluations(name, "native", method, aim, own[1].evaluations)
+            yield Measured("CPU time", 1e3 * own[1].seconds, name, varied=aim.facts(method), timed=True)
+            yield Measured("evaluations", own[1].evaluations, name, varied=aim.facts(method), timed=True)
     for group, ladders in others.items():
         costs = {each: known for each, points in ladders.items() if (known := _cost(group, each, points, aim.error))}
         for each, known in costs.items():
-            yield _time(name, group, each, aim, known)
+            time, facts = 1e3 * known.seconds, aim.facts(each)
+            yield Measured("CPU time", time, name, group, facts, note=NOTES[known.kind], timed=True)
             work = [point._replace(seconds=float(point.evaluations)) for point in ladders[each]]
             if (evaluations := _cost(group, each, work, aim.error)) and evaluations.seconds:
-                yield _evaluations(name, group, each, aim, evaluations.seconds)
+                yield Measured("evaluations", round(evaluations.seconds), name, group, facts, timed=True)
         if costs:
             best = native_ladder.cheapest(ours if group == RK4 else ours | others[RK4], aim.error)
             yield from _ratios(name, group, aim, costs, best)
@@ -174,16 +179,6 @@ def _run_in_words(best: tuple[str, Point] | None) -> str:
     if best is None:
         return "flexlink does not get there"
     return f"{best[0]}, setting {best[1].setting:.2g}: {1e3 * best[1].seconds:.4g} ms"
-
-
-def _time(name: str, engine: str, method: str, aim: Aim, known: Cost) -> Measured:
-    facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
-    return Measured("CPU time", 1e3 * known.seconds, name, engine, facts, note=NOTES[known.kind], timed=True)
-
-
-def _evaluations(name: str, engine: str, method: str, aim: Aim, number: float) -> Measured:
-    facts: dict[str, Fact] = {"method": method, aim.what: aim.error}
-    return Measured("evaluations", round(number), name, engine, facts, timed=True)
 
 
 def _series(name: str, ladders: Ladders) -> Series:

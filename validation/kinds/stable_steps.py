@@ -31,6 +31,7 @@ from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
 from flexlink.results.stop_reasons import DivergenceError
 from validation.case import Case, Measured
+from validation.physics.formulas import torques_of_links
 from validation.store import Series, table
 
 LONG = True
@@ -96,9 +97,9 @@ def at_rest(scene: Scene) -> Rest:
     hold = np.zeros(chain.n)
     needed = bias_torque(chain, q, zero, tip_wrench=scene.tip_wrench) + elastic_torque(chain, q)
     hold[chain.active] = needed[chain.active]
-    torque = np.zeros(len(scene.arm.links))
-    torque[[chain.coordinates[k].link - 1 for k in chain.active]] = hold[chain.active]
-    scene = scene.varied({"drive": {"kind": "constant", "torque": torque}, "initial.passive": None})
+    scene = scene.varied(
+        {"drive": {"kind": "constant", "torque": torques_of_links(scene, chain, hold)}, "initial.passive": None}
+    )
     λ, left, right = linalg.eig(linearize(chain, q, tau=hold, tip_wrench=scene.tip_wrench).A, left=True, right=True)
     counted = λ.real <= 1e-2 * np.abs(λ)  # others grow by themselves; rounding of an undamped mode is less
     one_of_two = right[:, counted & (λ.imag >= 0)]

@@ -14,8 +14,7 @@ from flexlink.common.types import Array
 from flexlink.engines import Engine
 from validation.case import Case, Measured
 from validation.facts import Facts, in_words
-from validation.physics.hinge_sweep import Point, Sweep, report
-from validation.physics.published import published
+from validation.physics.hinge_sweep import Point, Sweep, published, report
 from validation.physics.tip_loads import TIP_LOADS, TipLoad
 from validation.physics.variant import Rule, Variant, existing
 from validation.store import Series

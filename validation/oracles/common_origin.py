@@ -20,6 +20,7 @@ from mpmath import mp, mpf
 
 from flexlink.chain.chain import Chain
 from flexlink.common.types import Array
+from validation.oracles.planar_chain import joint_torques, joints_of
 from validation.oracles.spatial_chain import Matrix, Vector, add, cross, exactly, product, sub, times, turn
 
 DIGITS = 100
@@ -41,7 +42,7 @@ class CommonOrigin:
         with mp.workdps(DIGITS):
             self.chain, self.n = chain, chain.n
             self.q, self.qd = exactly(q), exactly(qd)
-            self.rotors = exactly(chain.hinges["armature"])
+            self.joints = joints_of(chain)
             self.lift = [mpf(0)] * 3 + [-x for x in exactly(chain.gravity)]
             self.hinges = self._placed()
 
@@ -54,7 +55,7 @@ class CommonOrigin:
                 composite = _sum(composite, self.hinges[k].inertia)
                 force = times(composite, self.hinges[k].s)
                 for j in range(k + 1):
-                    value = mp.fdot(self.hinges[j].s, force) + (self.rotors[k] if j == k else 0)
+                    value = mp.fdot(self.hinges[j].s, force) + (self.joints[k]["armature"] if j == k else 0)
                     M[j, k] = M[k, j] = float(value)
         return M
 
@@ -74,7 +75,7 @@ class CommonOrigin:
     def forward_dynamics(self, tau: Array) -> Array:
         """q̈ [rad/s²] of drive torques T_EX, springs, dampers and dry friction, shape (n,)."""
         with mp.workdps(DIGITS):
-            left = sub(exactly(tau), self._own_torques())
+            left = sub(exactly(tau), joint_torques(self.joints, self.q, self.qd))
             forces, zero = self._gyroscopic(), mpf(0)
             inertia, force = [[zero] * 6 for _ in range(6)], [zero] * 6
             solved: list[tuple[Vector, Any, Any]] = []
@@ -82,7 +83,7 @@ class CommonOrigin:
                 hinge = self.hinges[k]
                 inertia, force = _sum(inertia, hinge.inertia), add(force, forces[k])
                 U = times(inertia, hinge.s)
-                D, u = mp.fdot(hinge.s, U) + self.rotors[k], left[k] - mp.fdot(hinge.s, force)
+                D, u = mp.fdot(hinge.s, U) + self.joints[k]["armature"], left[k] - mp.fdot(hinge.s, force)
                 solved.append((U, D, u))
                 scaled = [x / D for x in U]
                 inertia = [
@@ -97,15 +98,6 @@ class CommonOrigin:
                 acceleration = add(acceleration, [rate * x for x in hinge.s])
                 qdd[k] = float(rate)
         return qdd
-
-    def _own_torques(self) -> Vector:
-        """T_FL + T_FR [N m]."""
-        names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width")
-        columns = (exactly(self.chain.hinges[name]) for name in names)
-        return [
-            k * (x - rest) + d * v + (c * mp.tanh(v / w) if c else 0)
-            for k, rest, d, c, w, x, v in zip(*columns, self.q, self.qd, strict=True)
-        ]
 
     def _gyroscopic(self) -> list[Vector]:
         """V ×* Ī V of what hangs on each hinge."""

@@ -12,6 +12,7 @@ from typing import Any
 from mpmath import mp, mpf
 
 from flexlink.describe.schemes.methods import Method
+from validation.oracles.rooted_trees import as_mpf
 
 Vector = list[Any]
 
@@ -34,7 +35,7 @@ def integrate(
         The iteration of an implicit method's stages does not end; the step is too large.
     """
     exact = method.exact
-    A, b = [[_mpf(x) for x in row] for row in exact[0]], [_mpf(x) for x in exact[1]]
+    A, b = [[as_mpf(x) for x in row] for row in exact[0]], [as_mpf(x) for x in exact[1]]
     h = mpf(duration) / steps
     y = [mpf(x) for part in state for x in part]
     n = len(y) // 2
@@ -73,7 +74,3 @@ def _combine(y: Vector, h: Any, weights: Vector, slopes: list[Vector]) -> Vector
     """y + h Σ_j weights_j slopes_j, over the slopes that there are."""
     used = [(h * w, k) for w, k in zip(weights, slopes, strict=False) if w]
     return [x + mp.fsum(w * k[i] for w, k in used) for i, x in enumerate(y)]
-
-
-def _mpf(x: Any) -> Any:
-    return mpf(x.numerator) / x.denominator

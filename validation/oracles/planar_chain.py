@@ -11,7 +11,7 @@ and φ = α + L q with L the lower triangle of ones takes it to joint angles: M 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,8 +56,7 @@ class PlanarChain:
             self.first_moments = [
                 mp.fsum(self.masses[i] * self.d[i][j] for i in range(j, self.n)) for j in range(self.n)
             ]
-            names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
-            self.joints = [{name: mpf(h[name]) for name in names} for h in hinges]
+            self.joints = joints_of(chain)
 
     def _weight(self, j: int, k: int) -> Any:
         return mp.fsum(self.masses[i] * mp.conj(self.d[i][j]) * self.d[i][k] for i in range(max(j, k), self.n))
@@ -93,17 +92,10 @@ class PlanarChain:
         weights = [mp.re(mp.conj(mpc(0, 1) * m * x) * self.g) for m, x in zip(self.first_moments, e, strict=True)]
         return _sum_from_end([-mp.fdot([mp.im(x) for x in E[j]], squares) - weights[j] for j in range(self.n)])
 
-    def joint_torque(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
-        """T_FL + T_FR [N m]."""
-        return [
-            h["stiffness"] * (x - h["rest"]) + h["damping"] * v + h["coulomb"] * mp.tanh(v / h["coulomb_width"])
-            for h, x, v in zip(self.joints, q, qd, strict=True)
-        ]
-
     def forward_dynamics(self, q: Sequence[Any], qd: Sequence[Any], tau: Sequence[Any] | None = None) -> Vector:
         """q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR [rad/s²]."""
         e, E = self._turned(q)
-        rest = zip(tau or [mpf(0)] * self.n, self._bias(e, E, qd), self.joint_torque(q, qd), strict=True)
+        rest = zip(tau or [mpf(0)] * self.n, self._bias(e, E, qd), joint_torques(self.joints, q, qd), strict=True)
         return list(mp.lu_solve(self._mass(E), mp.matrix([t - b - s for t, b, s in rest])))
 
     def energy(self, q: Sequence[Any], qd: Sequence[Any]) -> Any:
@@ -114,6 +106,23 @@ class PlanarChain:
         gravity = -mp.fsum(mp.re(mp.conj(m * x) * self.g) for m, x in zip(self.first_moments, e, strict=True))
         elastic = mp.fsum(h["stiffness"] * (x - h["rest"]) ** 2 for h, x in zip(self.joints, q, strict=True)) / 2
         return kinetic + gravity + elastic
+
+
+def joints_of(chain: Chain) -> list[dict[str, Any]]:
+    """Springs, dampers, friction and rotors of the hinges, exactly."""
+    names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
+    return [{name: mpf(float(hinge[name])) for name in names} for hinge in chain.hinges]
+
+
+def joint_torques(joints: Sequence[Mapping[str, Any]], q: Sequence[Any], qd: Sequence[Any]) -> Vector:
+    """T_FL + T_FR of joints as `joints_of` has them [N m]."""
+    rubbing = [
+        h["coulomb"] * mp.tanh(v / h["coulomb_width"]) if h["coulomb"] else 0 for h, v in zip(joints, qd, strict=True)
+    ]
+    return [
+        h["stiffness"] * (x - h["rest"]) + h["damping"] * v + rub
+        for h, x, v, rub in zip(joints, q, qd, rubbing, strict=True)
+    ]
 
 
 def _plane(v: Any) -> Any:

@@ -92,18 +92,19 @@ def coefficients(method: Method) -> Coefficients:
             A, b, _ = collocation(method.family, method.stages)
             return A, b
         rows, weights, _ = method.exact
-        return [[_mpf(x) for x in row] for row in rows], [_mpf(x) for x in weights]
+        return [[as_mpf(x) for x in row] for row in rows], [as_mpf(x) for x in weights]
 
 
 def embedded(method: Method, row: int) -> Coefficients:
     """The method that a row of error weights compares an explicit one with, b̂ = b − e; q̈ at the end is a stage."""
     with mp.workdps(DIGITS):
         A, b = coefficients(method)
-        given = [_mpf(Fraction(x)) for x in method.error_rows[row]]
+        given = [as_mpf(Fraction(x)) for x in method.error_rows[row]]
         e = given + [mpf(0)] * (len(b) + 1 - len(given))
         A = [[*stage, mpf(0)] for stage in (*A, b)]
         return A, [x - y for x, y in zip([*b, mpf(0)], e, strict=True)]
 
 
-def _mpf(x: Fraction) -> Any:
+def as_mpf(x: Fraction) -> Any:
+    """In the working precision."""
     return mpf(x.numerator) / x.denominator

@@ -21,7 +21,7 @@ from mpmath import mp, mpf
 from numpy.typing import NDArray
 
 from flexlink.chain.chain import Chain
-from validation.oracles.planar_chain import DIGITS
+from validation.oracles.planar_chain import DIGITS, joint_torques, joints_of
 
 STEP = mpf(10) ** -20
 """Of differences [rad, rad/s]."""
@@ -52,8 +52,7 @@ class SpatialChain:
     def __init__(self, chain: Chain) -> None:
         self.n, self.chain = chain.n, chain
         self.g = [mpf(float(x)) for x in chain.gravity]
-        names = ("stiffness", "rest", "damping", "coulomb", "coulomb_width", "armature")
-        self.joints = [{name: mpf(float(h[name])) for name in names} for h in chain.hinges]
+        self.joints = joints_of(chain)
 
     def equations(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[Any, Vector]:
         """M(q) [kg m²], an mpmath matrix (n, n), and T_GC(q, q̇) [N m]."""
@@ -86,7 +85,7 @@ class SpatialChain:
 
         def torque(q: Vector, qd: Vector) -> Any:
             M, bias = self.equations(q, qd)
-            rest = zip(bias, self.joint_torques(q, qd), self.load(q, wrench), strict=True)
+            rest = zip(bias, joint_torques(self.joints, q, qd), self.load(q, wrench), strict=True)
             return M * mp.matrix(qdd) + mp.matrix([b + joint - w for b, joint, w in rest])
 
         by_angle, by_rate = mp.zeros(self.n, self.n), mp.zeros(self.n, self.n)
@@ -99,23 +98,16 @@ class SpatialChain:
     def forward_slopes(self, q: Vector, qd: Vector, tau: Vector, wrench: Vector) -> tuple[Vector, list[Any]]:
         """q̈, then ∂q̈/∂q, ∂q̈/∂q̇ and ∂q̈/∂T_EX = M⁻¹, (n, n)."""
         M, bias = self.equations(q, qd)
-        rest = zip(tau, bias, self.joint_torques(q, qd), self.load(q, wrench), strict=True)
+        rest = zip(tau, bias, joint_torques(self.joints, q, qd), self.load(q, wrench), strict=True)
         inverse = M**-1
         qdd = list(inverse * mp.matrix([t - b - joint + w for t, b, joint, w in rest]))
         by_angle, by_rate = self.slopes(q, qd, qdd, wrench)
         return qdd, [-inverse * by_angle, -inverse * by_rate, inverse]
 
-    def joint_torques(self, q: Sequence[Any], qd: Sequence[Any]) -> Vector:
-        """T_FL + T_FR [N m]."""
-        return [
-            h["stiffness"] * (x - h["rest"]) + h["damping"] * v + h["coulomb"] * mp.tanh(v / h["coulomb_width"])
-            for h, x, v in zip(self.joints, q, qd, strict=True)
-        ]
-
     def forward_dynamics(self, q: Sequence[Any], qd: Sequence[Any], tau: Sequence[Any]) -> Vector:
         """q̈ from M q̈ = T_EX − T_GC − T_FL − T_FR [rad/s²]."""
         M, bias = self.equations(q, qd)
-        rest = [t - b - s for t, b, s in zip(tau, bias, self.joint_torques(q, qd), strict=True)]
+        rest = [t - b - s for t, b, s in zip(tau, bias, joint_torques(self.joints, q, qd), strict=True)]
         return list(mp.lu_solve(M, mp.matrix(rest)))
 
     def _place(self, q: Sequence[Any], qd: Sequence[Any]) -> tuple[list[Vector], list[Vector], list[Body], Vector]:

@@ -16,7 +16,7 @@ from flexlink.common.errors import ArgumentError, DataFileError
 from flexlink.common.types import Array
 from flexlink.describe.arm import Link
 from flexlink.describe.scene import Scene, load_scene
-from validation.case import MODELS, STUDY_SCENES
+from validation.case import scene_file
 from validation.physics.formulas import INPUTS
 from validation.reference_values import look_up
 
@@ -62,9 +62,7 @@ def beam_scene(name: str) -> Scene:
         There is no such scene.
     """
     change = require_one_of("scene", name, SCENES)
-    path = STUDY_SCENES / f"{name}.toml"
-    scene = load_scene(path if path.is_file() else MODELS / f"{name}.toml").varied(change)
-    return INPUTS.get(name, INPUTS["none"])(scene)
+    return INPUTS.get(name, INPUTS["none"])(load_scene(scene_file(name)).varied(change))
 
 
 def plane_of(scene: Scene) -> Plane:

@@ -12,8 +12,6 @@ error, is added up as the own error of the finest run. Needs exudyn; takes a min
 from __future__ import annotations
 
 import argparse
-import datetime
-import json
 import sys
 import time
 from collections.abc import Sequence
@@ -36,13 +34,12 @@ from exudyn.itemInterface import (
     SensorNode,
 )
 
-from flexlink.common.output import write_whole
 from flexlink.common.types import Array
 from flexlink.describe.conditions import RunSettings
+from flexlink.results.tip_motion import largest_distance
 from validation.physics.beam_references import SCENES, Beam, Plane, beam_scene, file_name, plane_of
 from validation.physics.formulas import pulse
-from validation.reference_values import REFERENCE_FOLDER
-from validation.runs import apart
+from validation.reference_values import store_reference
 
 TORQUES_OF_SCENES = {"torque_pulse": pulse}
 SPECTRAL_RADIUS = 0.9  # of the generalized-α method at infinite frequency
@@ -80,30 +77,26 @@ def compute(name: str) -> float:
     plane = plane_of(scene)
     finest = tip(name, plane, scene.run, FINEST)
     errors = {
-        key: apart(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
+        key: largest_distance(finest, tip(name, plane, scene.run, FINEST._replace(**{key: coarser}))) / times
         for key, (coarser, times) in COARSER.items()
     }
     reference = {"plane": plane.numbers, "errors_m": errors, "own_error_m": sum(errors.values())}
     if all(section.shape != "general" for section in scene.arm.sections.values()):
         own = tip(name, plane, scene.run, FINEST._replace(stiffness=None))
-        reference["shear_and_stretch_m"] = apart(finest, own)
-    document = {
-        "about": f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
-        "source": "python -m validation.physics.exudyn_beams",
-        "date": datetime.date.today().isoformat(),
-        "cpu_seconds": round(time.process_time() - began, 1),
-        "exudyn": exu.__version__,
-        "settings": {
+        reference["shear_and_stretch_m"] = largest_distance(finest, own)
+    store_reference(
+        file_name(name),
+        f"Tip of {name!r} in frame 0 as geometrically exact beams. {scene.about}",
+        "python -m validation.physics.exudyn_beams",
+        time.process_time() - began,
+        exudyn=exu.__version__,
+        settings={
             "element": "ObjectBeamGeometricallyExact2D, 3 nodes", "finest": FINEST._asdict(),
             "coarser": {key: value for key, (value, _) in COARSER.items()},
             "solver": "GeneralizedAlpha", "spectral_radius": SPECTRAL_RADIUS,
         },
-        "reference": reference | {"t_s": scene.run.times.tolist(), "tip": finest.tolist()},
-    }  # fmt: skip
-    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-    path = REFERENCE_FOLDER / f"{file_name(name)}.json"
-    path.parent.mkdir(exist_ok=True)
-    write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+        reference=reference | {"t_s": scene.run.times.tolist(), "tip": finest.tolist()},
+    )  # fmt: skip
     return sum(errors.values())
 
 

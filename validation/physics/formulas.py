@@ -59,12 +59,12 @@ def torques_of_motion(scene: Scene, step: float = 0.02) -> Scene:
         qdd = np.zeros(chain.n)
         follow(motion, t, q, qd, qdd)
         torque = inverse_dynamics(chain, q, qd, qdd, tip_wrench=scene.tip_wrench)
-        torques.append(tuple(_of_links(scene, chain, torque)))
+        torques.append(tuple(torques_of_links(scene, chain, torque)))
     drive = Drive(kind="table", smooth=True, times=tuple(times.tolist()), torques=tuple(torques))
     return scene.varied({"motion": (), "drive": drive})
 
 
-def _of_links(scene: Scene, chain: Chain, tau: Array) -> Array:
+def torques_of_links(scene: Scene, chain: Chain, tau: Array) -> Array:
     """Torques of the active joints, one number per link; 0 where the joint is locked."""
     found = np.zeros(len(scene.arm.links))
     for k in chain.active:

@@ -119,3 +119,9 @@ def _need(need: Need, points: Sequence[Point]) -> Iterator[Measured]:
         fewest = min(needed.values())
         best = ", ".join(rule for rule, n in needed.items() if n == fewest)
         yield Measured(f"fewest hinges: {need.name}", fewest, note=f"With {best}.")
+
+
+def published(pairs: Sequence[tuple[str, float, float]], title: str) -> Series:
+    """The series `published`, a table rather than a curve: what it is, its published number and ours, in one unit."""
+    columns = table(("what", "published", "ours"), pairs)
+    return Series("published", title, columns, "published", "published", "ours", group="what")

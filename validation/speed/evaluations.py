@@ -19,10 +19,10 @@ from flexlink.dynamics.accelerations import solver_for
 from flexlink.engines.mujoco import MujocoEngine
 from validation.speed import compiled_loops, pinocchio_models
 from validation.speed.families import States
-from validation.speed.stopwatch import Work
+from validation.speed.races import Jobs, Work
 
 FORWARD, RNE, MASS, BIAS = "forward dynamics", "RNE", "M", "T_GC"
-Jobs = dict[str, Work]
+OF_FORWARD, OF_INVERSE = "∂q̈", "∂τ"
 
 
 def native(chain: Chain, states: States) -> Jobs:
@@ -69,6 +69,28 @@ def _pinocchio_jobs(model: Any, data: Any, states: Any, convention: Any) -> Jobs
         jobs[RNE] = from_python(lambda s: pin.rnea(model, data, q[s], qd[s], qdd[s]), len(q))
         jobs[BIAS] = from_python(lambda s: pin.nle(model, data, q[s], qd[s]), len(q))
     return jobs
+
+
+def derivatives(chain: Chain, states: States) -> dict[str, Jobs]:
+    """Exact derivatives by public call, and by Pinocchio with each kind of joints that fits."""
+    q, qd, tau, qdd = (list(part) for part in states)
+    found = {
+        "public": {
+            OF_FORWARD: from_python(lambda s: fl.forward_dynamics_derivatives(chain, q[s], qd[s], tau[s]), len(q)),
+            OF_INVERSE: from_python(lambda s: fl.inverse_dynamics_derivatives(chain, q[s], qd[s], qdd[s]), len(q)),
+        }
+    }
+    for name, (model, sign) in pinocchio_models.build_all(chain).items():
+        found[name] = _pinocchio_derivatives(model, [list(part * sign) for part in states])
+    return found
+
+
+def _pinocchio_derivatives(model: Any, states: list[list[Any]]) -> Jobs:
+    (q, qd, tau, qdd), data = states, pin.Data(model)
+    return {
+        OF_FORWARD: from_python(lambda s: pin.computeABADerivatives(model, data, q[s], qd[s], tau[s]), len(q)),
+        OF_INVERSE: from_python(lambda s: pin.computeRNEADerivatives(model, data, q[s], qd[s], qdd[s]), len(q)),
+    }
 
 
 def mujoco_calls(chain: Chain, states: States) -> Jobs:

@@ -5,19 +5,19 @@ Nothing is read off the runs, which is in MuJoCo's favour.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
-import numpy as np
 
 from flexlink.chain.lumping import lump
-from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
 from flexlink.engines.mujoco import quiet
 from flexlink.formats.mjcf import to_mjcf
 from flexlink.inputs.initial_state import initial_state
-from validation.speed.stopwatch import Work
+from validation.speed.evaluations import from_python
+from validation.speed.races import Work
+from validation.speed.steps import take_in_mujoco
 
 
 def works(members: Sequence[Scene]) -> Mapping[str, Work]:
@@ -39,15 +39,7 @@ def works(members: Sequence[Scene]) -> Mapping[str, Work]:
         _run(members[k], model, mujoco.MjData(model), initial_state(members[k], lump(members[k])))
 
     each = {"run": run, "compile, run": compile_and_run, "write, compile, run": write_compile_and_run}
-    return {name: _round_and_round(one, len(members)) for name, one in each.items()}
-
-
-def _round_and_round(one: Callable[[int], None], count: int) -> Work:
-    def work(calls: int) -> None:
-        for k in range(calls):
-            one(k % count)
-
-    return work
+    return {name: from_python(one, len(members)) for name, one in each.items()}
 
 
 def _text(scene: Scene) -> str:
@@ -61,9 +53,4 @@ def _compiled(text: str) -> mujoco.MjModel:
 
 def _run(scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any]) -> None:
     model.opt.timestep = scene.run.step
-    mujoco.mj_resetData(model, data)
-    data.qpos, data.qvel = start
-    with quiet():
-        mujoco.mj_step(model, data, round(scene.run.duration / scene.run.step))
-    if data.warning.number.any() or not np.isfinite(data.qpos).all():
-        raise FlexlinkError(f"{scene.name}: MuJoCo is unstable at step = {scene.run.step:g} s: its time says nothing")
+    take_in_mujoco(scene, model, data, start, round(scene.run.duration / scene.run.step))

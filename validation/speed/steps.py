@@ -6,6 +6,7 @@ Each function prepares a run from the scene's initial state and returns work tha
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,43 +19,41 @@ from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.describe.schemes.methods import method
 from flexlink.dynamics.accelerations import lanes_workspace, solver_for
+from flexlink.dynamics.problem import Problem
 from flexlink.engines.mujoco import MujocoEngine, quiet
 from flexlink.engines.pinocchio import PinocchioEngine
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
 from flexlink.kernels.stepping.runge_kutta import integrate
 from flexlink.kernels.tools.lanes import LANES
-from validation.speed.stopwatch import Work
+from validation.speed.races import Work
 
 
 def native(scene: Scene) -> Work:
     """The loop of `flexlink.simulate`."""
-    problem, h = problem_of(scene), scene.run.step
-    fixed = problem.workspace(), method("RK4").arrays, problem.inputs, h, 0
-    samples = *np.zeros((2, 2, problem.chain.n)), np.zeros(2)
-
-    def take(steps: int) -> None:
-        state = problem.q.copy(), problem.qd.copy(), np.zeros(1)
-        _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
-
-    return take
+    problem = problem_of(scene)
+    return _loop(problem, problem.workspace(), np.array([[problem.q, problem.qd]]))
 
 
 def native_batch(members: Sequence[Scene]) -> Work:
     """The loop of `flexlink.simulate_many`, on one thread: members of one chain, eight side by side."""
-    scene = members[0]
-    problem, h = problem_of(scene), scene.run.step
+    problem = problem_of(members[0])
     chain = problem.chain
     work = lanes_workspace(solver_for(chain, "articulated"), [chain])
-    fixed = work, method("RK4").arrays, problem.inputs, h, 0
     starts = np.array([initial_state(member, chain) for member in members]).reshape(-1, LANES, 2, chain.n)
-    blocks = np.ascontiguousarray(starts.transpose(0, 2, 3, 1))  # block, q or q̇, hinge, lane
-    samples = *np.zeros((2, 2, chain.n, LANES)), np.zeros((2, LANES))
+    return _loop(problem, work, np.ascontiguousarray(starts.transpose(0, 2, 3, 1)))
+
+
+def _loop(problem: Problem, work: Any, starts: Array) -> Work:
+    """From each of the starts (runs, 2, n), or of eight side by side (blocks, 2, n, 8)."""
+    fixed = work, method("RK4").arrays, problem.inputs, problem.run.step, 0
+    lanes = starts.shape[3:]
+    samples = *np.zeros((2, 2, problem.chain.n, *lanes)), np.zeros((2, *lanes))
 
     def take(steps: int) -> None:
-        for q, qd in blocks:
-            state = q.copy(), qd.copy(), np.zeros((1, LANES))
-            _demand(scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
+        for q, qd in starts:
+            state = q.copy(), qd.copy(), np.zeros((1, *lanes))
+            _demand(problem.scene, "flexlink", integrate(*fixed, 0, steps, steps, state, samples) == steps)
 
     return take
 
@@ -93,15 +92,19 @@ def by_mujoco(scene: Scene) -> Work:
     """`mj_step`, many steps a call; autoreset is off in the exported file."""
     model, data, start = _loaded(scene)
 
-    def take(steps: int) -> None:
-        mujoco.mj_resetData(model, data)
-        data.qpos, data.qvel = start
-        with quiet():
-            mujoco.mj_step(model, data, steps)
-        in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
-        _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
+    return lambda steps: take_in_mujoco(scene, model, data, start, steps)
 
-    return take
+
+def take_in_mujoco(
+    scene: Scene, model: mujoco.MjModel, data: mujoco.MjData, start: tuple[Any, Any], steps: int
+) -> None:
+    """So many steps of a scene from its start, q and q̇."""
+    mujoco.mj_resetData(model, data)
+    data.qpos, data.qvel = start
+    with quiet():
+        mujoco.mj_step(model, data, steps)
+    in_time = abs(data.time - steps * scene.run.step) < 0.5 * scene.run.step
+    _demand(scene, "MuJoCo", in_time and not data.warning.number.any() and bool(np.isfinite(data.qpos).all()))
 
 
 def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
@@ -124,7 +127,7 @@ def by_mujoco_rollout(members: Sequence[Scene]) -> Work:
     return take
 
 
-def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[object, object]]:
+def _loaded(scene: Scene) -> tuple[mujoco.MjModel, mujoco.MjData, tuple[Any, Any]]:
     chain = lump(scene)
     engine = MujocoEngine(chain)
     engine.model.opt.timestep = scene.run.step

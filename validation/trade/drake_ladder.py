@@ -17,7 +17,7 @@ from flexlink.chain.lumping import lump
 from flexlink.engines.drake import DrakeEngine
 from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
-from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
 
 SCHEMES = ("implicit_euler", "radau3", "runge_kutta3")
@@ -69,5 +69,5 @@ class DrakeRuns:
             if seconds > longest:
                 return None
             q.append(np.array(plant.GetPositions(state)))
-        found = errors(self.name, seen(self.chain, np.array(q)))
-        return Point(accuracy, found.tip, seconds, found.bend, integrator.get_num_derivative_evaluations())
+        evaluations = integrator.get_num_derivative_evaluations()
+        return point(self.name, seen(self.chain, np.array(q)), accuracy, seconds, evaluations)

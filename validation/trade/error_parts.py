@@ -10,6 +10,7 @@ distance from what a coarser choice of the same kind gives.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import Literal, NamedTuple
 
@@ -22,9 +23,10 @@ from flexlink.describe.scene import Scene
 from flexlink.describe.spec import Positive, Spec
 from flexlink.inputs.initial_state import initial_state
 from flexlink.motion.simulate import simulate
-from validation.runs import apart
+from flexlink.results.tip_motion import largest_distance
 
 Type = Literal["rigid", "z", "yz", "xyz"]
+TYPES: Mapping[str, Type] = {"T1": "z", "T2": "yz", "T3": "xyz"}  # as the paper calls them
 
 SMALL_CHANGE = 1e-10  # rad, rad/s: its square is below a rounding, its changes of h q̇ and h q̈ far above
 
@@ -74,7 +76,7 @@ class Fine(Spec, frozen=True):
         fine, coarse = (
             replace(cut, tolerance=tolerance).tip(scene) for cut, tolerance in zip(cuts, self.tolerances, strict=True)
         )
-        return Path(fine, apart(fine, coarse))
+        return Path(fine, largest_distance(fine, coarse))
 
 
 class Path(NamedTuple):
@@ -116,11 +118,11 @@ class Splitter:
             "space": _between(exact, limit),
             "time": _between(Path(tip, 0.0), exact),
         }
-        return Split(apart(tip, truth.tip), truth.own, parts, rounding(self.scene, setup, tip))
+        return Split(largest_distance(tip, truth.tip), truth.own, parts, rounding(self.scene, setup, tip))
 
 
 def _between(one: Path, other: Path) -> Part:
-    return Part(0.0, 0.0) if one is other else Part(apart(one.tip, other.tip), one.own + other.own)
+    return Part(0.0, 0.0) if one is other else Part(largest_distance(one.tip, other.tip), one.own + other.own)
 
 
 def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
@@ -137,5 +139,5 @@ def rounding(scene: Scene, setup: Setup, tip: Array) -> float:
     for direction in range(3):
         dq, dqd = SMALL_CHANGE * np.random.default_rng(direction).uniform(-1.0, 1.0, (2, chain.n))
         either = (setup.tip(scene, q + way * dq, qd + way * dqd) for way in (1.0, -1.0))
-        left.append(apart(np.mean(list(either), axis=0), tip))
+        left.append(largest_distance(np.mean(list(either), axis=0), tip))
     return max(left)

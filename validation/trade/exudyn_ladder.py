@@ -13,39 +13,23 @@ import exudyn as exu
 import numpy as np
 from exudyn.itemInterface import SensorNode
 
-import flexlink as fl
 from flexlink.chain.lumping import lump
 from flexlink.engines.exudyn import ExudynEngine, _settings
 from flexlink.inputs.initial_state import initial_state
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
-from validation.trade.work_precision import Point, ladder
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
+from validation.trade.work_precision import Point, ladders
 
 SOLVERS = {
     "GeneralizedAlpha": exu.DynamicSolverType.GeneralizedAlpha,
     "TrapezoidalIndex2": exu.DynamicSolverType.TrapezoidalIndex2,
     "RK44": exu.DynamicSolverType.RK44,
 }
-STEPS_OF_A_PART = 200  # steps that tell what a step costs
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
     """Ladders of steps of all integrators; of RK44 its time at the limit of stability, if that is past the budget."""
-    runs, found = ExudynRuns(name), dict[str, list[Point]]()
-    sample = runs.scene.run.sample
-    for solver in SOLVERS:
-        first = 1
-        if solver == "RK44":
-            first = math.ceil(sample / fl.stable_step(runs.chain, runs.start[0], method="RK4"))
-            whole = runs.seconds_a_step(solver, sample / first) * first * OUTPUTS
-            if whole > budget:
-                found[solver] = [Point(sample / first, math.nan, whole)]
-                continue
-
-        def run(steps: int, solver: str = solver) -> Point:
-            return runs.run(solver, steps)
-
-        found[solver] = ladder(run, first, budget, smallest)
-    return found
+    runs = ExudynRuns(name)
+    return ladders(runs.scene, SOLVERS, runs.run, runs.seconds_a_step, budget, smallest)
 
 
 class ExudynRuns:
@@ -70,14 +54,14 @@ class ExudynRuns:
         rows = [int(np.abs(kept[:, 0] - t).argmin()) for t in run.times]
         if not good or np.abs(kept[rows, 0] - run.times).max() > 1e-9 * run.duration:
             return Point(run.sample / steps, math.inf, 0.0)
-        found = errors(self.name, seen(self.chain, kept[rows, 1:]))
         of_a_step = 4 if solver == "RK44" else 1  # of implicit ones Exudyn does not tell its iterations
         evaluations = of_a_step * steps * OUTPUTS
-        return Point(run.sample / steps, found.tip, seconds, found.bend, evaluations)
+        return point(self.name, seen(self.chain, kept[rows, 1:]), run.sample / steps, seconds, evaluations)
 
-    def seconds_a_step(self, solver: str, step: float) -> float:
+    def seconds_a_step(self, solver: str, steps_per_sample: int) -> float:
         """CPU seconds of a step, from the first of a run."""
-        return self._seconds(solver, step, STEPS_OF_A_PART)[0] / STEPS_OF_A_PART
+        steps = 200  # as many as tell it
+        return self._seconds(solver, self.scene.run.sample / steps_per_sample, steps)[0] / steps
 
     def _seconds(self, solver: str, step: float, steps: int) -> tuple[float, bool]:
         """CPU seconds of a run from the start, and whether Exudyn came to its end."""

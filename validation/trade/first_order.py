@@ -25,6 +25,7 @@ from flexlink.inputs.initial_state import initial_state
 
 OfTime = Callable[[float], Array]
 OfState = Callable[[float, Array], Array]
+ABSOLUTE_OF_RELATIVE = 1e-2  # absolute tolerances of solvers [rad, rad/s] over relative ones
 
 
 class Solved(NamedTuple):
@@ -95,7 +96,11 @@ class FirstOrder:
             q[..., p], qd[..., p] = angle, rate
         return q, qd, np.array([acceleration for _, _, acceleration in led])
 
-    def by_scipy(self, method: str, relative: float, absolute: float) -> Solved:
+    def by(self, solver: str, relative: float) -> Solved:
+        """A run by SUNDIALS' "CVODE", or by a method of SciPy's; errors as in `by_cvode` and `by_scipy`."""
+        return self.by_cvode(relative) if solver == "CVODE" else self.by_scipy(solver, relative)
+
+    def by_scipy(self, method: str, relative: float) -> Solved:
         """A run by `scipy.integrate.solve_ivp`, restarted at every knot of drive and motions, where f is not smooth.
 
         Raises
@@ -103,11 +108,19 @@ class FirstOrder:
         FlexlinkError
             The solver gives up.
         """
-        takes = {"jac": self.jacobian} if method in {"Radau", "BDF", "LSODA"} else {}
-        return self._pieces(lambda t, y, ends: _scipy(self, method, (t, y, ends), relative, absolute, takes))
+        takes: dict[str, Any] = {"jac": self.jacobian} if method in {"Radau", "BDF", "LSODA"} else {}
+        absolute = ABSOLUTE_OF_RELATIVE * relative
 
-    def by_cvode(self, relative: float, absolute: float, method: str = "BDF") -> Solved:
-        """A run by SUNDIALS' CVODE, through scikit-sundae.
+        def solve(t: float, y: Array, ends: Array) -> Array:
+            found = solve_ivp(self, (t, ends[-1]), y, method, t_eval=ends, rtol=relative, atol=absolute, **takes)
+            if not found.success:
+                raise FlexlinkError(f"{self.scene.name}: SciPy's {method} gives up: {found.message}")
+            return np.asarray(found.y.T)
+
+        return self._pieces(solve)
+
+    def by_cvode(self, relative: float) -> Solved:
+        """A run by the stiff method of SUNDIALS' CVODE, through scikit-sundae.
 
         Raises
         ------
@@ -122,7 +135,25 @@ class FirstOrder:
             raise MissingDependencyError(
                 "CVODE needs scikit-sundae; install it with: python -m pip install scikit-sundae"
             ) from None
-        return self._pieces(lambda t, y, ends: _cvode(CVODE, self, (t, y, ends), relative, absolute, method))
+
+        def right(t: float, y: Array, out: Array) -> None:
+            out[:] = self(t, y)
+
+        def jacobian(t: float, y: Array, _: Array, out: Array) -> None:
+            out[:] = self.jacobian(t, y)
+
+        solver = CVODE(
+            right, method="BDF", rtol=relative, atol=ABSOLUTE_OF_RELATIVE * relative, linsolver="dense",
+            jacfn=jacobian, max_num_steps=10**7,
+        )  # fmt: skip
+
+        def solve(t: float, y: Array, ends: Array) -> Array:
+            found = solver.solve(np.append(t, ends), y)
+            if not found.success:
+                raise FlexlinkError(f"{self.scene.name}: CVODE gives up: {found.message}")
+            return np.asarray(found.y[1:])
+
+        return self._pieces(solve)
 
     def by_rk4(self, steps: int) -> Solved:
         """A run by a loop of RK4 with so many steps between two samples, as flexlink takes them; nan if it diverges."""
@@ -208,33 +239,3 @@ def _rk4(f: OfState, t: float, y: Array, h: float) -> Array:
     k3 = f(t + h / 2, y + h / 2 * k2)
     k4 = f(t + h, y + h * k3)
     return y + h / 6 * (k1 + 2 * (k2 + k3) + k4)
-
-
-def _scipy(
-    f: FirstOrder, method: str, span: tuple[float, Array, Array], relative: float, absolute: float, takes: Any
-) -> Array:
-    t, y, ends = span
-    found = solve_ivp(f, (t, ends[-1]), y, method, t_eval=ends, rtol=relative, atol=absolute, **takes)
-    if not found.success:
-        raise FlexlinkError(f"{f.scene.name}: SciPy's {method} gives up: {found.message}")
-    return np.asarray(found.y.T)
-
-
-def _cvode(
-    solver: Any, f: FirstOrder, span: tuple[float, Array, Array], relative: float, absolute: float, method: str
-) -> Array:
-    t, y, ends = span
-
-    def right(t: float, y: Array, out: Array) -> None:
-        out[:] = f(t, y)
-
-    def jacobian(t: float, y: Array, _: Array, out: Array) -> None:
-        out[:] = f.jacobian(t, y)
-
-    run = solver(
-        right, method=method, rtol=relative, atol=absolute, linsolver="dense", jacfn=jacobian, max_num_steps=10**7
-    )
-    found = run.solve(np.append(t, ends), y)
-    if not found.success:
-        raise FlexlinkError(f"{f.scene.name}: CVODE gives up: {found.message}")
-    return np.asarray(found.y[1:])

@@ -1,49 +1,200 @@
-"""Time for a given error with each of MuJoCo's integrators, from runs with finer and finer steps."""
+"""Time for a given error with MuJoCo's integrators on the exported MJCF, at finer and finer steps, without Python.
+
+What the file does not hold is added as MuJoCo would have it at its best: PD gains as springs and dampers of its own,
+which its implicit integrators know; a constant drive as an applied force; dry friction and a table of torques by a
+compiled callback, without the interpreter.
+"""
 
 from __future__ import annotations
 
-import math
+import contextlib
+import ctypes
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+from numba import types
+from numba.extending import intrinsic
 
 import flexlink as fl
-from validation.trade.mujoco_runs import INTEGRATORS, MujocoRuns
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
-from validation.trade.work_precision import Point, ladder
+from flexlink.common.errors import ArgumentError, FlexlinkError
+from flexlink.common.types import Array
+from flexlink.describe.scene import Scene
+from flexlink.engines.mujoco import MujocoEngine, quiet
+from flexlink.inputs.drives import drive_arrays
+from flexlink.inputs.initial_state import initial_state
+from flexlink.kernels.inputs.laws import PD, TABLE
+from flexlink.kernels.inputs.record import Drive
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
+from validation.trade.work_precision import Point, ladders
 
+INTEGRATORS = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicit": mujoco.mjtIntegrator.mjINT_IMPLICIT,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+}
 EVALUATIONS_OF_A_STEP = {"RK4": 4}  # of the others one
 ORDER = {"Euler": 1.0, "implicit": 1.0, "implicitfast": 1.0, "discrete": 1.0, "RK4": 4.0}
-STEPS_OF_A_PART = 5000  # steps that tell what a step costs
+TIME_WITHIN, TIME_BLOCK = 1 << 19, 512  # bytes of mjData among which its time is looked for, and as many at once
 
 
 def points(name: str, budget: float, smallest: float) -> dict[str, list[Point]]:
-    """Ladders of all integrators on a scene of the trade; one whose stable steps are past the budget has no point."""
+    """Ladders of all integrators on a scene of the trade; RK4 begins at its limit of stability, as flexlink has it."""
     runs = MujocoRuns(trade_scene(name))
-    found = {}
-    for integrator in INTEGRATORS:
-        first = 1
-        if integrator == "RK4":
-            first = steps_of_limit(runs)
-            whole = _whole(runs, first)
-            if whole > budget:
-                found[integrator] = [Point(runs.scene.run.sample / first, math.nan, whole)]
-                continue
 
-        def run(steps: int, integrator: str = integrator) -> Point:
-            timed = runs.run(integrator, steps)
-            found = errors(name, seen(runs.chain, timed.q))
-            evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
-            return Point(runs.scene.run.sample / steps, found.tip, timed.seconds, found.bend, evaluations)
+    def run(integrator: str, steps: int) -> Point:
+        q, seconds = runs.run(integrator, steps)
+        evaluations = EVALUATIONS_OF_A_STEP.get(integrator, 1) * OUTPUTS * steps
+        return point(name, seen(runs.chain, q), runs.scene.run.sample / steps, seconds, evaluations)
 
-        found[integrator] = ladder(run, first, budget, smallest)
-    return found
+    return ladders(runs.scene, INTEGRATORS, run, runs.seconds_a_step, budget, smallest)
 
 
-def steps_of_limit(runs: MujocoRuns) -> int:
-    """Steps of RK4 between outputs at the largest stable step of the start, as flexlink predicts it."""
-    stable = fl.stable_step(runs.chain, runs.start[0], method="RK4")
-    return math.ceil(runs.scene.run.sample / stable)
+class MujocoRuns:
+    """One scene in MuJoCo, loaded once, for any integrator and step.
+
+    Raises
+    ------
+    ArgumentError
+        MuJoCo cannot hold the scene, such as a prescribed motion.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.chain = scene, fl.lump(scene)
+        engine = MujocoEngine(self.chain)
+        self.model, self.data, self.tip = engine.model, engine.data, engine.tip
+        self.start = initial_state(scene, self.chain)
+        drive, table, self.constant = drive_arrays(scene, self.chain), None, np.zeros(self.chain.n)
+        moves = drive.law == PD and len(drive.reference.knots) > 1
+        if drive.law not in {TABLE, PD} or drive.rate or moves or np.isfinite(drive.effort).any():
+            raise ArgumentError(f"drive.kind = {scene.drive.kind!r}: MuJoCo holds torques in time, and gains")
+        if drive.law == PD:
+            self._add_gains(drive)
+        elif len(drive.feedforward.knots) > 1:
+            table = drive
+        else:
+            self.constant[drive.joints] = drive.feedforward.coefficients[0, 0]
+        self.callback = None
+        if engine.coulomb.any() or table is not None:
+            self.callback = _callback(self.model, self.data, engine.coulomb, engine.coulomb_width, table)
+
+    def _add_gains(self, drive: Drive) -> None:
+        """T = kp (target − q) − kd q̇ + g is a spring with its rest angle, a damper and a constant torque."""
+        k = drive.joints
+        self.constant[k] = drive.feedforward.coefficients[0, 0]
+        if drive.kp.any() or drive.kd.any():
+            self.model.jnt_stiffness[k] = drive.kp
+            self.model.qpos_spring[k] = drive.reference.coefficients[0, 0]
+            self.model.dof_damping[k] += drive.kd
+
+    def run(self, integrator: str, steps_per_sample: int) -> tuple[Array, float]:
+        """A run to the end: angles at the samples (samples, n), nan from where it failed; CPU seconds in `mj_step`."""
+        run, data = self.scene.run, self.data
+        q = np.full((run.samples, self.chain.n), np.nan)
+        q[0], seconds = self.start[0], 0.0
+        with self._ready(integrator, run.sample / steps_per_sample):
+            for row in range(1, run.samples):
+                seconds += _seconds_of(self.model, data, steps_per_sample)
+                if data.warning.number.any() or not np.isfinite([data.qpos, data.qvel]).all():
+                    break
+                q[row] = data.qpos
+        return q, seconds
+
+    def seconds_a_step(self, integrator: str, steps_per_sample: int) -> float:
+        """CPU seconds of a step, from the first of a run."""
+        steps = min(steps_per_sample, 5000)  # as many as tell it
+        with self._ready(integrator, self.scene.run.sample / steps_per_sample):
+            return _seconds_of(self.model, self.data, steps) / steps
+
+    @contextlib.contextmanager
+    def _ready(self, integrator: str, step: float) -> Iterator[None]:
+        """Everything at the start of a run."""
+        model, data = self.model, self.data
+        model.opt.integrator, model.opt.timestep = INTEGRATORS[integrator], step
+        mujoco.mj_resetData(model, data)
+        data.qpos, data.qvel = self.start
+        data.qfrc_applied[:], data.xfrc_applied[self.tip] = self.constant, self.scene.tip_wrench
+        with quiet(), _passive(self.callback):
+            yield
 
 
-def _whole(runs: MujocoRuns, steps: int) -> float:
-    """CPU seconds of RK4's whole run with so many steps between outputs, from a part of it."""
-    part = min(steps, STEPS_OF_A_PART)
-    return runs.seconds_a_step("RK4", runs.scene.run.sample / steps, part) * steps * OUTPUTS
+def _seconds_of(model: Any, data: Any, steps: int) -> float:
+    begun = time.thread_time()
+    mujoco.mj_step(model, data, steps)
+    return time.thread_time() - begun
+
+
+@contextlib.contextmanager
+def _passive(callback: Any) -> Iterator[None]:
+    """MuJoCo's callback for passive forces, as a pointer to machine code: no interpreter, no lock."""
+    mujoco.set_mjcb_passive(callback)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_passive(None)
+
+
+def _callback(model: Any, data: Any, coulomb: Array, width: Array, table: Drive | None) -> Any:
+    """qfrc_passive −= c tanh(q̇/w), += table(t), compiled; addresses and numbers are constants of the code."""
+    forces, rates = data.qfrc_passive.ctypes.data, data.qvel.ctypes.data
+    n, offset = len(coulomb), _offset_of_time(model, data)
+    rubbing = np.flatnonzero(coulomb)
+    c, w = coulomb[rubbing], width[rubbing]
+    knots, coefficients, joints = (
+        (np.zeros(1), np.zeros((1, 1, 0)), np.zeros(0, np.int64))
+        if table is None
+        else (*table.feedforward, table.joints)
+    )
+
+    @numba.cfunc(types.void(types.voidptr, types.uintp))
+    def passive(_model, mjdata):  # type: ignore[no-untyped-def]
+        force = numba.carray(_pointer(forces), n)
+        rate = numba.carray(_pointer(rates), n)
+        t = numba.carray(_pointer(mjdata + offset), 1)[0]
+        for i in range(len(rubbing)):
+            force[rubbing[i]] -= c[i] * np.tanh(rate[rubbing[i]] / w[i])
+        piece = max(0, np.searchsorted(knots, t, side="right") - 1)
+        x = max(0.0, t - knots[piece])
+        for d in range(len(joints)):
+            torque = 0.0
+            for j in range(coefficients.shape[1] - 1, -1, -1):
+                torque = torque * x + coefficients[piece, j, d]
+            force[joints[d]] += torque
+
+    kept = passive.ctypes
+    kept.code = passive  # which must live as long as its pointer
+    return kept
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _pointer(_context: Any, address: Any) -> Any:
+    """An address as a pointer to float64."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+    return types.CPointer(types.float64)(address), generate
+
+
+def _offset_of_time(model: Any, data: Any) -> int:
+    """Where mjData keeps its time, in bytes from its start: found by setting it, twice."""
+    seen: list[int] = []
+    look = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(lambda _, mjdata: seen.append(mjdata))
+    with _passive(look), quiet():
+        mujoco.mj_forward(model, data)
+    marks = 0.123456789, 0.987654321
+    for start in range(0, TIME_WITHIN, TIME_BLOCK):
+        words = np.ctypeslib.as_array((ctypes.c_double * (TIME_BLOCK // 8)).from_address(seen[0] + start))
+        found = set(range(len(words)))
+        for mark in marks:
+            data.time = mark
+            found &= set(np.flatnonzero(words == mark).tolist())
+        if found:
+            data.time = 0.0
+            return start + 8 * int(found.pop())
+    raise FlexlinkError("MuJoCo's mjData does not hold its time where it is looked for")

@@ -13,15 +13,13 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import flexlink as fl
-from flexlink.chain.lumping import lump
 from flexlink.common.errors import FlexlinkError
 from flexlink.describe.scene import Scene
-from flexlink.inputs.initial_state import initial_state
 from flexlink.inputs.problem import problem_of
 from flexlink.motion.simulate import SingleRun, prepare
 from flexlink.results.tip_motion import tip_travel
-from validation.trade.scenes import OUTPUTS, Seen, errors, reference, seen, trade_scene
+from validation.runs import stable_steps
+from validation.trade.scenes import OUTPUTS, Seen, point, reference, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
 COARSEST, FINER = 0.3, 10**-0.25  # of the motion, the first tolerance; each is so much of the one before
@@ -99,16 +97,13 @@ def _point(name: str, scene: Scene, setting: float, longest: float = math.inf) -
         raise
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
-    found = errors(name, runs[0].seen)
-    return Point(setting, found.tip, min(run.seconds for run in runs), found.bend, runs[0].evaluations)
+    return point(name, runs[0].seen, setting, min(run.seconds for run in runs), runs[0].evaluations)
 
 
 def by_step(name: str, method: str, budget: float, smallest: float) -> list[Point]:
     """Runs of a method from its largest stable step on; one without error, told by its beginning, if it is longer."""
     scene = trade_scene(name)
-    chain, sample = lump(scene), scene.run.sample
-    stable = fl.stable_step(chain, *initial_state(scene, chain), method=method)
-    first = max(1, math.ceil(sample / (OF_STABLE * stable)))
+    sample, first = scene.run.sample, stable_steps(scene, method, OF_STABLE)
     stepped = {"run.method": method, "run.unstable": "allow"}
     beginning = scene.varied(stepped | {"run.step": sample / first, "run.duration": sample})
     try:

@@ -15,17 +15,16 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pinocchio as pin
 
-import flexlink as fl
 from flexlink.chain.chain import Chain
 from flexlink.common.errors import FlexlinkError
 from flexlink.common.types import Array
 from flexlink.describe.scene import Scene
 from flexlink.engines.pinocchio import PinocchioEngine
-from flexlink.inputs.initial_state import initial_state
+from validation.runs import stable_steps
 from validation.speed.families import timed_states
 from validation.speed.pinocchio_models import build_all
 from validation.trade.first_order import FirstOrder, Solved
-from validation.trade.scenes import OUTPUTS, errors, seen, trade_scene
+from validation.trade.scenes import OUTPUTS, point, seen, trade_scene
 from validation.trade.work_precision import Point, ladder
 
 ORDER = {"RK4": 4.0, "DOP853": 8.0, "Radau": 5.0}
@@ -85,7 +84,7 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
     form = PinocchioForm(trade_scene(name), most)
     aba, found = seconds_of_aba(form.chain), dict[str, list[Point]]()
     for method, a_step in EVALUATIONS_OF_A_STEP.items():
-        first = _steps_of_limit(form.scene, method)
+        first = stable_steps(form.scene, method)
         evaluations = a_step * OUTPUTS * first
         if evaluations > most:
             too_long = Point(form.scene.run.sample / first, math.nan, evaluations * aba, math.nan, evaluations)
@@ -102,16 +101,10 @@ def points(name: str, tolerances: Sequence[float], most: int, smallest: float) -
     return found | {"Radau": _by_tolerance(name, form, "Radau", aba, tolerances)}
 
 
-def _steps_of_limit(scene: Scene, method: str) -> int:
-    """Steps between outputs at the largest stable step of the start."""
-    chain = fl.lump(scene)
-    return math.ceil(scene.run.sample / fl.stable_step(chain, *initial_state(scene, chain), method=method))
-
-
 def _by_tolerance(name: str, form: PinocchioForm, method: str, aba: float, tolerances: Sequence[float]) -> list[Point]:
     found = []
     for relative in tolerances:
-        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r, 1e-2 * r))  # type: ignore[misc]
+        point = _point(name, form, relative, aba, lambda r=relative: form.by_scipy(method, r))  # type: ignore[misc]
         found.append(point)
         if point.error == math.inf:  # finer ones take more evaluations still
             break
@@ -124,5 +117,4 @@ def _point(name: str, form: PinocchioForm, setting: float, aba: float, run: Call
         solved = run()
     except FlexlinkError:
         return Point(setting, math.inf, 0.0)
-    found = errors(name, seen(form.chain, solved.q))
-    return Point(setting, found.tip, solved.evaluations * aba, found.bend, solved.evaluations)
+    return point(name, seen(form.chain, solved.q), setting, solved.evaluations * aba, solved.evaluations)

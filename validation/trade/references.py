@@ -8,22 +8,16 @@ scene, is skipped: stopped at any time, the program goes on where it was. All of
 from __future__ import annotations
 
 import argparse
-import datetime
-import json
-import math
 import sys
 import time
 from collections.abc import Sequence
 
-import numpy as np
-
 import flexlink as fl
 from flexlink.common.errors import FlexlinkError
-from flexlink.common.output import write_whole
 from flexlink.describe.scene import Scene
-from flexlink.inputs.initial_state import initial_state
-from flexlink.results.tip_motion import tip_travel
-from validation.reference_values import REFERENCE_FOLDER, look_up
+from flexlink.results.tip_motion import largest_distance, tip_travel
+from validation.reference_values import REFERENCE_FOLDER, look_up, store_reference
+from validation.runs import stable_steps
 from validation.trade.scenes import Seen, is_of, probe, reference_name, scenes, seen, trade_scene
 
 AGREE = 1e-10  # of the motion; a hundredth of the smallest error that the trade asks for
@@ -64,41 +58,26 @@ def compute(name: str) -> float:
     for halvings in range(HALVINGS):
         tenth, step10 = _run(scene, "RK10", 2**halvings)
         fourth, step4 = _run(scene, "RK4", 2 ** (halvings + 1))
-        apart = float(np.linalg.norm(tenth.tip - fourth.tip, axis=1).max()) / tip_travel(tenth.tip)
-        if apart <= AGREE:
-            methods = {"RK10": step10, "RK4": step4}
-            _store(name, scene, tenth, apart, methods, time.process_time() - start)
-            return apart
-    raise FlexlinkError(f"{name}: RK10 at {step10:g} s and RK4 at {step4:g} s are {apart:.1e} of the motion apart")
+        agree = largest_distance(tenth.tip, fourth.tip) / tip_travel(tenth.tip)
+        if agree <= AGREE:
+            store_reference(
+                reference_name(name),
+                f"Tip of the trade's scene {name!r} at its outputs, and its deflection, in frame 0. {scene.about}",
+                "python -m validation.trade.references",
+                time.process_time() - start,
+                reference={
+                    "probe": probe(scene).tolist(), "steps_s": {"RK10": step10, "RK4": step4}, "agree": agree,
+                    "t_s": scene.run.times.tolist(), "tip": tenth.tip.tolist(), "bend": tenth.bend.tolist(),
+                },
+            )  # fmt: skip
+            return agree
+    raise FlexlinkError(f"{name}: RK10 at {step10:g} s and RK4 at {step4:g} s are {agree:.1e} of the motion apart")
 
 
 def _run(scene: Scene, method: str, divided: int) -> tuple[Seen, float]:
     """What is seen at the outputs, and the step: the largest stable one that divides a sample, divided."""
-    chain, sample = fl.lump(scene), scene.run.sample
-    stable = fl.stable_step(chain, initial_state(scene, chain)[0], method=method)
-    step = sample / (divided * math.ceil(sample / (OF_STABLE * stable)))
-    return seen(chain, fl.simulate(scene, method=method, step=step).q), step
-
-
-def _store(name: str, scene: Scene, found: Seen, apart: float, methods: dict[str, float], seconds: float) -> None:
-    document = {
-        "about": f"Tip of the trade's scene {name!r} at its outputs, and its deflection, in frame 0. {scene.about}",
-        "source": "python -m validation.trade.references",
-        "date": datetime.date.today().isoformat(),
-        "cpu_seconds": round(seconds, 1),
-        "reference": {
-            "probe": probe(scene).tolist(),
-            "steps_s": methods,
-            "agree": apart,
-            "t_s": scene.run.times.tolist(),
-            "tip": found.tip.tolist(),
-            "bend": found.bend.tolist(),
-        },
-    }
-    path = REFERENCE_FOLDER / f"{reference_name(name)}.json"
-    path.parent.mkdir(exist_ok=True)
-    text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
-    write_whole(path, lambda part: part.write_text(text, encoding="utf-8"))
+    step = scene.run.sample / (divided * stable_steps(scene, method, OF_STABLE))
+    return seen(fl.lump(scene), fl.simulate(scene, method=method, step=step).q), step
 
 
 if __name__ == "__main__":

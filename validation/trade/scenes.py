@@ -8,7 +8,6 @@ the vector by which the hinges bend the tip away, over the longest of the refere
 from __future__ import annotations
 
 import functools
-from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import msgspec
@@ -21,11 +20,12 @@ from flexlink.describe import data_files
 from flexlink.describe.scene import Scene, load_scene
 from flexlink.describe.spec import Spec, decode
 from flexlink.dynamics.placement import tip_position, unbent
-from flexlink.results.tip_motion import tip_travel
-from validation.case import MODELS, STUDY_SCENES
+from flexlink.results.tip_motion import largest_distance, tip_travel
+from validation.case import STUDY_SCENES, scene_file
 from validation.physics.formulas import INPUTS
 from validation.reference_values import reference_array
 from validation.trade.first_order import FirstOrder
+from validation.trade.work_precision import Point
 
 FILE = STUDY_SCENES / "trade" / "scenes.toml"
 OUTPUTS = 20  # of every run; the first of the samples is the start
@@ -69,13 +69,10 @@ def varied_scene(varied: Varied, name: str) -> Scene:
 
 
 def _varied(varied: Varied, name: str) -> Scene:
-    base = _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(_file(varied.base))
+    base = (
+        _varied(scenes()[varied.base], varied.base) if varied.base in scenes() else load_scene(scene_file(varied.base))
+    )
     return base.varied(varied.change | {"name": name, "about": varied.about})
-
-
-def _file(base: str) -> Path:
-    path = STUDY_SCENES / f"{base}.toml"
-    return path if path.is_file() else MODELS / f"{base}.toml"
 
 
 def probe(scene: Scene) -> Array:
@@ -121,17 +118,16 @@ def reference(name: str) -> Seen:
     return Seen(*(reference_array(reference_name(name), part) for part in Seen._fields))
 
 
-class Errors(NamedTuple):
+def errors(name: str, found: Seen) -> tuple[float, float]:
     """Of the tip, as a part of its motion; of the deflection, as a part of the largest; inf where a run failed."""
-
-    tip: float
-    bend: float
-
-
-def errors(name: str, found: Seen) -> Errors:
-    """How far a run is from the reference."""
     exact = reference(name)
     sizes = tip_travel(exact.tip), float(np.linalg.norm(exact.bend, axis=1).max())
-    apart = (np.linalg.norm(ours - theirs, axis=1).max() for ours, theirs in zip(found, exact, strict=True))
-    parts = (float(part / size) for part, size in zip(apart, sizes, strict=True))
-    return Errors(*(part if np.isfinite(part) else np.inf for part in parts))
+    parts = (largest_distance(ours, theirs) / size for ours, theirs, size in zip(found, exact, sizes, strict=True))
+    of_tip, of_bend = (part if np.isfinite(part) else np.inf for part in parts)
+    return of_tip, of_bend
+
+
+def point(name: str, found: Seen, setting: float, seconds: float, evaluations: int) -> Point:
+    """A run of a scene, with its errors."""
+    of_tip, of_bend = errors(name, found)
+    return Point(setting, of_tip, seconds, of_bend, evaluations)

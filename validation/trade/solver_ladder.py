@@ -10,10 +10,8 @@ import numpy as np
 
 from flexlink.common.errors import FlexlinkError, MissingDependencyError
 from validation.trade.first_order import FirstOrder
-from validation.trade.scenes import errors, seen, trade_scene
+from validation.trade.scenes import point, seen, trade_scene
 from validation.trade.work_precision import Point
-
-CVODE = "CVODE"
 
 
 def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
@@ -27,12 +25,10 @@ def points(name: str, solver: str, tolerances: Sequence[float]) -> list[Point]:
 def _point(name: str, form: FirstOrder, solver: str, relative: float) -> Point:
     begun = time.thread_time()
     try:
-        solved = form.by_cvode(relative, 1e-2 * relative) if solver == CVODE else form.by_scipy(
-            solver, relative, 1e-2 * relative
-        )  # fmt: skip
+        solved = form.by(solver, relative)
     except MissingDependencyError:
         raise
     except FlexlinkError:
         return Point(relative, math.inf, 0.0)
-    seconds, found = time.thread_time() - begun, errors(name, seen(form.chain, solved.q))
-    return Point(relative, found.tip, seconds, found.bend, solved.evaluations)
+    seconds = time.thread_time() - begun
+    return point(name, seen(form.chain, solved.q), relative, seconds, solved.evaluations)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
+
+from flexlink.describe.scene import Scene
+from validation.runs import stable_steps
 
 
 class Point(NamedTuple):
@@ -71,6 +75,30 @@ def ladder(run: Callable[[int], Point], first: int, budget: float, smallest: flo
 
 
 MOST_STEPS = 1 << 20  # between two outputs
+
+
+def ladders(
+    scene: Scene,
+    integrators: Iterable[str],
+    run: Callable[[str, int], Point],
+    seconds_a_step: Callable[[str, int], float],
+    budget: float,
+    smallest: float,
+) -> dict[str, list[Point]]:
+    """Ladders of an engine's integrators by fixed steps; of RK4 the time alone, if stable steps are past the budget.
+
+    `run` and `seconds_a_step` take an integrator and its number of steps between outputs; the rest is as in `ladder`.
+    """
+    found = {}
+    for integrator in integrators:
+        explicit = integrator.startswith("RK4")
+        first = stable_steps(scene, "RK4") if explicit else 1
+        whole = seconds_a_step(integrator, first) * first * (scene.run.samples - 1) if explicit else 0.0
+        if whole > budget:
+            found[integrator] = [Point(scene.run.sample / first, math.nan, whole)]
+        else:
+            found[integrator] = ladder(functools.partial(run, integrator), first, budget, smallest)
+    return found
 
 
 def cost(points: Sequence[Point], target: float, order: float) -> Cost | None:
