@@ -178,8 +178,7 @@ class Advisor:
             outcome = rigid.cheapest_run(self.runner, self.rigid, tolerance, total)
             model = rigid.rigid_model(self.runner)
             return self._done(model, outcome, total(outcome.tip), tolerance, refinement.travel, limit)
-        link_errors = LinkErrors(self.runner, self.norm, refinement, refinement.stepping)
-        search = Search(self.runner, link_errors, tolerance, known_to)
+        search = Search(self.runner, LinkErrors(self.runner, self.norm, refinement), tolerance - known_to)
         best = search.best()
         if best is None:
             for level, outcome in refinement.models().items():
