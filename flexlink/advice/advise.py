@@ -22,9 +22,6 @@ from flexlink.results.convergence import Limit
 from flexlink.results.deflection import deflections
 from flexlink.results.tip_motion import tip_travel
 
-CLEARLY_RIGID = 0.5
-"""Share of the tolerance below which the estimated error of rigid links settles it without another run."""
-
 
 def advise(
     scene: Scene, tip: float | str = 1e-3, *, deflection: bool = False, band: float | None = None, budget: float = 1.0
@@ -111,10 +108,10 @@ class Advisor:
         size = f"at most {length(estimate.error)}" if np.isfinite(estimate.error) else "too large to tell"
         vibration = f", vibration of {estimate.hertz:.3g} Hz" if np.isfinite(estimate.hertz) else ""
         self.lines = [line("rigid", f"estimated error {size}{vibration}")]
-        if estimate.error >= CLEARLY_RIGID * tolerance:
-            return None
-        error = estimate.error * max(1.0, rigid.growth(self.runner, strict, estimate.error) / rigid.MODEST_GROWTH)
-        if error >= CLEARLY_RIGID * tolerance:
+        clearly_rigid, error = 0.5 * tolerance, estimate.error  # an estimate below this settles it
+        if error < clearly_rigid:
+            error *= max(1.0, rigid.growth(self.runner, strict, error) / rigid.MODEST_GROWTH)
+        if error >= clearly_rigid:
             return None
 
         def total(tip: Array) -> float:
