@@ -84,7 +84,7 @@ class Advisor:
         stepping, tolerance = self._first_flexible_run()
         screening = AxisScreening(self.runner, self.norm, self.axes, stepping, tolerance)
         self.axes = screening.axes
-        self.lines += [line("axes", str(trial)) for trial in screening.trials]
+        self.lines += [line("axes", trial) for trial in screening.trials]
         refinement = RefinementStudy(self.runner, self.norm, self.goal, self.axes, stepping)
         refinement.refine()
         if refinement.limit is None:
