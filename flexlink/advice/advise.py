@@ -91,7 +91,7 @@ class Advisor:
             raise AdviceError(f"{self.scene.name}: no two models can be run: {refinement.reason}")
         of_steps = refinement.remove_step_errors()
         known = refinement.limit.errors + of_steps + self.norm.up_to(screening.left_out)
-        if known[-1] > refinement.tolerance:
+        if known[-1] >= refinement.tolerance:
             return self._cannot(refinement, known)
         return self._cheapest(refinement, known)
 

@@ -24,8 +24,9 @@ class Allocation:
     def learn(self, model: Model, error: float) -> None:
         """Correct the predictions by the error of a model [m]."""
         predicted = self.link_errors.error(model)
-        if model not in self.measured and predicted:  # the root, as steps may be to blame for a part of it
-            self._correction = min(max((error / predicted) ** 0.5, 0.3), 3.0)
+        if predicted:
+            ratio = error / predicted
+            self._correction = max(0.3, min(ratio, ratio**0.5, 3.0))  # steps may be to blame for a part of an excess
         self.measured.setdefault(model, error)
 
     def cheapest(self, allowed: float) -> Model | None:
